@@ -36,6 +36,7 @@ SCRIPTS = {
     "kills": "A benchmark that is killed",
     "training_time": "Training with corruptions",
     "serving": "Desktops behind a server",
+    "agent_process": "An agent in a process of its own",
     "bench_rate": "What the runner of benchmarks costs",
 }
 NOT_HERE = "Not measured: "  # what a script prints where it cannot measure

@@ -38,10 +38,7 @@ HOW = {
 
 def make_live() -> gymnasium.Env[Any, str]:
     """Return an environment on an embedded desktop of its own."""
-    from online_env import register_envs
-
-    register_envs()
-    return gymnasium.make("AgentHijack/Embedded-v0", size=(720, 1280), max_steps=10)
+    return gymnasium.make("online_env:AgentHijack/Embedded-v0", size=(720, 1280), max_steps=10)
 
 
 def main() -> None:

@@ -7,12 +7,14 @@ The public names; each is loaded when it is first used, and the desktops need no
 * `HttpDesktop`: a desktop whose guest server answers over HTTP, such as a virtual machine.
 * `CorruptedEnv`: the gymnasium environment; `EvalSettings` holds its options, `SmallTasks` and
   `OsworldStage` are the tasks it can run.
-* `register_envs`: registers the environments with `gymnasium.make`.
+* `register_envs`: registers the environments with `gymnasium.make`, as this import has done.
 """
 
 import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from .gymnasium_registration import register_with_gymnasium
 
 if TYPE_CHECKING:
     from .desktops.http import HttpDesktop as HttpDesktop
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
     from .environment import OsworldStage as OsworldStage
     from .environment import SmallTasks as SmallTasks
     from .environment import register_envs as register_envs
+
+register_with_gymnasium()
 
 # Loaded when asked for: desktops are used without gymnasium, too, and start faster so.
 _HOMES = {

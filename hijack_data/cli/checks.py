@@ -37,7 +37,7 @@ DoctorRow: TypeAlias = tuple[str, str, str, str]
     default=120.0,
     show_default=True,
     metavar="S",
-    help="Seconds that an agent has for each check.",
+    help="Seconds that an agent has for each answer.",
 )
 def check(target: str, desktop: bool, timeout: float) -> None:
     """Run the conformance suites on what a file holds: corruptions, live effects, agents, tasks.

@@ -1,8 +1,9 @@
 """What an agent was given in addition to instruction and pictures, according to its records.
 
 Results of an agent that was told how to do a task, or that had the task object itself, cannot be
-compared with those of an agent that sees only the screen. So every record since version 3 has
-`given`: a list of `GIVEN_KINDS`, or `null` if it is unknown.
+compared with those of an agent that sees only the screen. The same holds for an agent of a user
+that ran in the process of the runner, where its code can reach the task and the score. So every
+record since version 3 has `given`: a list of `GIVEN_KINDS`, or `null` if it is unknown.
 """
 
 from collections.abc import Iterable, Mapping
@@ -22,7 +23,11 @@ LIBRARY_AGENTS: Mapping[str, tuple[str, ...]] = {
     "random": (),
     "fail": (),
 }
-_WORDS = {"task": "the task and the machine", "plan": "the task's plan in words"}
+_WORDS = {
+    "task": "the task and the machine",
+    "plan": "the task's plan in words",
+    "process": "the runner's process (--in-process)",
+}
 NOTHING = "nothing more"
 UNKNOWN = "not recorded"
 

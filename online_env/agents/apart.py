@@ -1,58 +1,57 @@
-"""Run an agent in its own thread.
+"""Run an agent in a thread of the runner: agents of this library, and any with `--in-process`.
 
-Code can ask Python for its callers (`inspect.stack()`) and read their variables. The frames that
-run an episode hold its corruption, so none of them may be a caller of the agent. An exception of
-the agent is reported with the agent's own frames only.
+An agent that hangs costs its time-out, but its code can reach everything of the runner. Agents of
+users run in processes of their own, see `agent_process`.
 """
 
 import queue
 import threading
-import traceback
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any, TypeAlias
 
+from . import agent_calls
+from .agent_calls import (
+    AgentAnswer,
+    AgentError,
+    AgentGoneError,
+    AgentTraits,
+    error_frames,
+    error_text,
+)
 from .base import Agent, Observation
 
-FRAMES = 30  # the number of innermost frames that are kept of a traceback
-_TEXTS = (str, bytes, bytearray)  # sequences, but of no actions
 _Function: TypeAlias = Callable[..., Any]
 _Call: TypeAlias = tuple[_Function, tuple[Any, ...]]
-_Answer: TypeAlias = tuple[Any, BaseException | None]
+_Outcome: TypeAlias = tuple[Any, BaseException | None]
 _Calls: TypeAlias = "queue.SimpleQueue[_Call | None]"
-_Answers: TypeAlias = "queue.SimpleQueue[_Answer]"
-
-
-class AgentError(Exception):
-    """An agent raised, or gave no answer; `where` lists its frames, innermost last."""
-
-    def __init__(self, problem: str, where: Sequence[str] = ()) -> None:
-        super().__init__(problem)
-        self.where = tuple(where)
+_Outcomes: TypeAlias = "queue.SimpleQueue[_Outcome]"
 
 
 class Apart:
     """Calls an agent, one call at a time, in a thread that ends with `close`.
 
     All calls are made in the same thread, since libraries tie browsers and databases to a thread.
+    See `RunningAgent` for the methods.
 
     Args:
-        make: returns the agent; called in that thread, too.
+        maker: returns the agent; called in that thread, too.
         timeout: seconds that a call may take.
 
-    Raises `AgentError` if `make` raises.
+    Raises `AgentError` if `maker` raises.
     """
 
-    def __init__(self, make: Callable[[], Agent], timeout: float | None = None) -> None:
+    def __init__(self, maker: Callable[[], Agent], timeout: float | None = None) -> None:
+        self._maker = maker
         self._timeout = timeout
         self._busy = False  # whether a call was interrupted and its answer is still due
         self._calls: _Calls = queue.SimpleQueue()
-        self._answers: _Answers = queue.SimpleQueue()
+        self._answers: _Outcomes = queue.SimpleQueue()
         queues = (self._calls, self._answers)
         # A daemon thread, so that Ctrl-C need not wait for the answer of a model.
         thread = threading.Thread(target=_serve, args=queues, name="agent", daemon=True)
         thread.start()
-        self.agent: Agent = self.call(make)
+        self.agent: Agent
+        self.make()
 
     def __enter__(self) -> "Apart":
         return self
@@ -60,31 +59,49 @@ class Apart:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    @property
+    def traits(self) -> AgentTraits:
+        """What the agent can do."""
+        return self.call(agent_calls.read_traits, self.agent)
+
+    @property
+    def alive(self) -> bool:
+        """Whether no call is unanswered."""
+        return not self._busy
+
+    def make(self) -> None:
+        """Make a new object of the agent."""
+        self.agent = self.call(self._maker)
+
     def reset(self) -> None:
-        """Begin a new episode; an agent without `reset` has nothing to forget.
+        """Begin a new episode."""
+        self.call(agent_calls.reset, self.agent)
 
-        Raises `AgentError` if the agent raises.
-        """
-        reset = self.call(getattr, self.agent, "reset", None)
-        if reset is not None:
-            self.call(reset)
+    def predict(self, instruction: str, obs: Observation) -> AgentAnswer:
+        """Return the agent's words and actions."""
+        return self.call(agent_calls.predict, self.agent, instruction, obs)
 
-    def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:
-        """Return the agent's words and actions.
+    def predict_batch(
+        self, instructions: Sequence[str], pictures: Sequence[Any]
+    ) -> list[AgentAnswer]:
+        """Return the answers to several pictures."""
+        return self.call(agent_calls.predict_batch, self.agent, instructions, pictures)
 
-        Raises:
-            AgentError: the agent raises, or does not return a text and a list.
-        """
-        predict = self.call(getattr, self.agent, "predict", None)
-        if predict is None:
-            raise AgentError(f"{type(self.agent).__name__} has no predict(instruction, obs)")
-        answer = self.call(predict, instruction, obs)
-        match answer:
-            case (str() as said, Sequence() as actions) if not isinstance(actions, _TEXTS):
-                return said, actions
-            case _:
-                wanted = 'predict must return (text, [actions]), such as ("", ["DONE"])'
-                raise AgentError(f"{wanted}, got {self.call(repr, answer)[:200]}")
+    def check(self, picture: Any) -> str | None:
+        """Return the reminder of an onlooker, or `None`."""
+        return self.call(agent_calls.check, self.agent, picture)
+
+    def summarise(self, before: Any, action: str, after: Any) -> str:
+        """Return an onlooker's summary of a step."""
+        return self.call(agent_calls.summarise, self.agent, before, action, after)
+
+    def follow(self, lines: Sequence[str]) -> None:
+        """Give the agent the plan of the task in words."""
+        self.call(agent_calls.follow, self.agent, lines)
+
+    def usage(self) -> dict[str, Any] | None:
+        """Return the usage that the agent reports so far."""
+        return self.call(agent_calls.usage, self.agent)
 
     def call(self, function: _Function, *values: Any) -> Any:
         """Call a function in the agent's thread.
@@ -93,7 +110,7 @@ class Apart:
             AgentError: the function raises or takes too long, or an earlier call has not ended.
         """
         if self._busy:
-            raise AgentError("it still works on a call that was interrupted")
+            raise AgentGoneError("it still works on a call that was interrupted")
         self._busy = True
         self._calls.put((function, values))
         try:
@@ -103,15 +120,15 @@ class Apart:
         self._busy = False
         if raised is None:
             return answer
-        raise AgentError(_problem(raised), _frames(raised)) from raised
+        raise AgentError(error_text(raised), error_frames(raised)) from raised
 
     def close(self) -> None:
         """End the thread; calling this twice is allowed."""
         self._calls.put(None)
 
 
-def _serve(calls: _Calls, answers: _Answers) -> None:
-    """Answer calls until there are no more. An agent can find only the variables of this frame."""
+def _serve(calls: _Calls, answers: _Outcomes) -> None:
+    """Answer calls until there are no more."""
     while True:
         call = calls.get()
         if call is None:
@@ -121,23 +138,3 @@ def _serve(calls: _Calls, answers: _Answers) -> None:
             answers.put((function(*values), None))
         except BaseException as error:  # noqa: BLE001  (an agent may raise anything)
             answers.put((None, error))
-
-
-def _problem(raised: BaseException) -> str:
-    """Return the message of an exception; computing it runs code of the agent, which may raise."""
-    name = type(raised).__name__
-    try:
-        return f"{name}: {raised}"
-    except Exception:  # noqa: BLE001
-        return f"{name}, whose text cannot be shown"
-
-
-def _frames(raised: BaseException) -> tuple[str, ...]:
-    """Return the frames of an exception, except our own, as `file:line in function: code`."""
-    found: list[str] = []
-    for frame in traceback.extract_tb(raised.__traceback__):
-        if Path(frame.filename) == Path(__file__):
-            continue
-        place = f"{frame.filename}:{frame.lineno}"
-        found.append(f"{place} in {frame.name}: {frame.line}")
-    return tuple(found[-FRAMES:])

@@ -4,15 +4,16 @@ An agent gets an instruction and an observation and answers with text and action
 agents do. It never gets the environment, or the names of the task and of the corruption. Only
 privileged agents, such as the oracle, get more.
 
-For each episode a new object is made, without arguments, in its own thread; all calls are made in
-that thread. Keep anything that should outlive an episode, such as the weights of a model, in the
-class or in the module.
+An agent of a user has a process of its own, which plays all episodes of a desktop. For each episode
+a new object is made, without arguments; all calls are made in one thread. Keep anything that should
+outlive an episode, such as the weights of a model, in the class or in the module.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 
-from ..tasks import Machine, Task
+if TYPE_CHECKING:  # the process of an agent need not load all tasks
+    from ..tasks import Machine, Task
 
 Observation: TypeAlias = Mapping[str, Any]
 WAIT = "WAIT"
@@ -44,7 +45,7 @@ class Agent(Protocol):
 class Privileged(Agent, Protocol):
     """An agent that gets the task and the machine itself: a yardstick, not a contestant."""
 
-    def prepare(self, task: Task, machine: Machine) -> None:
+    def prepare(self, task: "Task", machine: "Machine") -> None:
         """Called after `reset`, once the task is set up."""
         ...
 

@@ -1,23 +1,21 @@
-"""Try an agent in a separate process, so that even an agent that hangs or dies gets a verdict."""
+"""Try an agent in the process that a run would start, so that one that hangs or dies is told."""
 
-import contextlib
-import multiprocessing
-import multiprocessing.connection
-import os
-import signal
 import sys
-import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 from hijack_data.conformance.base import Result
 from hijack_data.loading import LoadedFile
 
 from . import conformance
-from .base import Privileged
-from .registry import AGENTS
+from .agent_calls import AgentError, RunningAgent, method_names
+from .agent_process import AgentProcess
+from .apart import Apart
+from .references import AgentReference, is_user_code, reference_to
+from .registry import AGENTS, make
 
-LIMIT = 120.0  # s for all calls of one check
+LIMIT = 120.0  # s for an answer
 
 
 def agents_of(file: LoadedFile) -> list[str]:
@@ -37,59 +35,27 @@ def check(name: str, limit: float = LIMIT) -> Iterator[Result | str]:
 
     Args:
         name: of an agent, or `package.module:Class`, or `path/to/file.py:Class`.
-        limit: seconds for each check.
+        limit: seconds for each answer of the agent.
     """
-    maker = AGENTS.get(AGENTS.find(name))
-    if isinstance(maker, type) and issubclass(maker, Privileged):
+    name = AGENTS.find(name)
+    entry: Any = AGENTS.get(name)
+    methods = entry.methods if isinstance(entry, AgentReference) else method_names(entry)
+    if "prepare" in methods:
         yield "it is given a task and a machine (prepare), so it is not a contestant"
         return
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe(duplex=False)
-    process = context.Process(target=_try, args=(theirs, name, list(sys.path)), daemon=False)
-    process.start()
-    theirs.close()
     try:
-        yield from _results(ours, process, limit)
+        agent = _running(entry, name, limit)
+    except AgentError as error:  # an agent file whose agent cannot be made
+        yield conformance.not_made(error)
+        return
+    try:
+        yield from conformance.run_checks(agent)
     finally:
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(process.pid or 0, signal.SIGKILL)
-        process.kill()
-        process.join()
+        agent.close()
 
 
-def _results(connection: Any, process: Any, limit: float) -> Iterator[Result]:
-    left = conformance.names_of_checks()
-    while left:
-        late = not connection.poll(limit)
-        try:
-            result: Result | None = None if late else connection.recv()
-        except EOFError:
-            process.join(1)
-            problem = f"the process of the agent died (exit code {process.exitcode})"
-            yield Result(left[0], conformance.about(left[0]), problem)
-            return
-        if late:
-            problem = f"no answer within {limit:g} s: it hangs, or is too slow (--timeout)"
-            yield Result(left[0], conformance.about(left[0]), problem)
-            return
-        if result is None:
-            return
-        left.remove(result.check)
-        yield result
-
-
-def _try(connection: Any, name: str, path: Sequence[str]) -> None:
-    """Run the checks in this process, whose standard output is a file that is then examined."""
-    os.setsid()
-    sys.path[:] = path
-    with tempfile.TemporaryFile() as output:
-        os.dup2(output.fileno(), 1)
-
-        def printed() -> int:
-            sys.stdout.flush()
-            return os.fstat(output.fileno()).st_size
-
-        for result in conformance.run_checks(name, printed):
-            connection.send(result)
-        connection.send(None)
-    os._exit(0)  # threads of an agent may still run
+def _running(entry: Any, name: str, limit: float) -> RunningAgent:
+    """Return an agent where a run would have it: one of this library is in a thread."""
+    if is_user_code(entry):
+        return AgentProcess(reference_to(entry, name), limit)
+    return Apart(partial(make, name), limit)

@@ -7,9 +7,7 @@ pictures are drawn here and show no real desktop, so the checks do not measure h
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import partial
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -18,8 +16,7 @@ from hijack_data.conformance.base import Result, expect, fail, run_check
 from hijack_data.errors import HijackError
 from hijack_data.types import Action, Size, UInt8Array, size_text
 
-from .apart import AgentError, Apart
-from .registry import make
+from .agent_calls import AgentError, RunningAgent
 
 SIZES: tuple[Size, ...] = ((1080, 1920), (2160, 3840), (800, 360), (200, 320), (32, 32))
 SIZE: Size = (720, 1280)
@@ -35,39 +32,24 @@ TriedAnswer: TypeAlias = tuple[str, list[str]]
 AgentCheck: TypeAlias = "Callable[[AgentTrial], Sequence[str] | None]"
 
 
-@dataclass
 class AgentTrial:
-    """The agent under test.
+    """The agent under test, in a process of its own as `hijack bench` and `hijack score` run it.
 
     Args:
-        name: of the agent.
-        printed: returns how many bytes this process wrote to standard output.
+        agent: the agent.
     """
 
-    name: str
-    printed: Callable[[], int]
-    _apart: Apart | None = None
+    def __init__(self, agent: RunningAgent) -> None:
+        self.agent = agent
 
-    @property
-    def apart(self) -> Apart:
-        """The agent, in its own thread; if it cannot be made, the check fails with the reason."""
-        if self._apart is None:
-            self._apart = self.fresh()
-        return self._apart
-
-    def fresh(self) -> Apart:
-        """Return a new object of the agent, ready for an episode."""
+    def fresh(self) -> RunningAgent:
+        """Return the agent with a new object, ready for an episode."""
         try:
-            made = Apart(partial(make, self.name))
-            made.reset()
+            self.agent.make()
+            self.agent.reset()
         except AgentError as error:
             fail(_with_place(error))
-        return made
-
-    @property
-    def repeats(self) -> bool:
-        """Whether the agent claims to repeat its answers (not `deterministic = False`)."""
-        return bool(getattr(self.apart.agent, "deterministic", True))
+        return self.agent
 
 
 def screen(size: Size, number: int = 0) -> UInt8Array:
@@ -81,25 +63,25 @@ def screen(size: Size, number: int = 0) -> UInt8Array:
     return picture
 
 
-def ask(apart: Apart, picture: UInt8Array, task: str = TASK) -> TriedAnswer:
+def ask(agent: RunningAgent, picture: UInt8Array, task: str = TASK) -> TriedAnswer:
     """Ask an agent once; fail the check unless the answer is a text or a list of texts."""
     try:
-        said, actions = apart.predict(task, {"screenshot": picture})
-        listed: list[object] = apart.call(list, actions)
+        said, actions = agent.predict(task, {"screenshot": picture})
     except AgentError as error:
         fail(_with_place(error))
-    texts = [action for action in listed if isinstance(action, str)]
-    if len(texts) < len(listed):
-        fail(f"an action must be a text, got {listed!r:.200}")
+    texts = [action for action in actions if isinstance(action, str)]
+    if len(texts) < len(actions):
+        fail(f"an action must be a text, got {actions!r:.200}")
     return said, texts
 
 
 def check_made(trial: AgentTrial) -> Sequence[str]:
-    """It is made without arguments, and a second object beside the first."""
+    """It is made without arguments, and a second object after the first."""
     start = time.perf_counter()
-    expect(callable(getattr(trial.apart.agent, "predict", None)), "it has no predict")
+    agent = trial.fresh()
     first = time.perf_counter() - start
-    trial.fresh().close()
+    expect("predict" in agent.traits.methods, "it has no predict")
+    trial.fresh()
     second = time.perf_counter() - start - first
     if second < 2 or second < first / 2:
         return ()
@@ -109,7 +91,7 @@ def check_made(trial: AgentTrial) -> Sequence[str]:
 
 def check_answer(trial: AgentTrial) -> Sequence[str]:
     """`predict(instruction, obs)` returns a text and a list of actions."""
-    _, actions = ask(trial.apart, screen(SIZE))
+    _, actions = ask(trial.fresh(), screen(SIZE))
     if not actions:
         return ("it gave no action, which counts as a malformed one",)
     notes: list[str] = []
@@ -123,115 +105,76 @@ def check_answer(trial: AgentTrial) -> Sequence[str]:
 
 def check_steps(trial: AgentTrial) -> None:
     """It takes several steps of one episode."""
-    with trial.fresh() as apart:
-        for number in range(4):
-            ask(apart, screen(SIZE, number))
+    agent = trial.fresh()
+    for number in range(4):
+        ask(agent, screen(SIZE, number))
 
 
 def check_repeats(trial: AgentTrial) -> Sequence[str]:
     """After `reset` it answers as it did before, and so does another object."""
-    first = trial.fresh()
-    answer = ask(first, screen(SIZE))
-    ask(first, screen(SIZE, 1))
-    with trial.fresh() as other:
-        _same(trial, answer, ask(other, screen(SIZE)), "another object", "the class or the module")
-    if not hasattr(first.agent, "reset"):
-        return ("it has no reset, so each row of `hijack score` makes a new object",)
-    try:
-        first.reset()
-    except AgentError as error:
-        fail(_with_place(error))
-    _same(trial, answer, ask(first, screen(SIZE)), "reset", "the object")
-    if trial.repeats:
-        return ()
-    return ("it says that it does not repeat (deterministic = False), so this was not compared",)
-
-
-def check_observation(trial: AgentTrial) -> None:
-    """It does not change its observation."""
-    picture = screen(SIZE)
-    before = picture.copy()
-    obs = {"screenshot": picture}
-    try:
-        trial.apart.predict(TASK, obs)
-    except AgentError as error:
-        fail(_with_place(error))
-    same = np.array_equal(picture, before)
-    expect(same, "it draws on obs['screenshot']; draw on a copy: obs['screenshot'].copy()")
-    expect(list(obs) == ["screenshot"], f"it changes the keys of obs: {list(obs)}")
-
-
-def check_quiet(trial: AgentTrial) -> None:
-    """It prints nothing to standard output."""
-    before = trial.printed()
-    with trial.fresh() as apart:
-        ask(apart, screen(SIZE))
-    count = trial.printed() - before
-    expect(
-        not count,
-        f"it printed {count} bytes; standard output belongs to the command: use"
-        " logging, or print(..., file=sys.stderr)",
-    )
+    agent = trial.fresh()
+    answer = ask(agent, screen(SIZE))
+    ask(agent, screen(SIZE, 1))
+    notes: tuple[str, ...] = ()
+    if "reset" in agent.traits.methods:
+        try:
+            agent.reset()
+        except AgentError as error:
+            fail(_with_place(error))
+        _same(agent, answer, ask(agent, screen(SIZE)), "reset", "the object")
+    else:
+        notes = ("it has no reset, so each row of `hijack score` makes a new object",)
+    other = ask(trial.fresh(), screen(SIZE))
+    _same(agent, answer, other, "another object", "the class or the module")
+    if agent.traits.is_deterministic:
+        return notes
+    unsure = "it says that it does not repeat (deterministic = False), so this was not compared"
+    return (*notes, unsure)
 
 
 def check_sizes(trial: AgentTrial) -> Sequence[str]:
     """It takes small, large and upright pictures, and its points are inside them."""
-    notes: list[str] = []
     for size in SIZES:
-        with trial.fresh() as apart:
-            _, actions = ask(apart, screen(size))
+        _, actions = ask(trial.fresh(), screen(size))
         for action in actions:
             for x, y in _points(action):
                 inside = 0 <= x < size[1] and 0 <= y < size[0]
                 where = f"({x}, {y}) is outside a picture of {size_text(size)}"
                 expect(inside, f"{where}: actions are in pixels of obs['screenshot']")
-    return notes
+    return ()
 
 
 def check_instructions(trial: AgentTrial) -> None:
     """It takes any instruction: empty, long, in any script."""
     for task in TASKS:
-        with trial.fresh() as apart:
-            ask(apart, screen(SIZE), task)
+        ask(trial.fresh(), screen(SIZE), task)
 
 
 def check_batch(trial: AgentTrial) -> None:
     """Where it has `predict_batch`, that answers as `predict` does."""
-    if not hasattr(trial.apart.agent, "predict_batch"):
+    agent = trial.fresh()
+    if "predict_batch" not in agent.traits.methods:
         return
     pictures = [screen(SIZE, number) for number in range(3)]
-    singles: list[TriedAnswer] = []
-    for picture in pictures:
-        with trial.fresh() as apart:
-            singles.append(ask(apart, picture))
-    with trial.fresh() as apart:
-        agent: Any = apart.agent
-        observations = [{"screenshot": picture} for picture in pictures]
-        try:
-            answers: Any = apart.call(agent.predict_batch, [TASK] * 3, observations)
-            answers = apart.call(list, answers)
-        except AgentError as error:
-            fail(_with_place(error))
-    expect(len(answers) == 3, f"predict_batch gave {len(answers)} answers for 3 rows")
-    for single, answer in zip(singles, answers, strict=True):
-        match answer:
-            case (str() as said, Sequence() as actions) if not isinstance(actions, str):
-                _same(trial, single, (said, list(actions)), "predict_batch", "the batch")
-            case _:
-                fail(f"predict_batch must return (text, [actions]) a row, got {answer!r:.200}")
+    singles = [ask(trial.fresh(), picture) for picture in pictures]
+    try:
+        answers = trial.fresh().predict_batch([TASK] * 3, pictures)
+    except AgentError as error:
+        fail(_with_place(error))
+    for single, (said, actions) in zip(singles, answers, strict=True):
+        texts = [str(action) for action in actions]
+        _same(agent, single, (said, texts), "predict_batch", "the batch")
 
 
 def check_onlooker(trial: AgentTrial) -> None:
     """Where it has `check(picture)`, that returns a reminder or None."""
-    looks = getattr(trial.apart.agent, "check", None)
-    if looks is None:
+    agent = trial.fresh()
+    if "check" not in agent.traits.methods:
         return
     try:
-        reminder = trial.apart.call(looks, screen(SIZE))
+        agent.check(screen(SIZE))
     except AgentError as error:
         fail(_with_place(error))
-    fits = reminder is None or isinstance(reminder, str)
-    expect(fits, f"check must return a text or None, got {reminder!r:.200}")
 
 
 CHECKS: tuple[AgentCheck, ...] = (
@@ -239,8 +182,6 @@ CHECKS: tuple[AgentCheck, ...] = (
     check_answer,
     check_steps,
     check_repeats,
-    check_observation,
-    check_quiet,
     check_sizes,
     check_instructions,
     check_batch,
@@ -248,31 +189,29 @@ CHECKS: tuple[AgentCheck, ...] = (
 )
 
 
-def run_checks(name: str, printed: Callable[[], int]) -> Iterator[Result]:
-    """Yield the outcome of each check; if the agent cannot be made, the others are left out."""
-    trial = AgentTrial(name, printed)
+def run_checks(agent: RunningAgent) -> Iterator[Result]:
+    """Yield the outcome of each check.
+
+    If the agent cannot be made, or its process ends or hangs, the other checks are left out.
+    """
+    trial = AgentTrial(agent)
     for check in CHECKS:
         result = run_check(check, trial)
         yield result
-        if check is check_made and not result.ok:
+        if not result.ok and (check is check_made or not agent.alive):
             return
 
 
-def names_of_checks() -> list[str]:
-    """Return the names of the checks, in their order."""
-    return [check.__name__.removeprefix("check_") for check in CHECKS]
-
-
-def about(name: str) -> str:
-    """Return the property that a check tests."""
-    check = next(check for check in CHECKS if check.__name__ == f"check_{name}")
-    return (check.__doc__ or "").strip().split("\n")[0]
+def not_made(error: AgentError) -> Result:
+    """Return the outcome of `check_made` for an agent that cannot be made."""
+    about = (check_made.__doc__ or "").partition("\n")[0]
+    return Result("made", about, _with_place(error))
 
 
 def _same(
-    trial: AgentTrial, before: TriedAnswer, after: TriedAnswer, after_what: str, where: str
+    agent: RunningAgent, before: TriedAnswer, after: TriedAnswer, after_what: str, where: str
 ) -> None:
-    if trial.repeats and before[1] != after[1]:
+    if agent.traits.is_deterministic and before[1] != after[1]:
         why = f"it keeps something in {where}, or draws random numbers without a seed"
         remedy = "an agent whose model samples says deterministic = False"
         fail(f"{after_what} gives {after[1]!r:.80}, not {before[1]!r:.80}: {why}; {remedy}")

@@ -9,7 +9,7 @@ import inspect
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeAlias
 
-from hijack_data.errors import suggest
+from hijack_data.errors import ParameterError, suggest
 from hijack_data.plugins import left_out
 from hijack_data.registry import Registry
 
@@ -65,20 +65,40 @@ def _is_needed(parameter: inspect.Parameter) -> bool:
     return parameter.default is inspect.Parameter.empty and parameter.kind not in several
 
 
+def check_agent(maker: Any) -> None:
+    """Check the class of an agent, or a function that makes agents.
+
+    Raises:
+        ParameterError: it is none; the message has all problems.
+    """
+    problems = "; ".join(_problems(maker, ""))
+    if problems:
+        title = getattr(maker, "__qualname__", type(maker).__qualname__)
+        raise ParameterError(f"cannot register {title}: {problems}")
+
+
 class AgentRegistry(Registry[AgentMaker]):
     """Agents by name; an agent file is found, too, by its path or its packaged name."""
 
     def find(self, text: str) -> str:
         """Return the name of what a user asks for, as `Registry.find`.
 
-        A file is read, and registered under `text`. Its mistakes are a `ConfigError`.
+        An agent file is read, and registered under `text`. Its mistakes are a `ConfigError`. Python
+        code of a user is imported by another process, which describes it, and not by this one.
         """
         from . import files, makers  # they need PyYAML and all parsers
+        from .references import is_foreign
 
-        if text in self.entries or not files.is_agent_file(text):
-            return super().find(text)
-        self.load()
-        return self.add(makers.maker_of(text), text)
+        if text in self.entries:
+            return text
+        if files.is_agent_file(text):
+            self.load()
+            return self.add(makers.maker_of(text), text)
+        if super().is_reference(text) and text.rpartition(":")[2] and is_foreign(text):
+            from .agent_process import describe
+
+            return self.add(describe(text), text)
+        return super().find(text)
 
     def is_reference(self, text: str) -> bool:
         """Return whether a text names a file, a module or an agent file, and not an agent."""

@@ -7,7 +7,7 @@ The list is YAML or JSON: actions in the form of an agent's answers, in order.
     - DONE
 
 `AGENTHIJACK_SCRIPT=FILE` names it for the agent `scripted`. A class of your own names it itself,
-and then a run also records your file:
+relative to its own file, and then a run also records your file:
 
     class Mine(Scripted):
         script = "actions.yaml"
@@ -16,6 +16,7 @@ and then a run also records your file:
 import hashlib
 import json
 import os
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar, cast
@@ -64,7 +65,10 @@ class Scripted:
 
     @classmethod
     def _file(cls) -> Path:
-        name = cls.script or os.environ.get(VARIABLE)
+        if cls.script:  # beside the file of the class, whose process has a folder of its own
+            module = getattr(sys.modules.get(cls.__module__), "__file__", None) or ""
+            return Path(module).parent / Path(cls.script).expanduser()
+        name = os.environ.get(VARIABLE)
         if not name:
             raise ParameterError(
                 f"the agent 'scripted' plays a file of actions: name it with {VARIABLE}=FILE.yaml"

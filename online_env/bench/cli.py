@@ -6,6 +6,7 @@ configuration, 3 the disk is full or fails.
 
 import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from hijack_data.locking import Lock
 from hijack_data.printable import printable
 from hijack_data.runs import seal
 
+from ..agents.options import agent_memory_option, in_process_option
 from ..errors import CostLimitError
 from ..report.outcome import exit_code
 from ..report.terminal import show
@@ -94,6 +96,8 @@ if TYPE_CHECKING:
     metavar="RUNS",
     help="Take the models' answers from the log of an earlier run.",
 )
+@in_process_option
+@agent_memory_option
 @gate_options
 @click.option("--sign", metavar="KEY", help="Sign the run at its end with this SSH key.")
 @click.option("--dry-run", is_flag=True, help="List the episodes with an estimate, and run none.")
@@ -112,6 +116,8 @@ def bench(
     prompts: Path | None,
     max_cost: float | None,
     replay: Path | None,
+    in_process: bool,
+    agent_memory: float | None,
     fail_under: tuple[str, ...],
     junit: Path | None,
     sign: str | None,
@@ -124,11 +130,13 @@ def bench(
     from .config import load_bench, override  # loads the web sites, which a report does not need
     from .estimates import estimate, history_near
     from .jobs import jobs
-    from .models import ModelOptions, prepare
+    from .models import ModelOptions, check_agents, prepare
     from .pools import open_pool
     from .workers import default_desktops
 
     chosen = override(load_bench(config), agent, tasks, corruptions, seeds, osworld_files)
+    chosen = replace(chosen, in_process=in_process, agent_memory=agent_memory or 0.0)
+    check_agents(chosen)
     gate = ReleaseGate.read(fail_under, junit, chosen.agents, tuple(chosen.planners))
     models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
     prepare(chosen.agents, models, None if dry_run else out)
@@ -309,12 +317,12 @@ def _check_here(chosen: "Bench", engine: str) -> None:
 
 @contextlib.contextmanager
 def _here(chosen: "Bench", out: Path) -> "Iterator[LiveEpisodes]":
-    """Play episodes in this process, where a debugger can follow the agent."""
+    """Play episodes from this process; with `--in-process` a debugger can follow the agent."""
     from .episodes import LiveEpisodes
     from .workers import stage_of
 
-    with stage_of(chosen, out) as stage:
-        yield LiveEpisodes(chosen, out, stage)
+    with stage_of(chosen, out) as stage, LiveEpisodes(chosen, out, stage) as episodes:
+        yield episodes
 
 
 def _setup(chosen: "Bench", out: Path, models: "ModelOptions") -> "WorkerSetup":

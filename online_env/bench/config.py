@@ -35,6 +35,7 @@ from hijack_data.registry import Registry, is_ours
 from hijack_data.types import Size
 
 from ..agents.makers import FileAgentMaker
+from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
 from ..tasks import TASKS, Task, sets
 from .providers import EMBEDDED, PROVIDERS
@@ -81,6 +82,9 @@ class Bench:
         retries: how often an invalid episode is repeated.
         agent_timeout: seconds that an agent may take for one answer.
         episode_timeout: seconds that an episode may take altogether.
+        in_process: whether agents of users run in the process of the runner, for debugging.
+        agent_memory: GiB that the process of an agent and all that it starts may use; 0 for three
+            quarters of the machine's memory.
     """
 
     source: str = ""
@@ -96,6 +100,8 @@ class Bench:
     retries: int = 1
     agent_timeout: int = 600
     episode_timeout: int = 3600
+    in_process: bool = False
+    agent_memory: float = 0.0
 
     @property
     def planners(self) -> Mapping[str, Planner | None]:
@@ -125,6 +131,10 @@ class Bench:
         }
         if self.osworld_files:
             data["osworld_files"] = self.osworld_files
+        if self.in_process:
+            data["in_process"] = True
+        if self.agent_memory:
+            data["agent_memory"] = self.agent_memory
         code = dict(self._code())
         if code:
             data["code"] = code
@@ -142,7 +152,7 @@ class Bench:
         """Yield the files of the agents, tasks and provider that do not come with this library."""
         for _, name, entry in self.foreign():
             source = entry.source if is_from_data(entry) else source_of(entry)
-            if source is not None:
+            if source:
                 yield name, dict(source)
 
     def foreign(self) -> Iterator[tuple[AnyRegistry, str, Any]]:
@@ -162,11 +172,11 @@ class Bench:
 
 
 def is_from_data(entry: Any) -> bool:
-    """Return whether an entry was made from an agent file, or from a task file of OSWorld.
+    """Return whether an entry is a reference to an agent, or made from an agent file or task file.
 
     Its `source` then has the path and the SHA-256 of the file.
     """
-    if isinstance(entry, FileAgentMaker):
+    if isinstance(entry, FileAgentMaker | AgentReference):
         return True
     if not isinstance(entry, type) or not issubclass(entry, Task):
         return False

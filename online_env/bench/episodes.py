@@ -1,20 +1,23 @@
 """One job on a live desktop: an agent plays an episode of `CorruptedEnv`."""
 
-import json
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, cast
 
 from hijack_data.planner import Planner
+from hijack_data.registry import is_ours
 from hijack_data.runs.run_log import GIVEN, VERSION, slug_of
 
 from .. import tasks
-from ..agents.apart import AgentError, Apart
+from ..agents.agent_calls import NEEDS_TASK, AgentError, AgentGoneError, RunningAgent
+from ..agents.agent_process import AgentProcess
+from ..agents.apart import Apart
 from ..agents.base import Agent, Privileged
-from ..agents.registry import make
+from ..agents.references import is_user_code, reference_to
+from ..agents.registry import AGENTS, make
 from ..environment import CorruptedEnv, EvalSettings
 from ..environment.stage import TaskStage
 from ..errors import DesktopError, MissingCapabilityError
@@ -24,7 +27,6 @@ from .models import begin
 from .records import ResultRecord
 
 KEPT = 2000  # characters of a problem
-_LONGEST_USAGE = 2**20  # characters of JSON, because lines of the journal are limited
 # The fields of a record that identify an episode, and by which episodes are paired.
 IDENTITY = (
     "id",
@@ -54,7 +56,7 @@ class EpisodeEnv(Protocol):
         """Begin an episode."""
         ...
 
-    def step(self, action: str) -> tuple[dict[str, Any], float, bool, bool, Any]:
+    def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, Any]:
         """Take one action."""
         ...
 
@@ -76,7 +78,7 @@ class EpisodeEnv(Protocol):
 
 
 class LiveEpisodes:
-    """Runs jobs on one embedded desktop.
+    """Runs jobs on one embedded desktop; use it in a `with` statement if agents have processes.
 
     Args:
         bench: The benchmark.
@@ -88,6 +90,18 @@ class LiveEpisodes:
         self._bench = bench
         self._folder = folder
         self._stage = stage
+        self._processes: dict[str, AgentProcess] = {}  # each plays all episodes of its agent
+
+    def __enter__(self) -> "LiveEpisodes":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the processes of agents."""
+        while self._processes:
+            self._processes.popitem()[1].close()
 
     def __call__(self, job: Job, attempt: int) -> ResultRecord:
         """Run a job.
@@ -102,19 +116,40 @@ class LiveEpisodes:
         env = CorruptedEnv(self._stage, settings=settings)
         planner = bench.planners[job.corruption]
         start = time.monotonic()
+        foreign = is_user_code(AGENTS.get(job.agent))
+        given = ("process",) if foreign and bench.in_process else ()
         try:
-            apart = Apart(partial(make, job.agent), bench.agent_timeout)
+            agent = self._made(job.agent, foreign and not bench.in_process)
         except AgentError as error:
             problem = f"the agent cannot be made: {error}"
             made = lost(job, attempt, problem, start=start)
-            return {**made, "cause": "agent", "traceback": list(error.where)}
-        with apart as agent:
-            try:
-                limit = bench.episode_timeout
-                told = self._plan
-                return _played(env, agent, job, attempt, planner, self._show, limit, told)
-            finally:
-                _called(agent.reset)
+            return {**made, "cause": "agent", "traceback": list(error.where), GIVEN: list(given)}
+        try:
+            limit = bench.episode_timeout
+            told = self._plan
+            return _played(env, agent, job, attempt, planner, self._show, limit, told, given)
+        finally:
+            _called(agent.reset)
+            if isinstance(agent, Apart):
+                agent.close()
+
+    def _made(self, name: str, own_process: bool) -> RunningAgent:
+        """Return an agent with a new object: in its process, or in a thread of this one.
+
+        Raises:
+            AgentError: It cannot be made.
+        """
+        bench = self._bench
+        if not own_process:
+            return Apart(partial(make, name), bench.agent_timeout)
+        process = self._processes.get(name)
+        if process is None:
+            reference = reference_to(AGENTS.get(name), name)
+            memory = int(bench.agent_memory * 2**30) or None
+            process = AgentProcess(reference, bench.agent_timeout, memory=memory)
+            self._processes[name] = process
+        process.make()
+        return process
 
     def _show(self, agent: Agent, job: Job) -> None:
         """Pass the task and the desktop to a privileged agent."""
@@ -135,9 +170,10 @@ def play(
 ) -> ResultRecord:
     """Run one episode and return its record.
 
-    The agent sees instruction and screenshot, nothing else, and runs in a thread of its own. If the
-    agent raises, or the desktop fails after the agent's first action, the status of the record is
-    `error`, and `cause` names who failed; if the desktop fails earlier, the status is `invalid`.
+    The agent sees instruction and screenshot, nothing else. Its code runs in this process, in a
+    thread of its own, and the record says so unless it is the library's. If the agent raises, or
+    the desktop fails after the agent's first action, the status of the record is `error`, and
+    `cause` names who failed; if the desktop fails earlier, the status is `invalid`.
     Errors by which `CorruptedEnv.reset` refuses the episode are passed on.
 
     Args:
@@ -149,19 +185,21 @@ def play(
         show: Called once the task is set up, with a privileged agent and the job, to give the agent
             its task and desktop.
     """
+    given = () if is_ours(type(agent)) else ("process",)
     with Apart(lambda: agent) as apart:
-        return _played(env, apart, job, attempt, planner, show)
+        return _played(env, apart, job, attempt, planner, show, given=given)
 
 
 def _played(
     env: EpisodeEnv,
-    agent: Apart,
+    agent: RunningAgent,
     job: Job,
     attempt: int,
     planner: Planner | None,
     show: Callable[[Agent, Job], object] | None,
     limit: float = math.inf,
     told: Callable[[], Sequence[str]] | None = None,
+    given: Sequence[str] = (),
 ) -> ResultRecord:
     start = time.monotonic()
     options = {"task": job.task, "corruption": planner, "label": job.corruption, "attempt": attempt}
@@ -175,12 +213,12 @@ def _played(
             raise
         problem = f"{type(error).__name__}: {error}"
         return _never_begun(env.record, _not_begun(job, attempt, problem, start))
-    given: list[str] = []
+    kinds = list(given)
     if show is not None and failed is None:
-        failed = _called(_prepare, agent, show, job, given)
+        failed = _called(_prepare, agent, show, job, kinds)
     if told is not None and failed is None:
-        failed = _called(_tell, agent, told, given)
-    env.give(given)
+        failed = _called(_tell, agent, told, kinds)
+    env.give(kinds)
     if failed is not None:
         _blame(env, failed)
     while (record := env.record) is None:
@@ -191,29 +229,33 @@ def _played(
 
 
 def _prepare(
-    agent: Apart, show: Callable[[Agent, Job], object], job: Job, given: list[str]
+    agent: RunningAgent, show: Callable[[Agent, Job], object], job: Job, given: list[str]
 ) -> None:
-    """Pass the task and the machine to a privileged agent, and note it in `given`."""
-    if not agent.call(isinstance, agent.agent, Privileged):
+    """Pass the task and the machine to a privileged agent, and note it in `given`.
+
+    Raises:
+        AgentError: The agent has a process of its own, which neither can be sent to.
+    """
+    if not agent.traits.is_privileged:
         return
+    if not isinstance(agent, Apart):
+        raise AgentError(NEEDS_TASK)
     given.append("task")
     agent.call(show, agent.agent, job)
 
 
-def _tell(agent: Apart, told: Callable[[], Sequence[str]], given: list[str]) -> None:
+def _tell(agent: RunningAgent, told: Callable[[], Sequence[str]], given: list[str]) -> None:
     """Pass the plan of the task to an agent that follows plans: as plain words and nothing else.
 
-    The agent is called from its own thread, so that its callers do not lead to the episode. The
-    plan is noted in `given`.
+    The plan is noted in `given`.
     """
-    if not agent.call(getattr, agent.agent, "uses_plan", False):
+    if not agent.traits.uses_plan:
         return
-    follow = agent.call(getattr, agent.agent, "follow")
     given.append("plan")
-    agent.call(follow, told())
+    agent.follow(told())
 
 
-def _turn(env: EpisodeEnv, agent: Apart, obs: dict[str, Any]) -> dict[str, Any]:
+def _turn(env: EpisodeEnv, agent: RunningAgent, obs: dict[str, Any]) -> dict[str, Any]:
     """Ask the agent once and take its actions until the episode is over.
 
     Returns the last observation.
@@ -233,17 +275,19 @@ def _turn(env: EpisodeEnv, agent: Apart, obs: dict[str, Any]) -> dict[str, Any]:
     return obs
 
 
-def _account(env: EpisodeEnv, agent: Apart) -> None:
-    """Store the agent's `usage` in the record, if it is a mapping."""
+def _account(env: EpisodeEnv, agent: RunningAgent) -> None:
+    """Store the usage that the agent reports in the record.
+
+    If its process has ended, what it reported last stays.
+    """
     try:
-        usage = agent.call(getattr, agent.agent, "usage", None)
-        if isinstance(usage, Mapping):
-            text = json.dumps(dict(usage), allow_nan=False)
-            if len(text) > _LONGEST_USAGE:
-                raise ValueError(f"{len(text)} characters, of which {_LONGEST_USAGE} are allowed")
-            env.account(json.loads(text))
-    except (AgentError, TypeError, ValueError) as error:
-        env.account({"problem": f"usage cannot be kept: {error}"[:KEPT]})
+        usage = agent.usage()
+    except AgentGoneError:
+        return
+    except AgentError as error:
+        usage = {"problem": f"usage cannot be kept: {error}"[:KEPT]}
+    if usage is not None:
+        env.account(usage)
 
 
 def _called(function: Callable[..., object], *values: object) -> AgentError | None:

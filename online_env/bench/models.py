@@ -4,13 +4,19 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from hijack_data.errors import ParameterError
+
+from ..agents.agent_calls import NEEDS_TASK, method_names
 from ..agents.chat.request_log import FOLDER, log_folder
 from ..agents.chat.run import ChatRun
 from ..agents.chat.wires.common import require_clients
 from ..agents.makers import FileAgentMaker, file_makers, prompts_folder
+from ..agents.references import AgentReference, is_user_code, reference_to
 from ..agents.registry import AGENTS
 from ..errors import AgentSetupError
+from .config import Bench
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +66,23 @@ def prepare(agents: Sequence[str], options: ModelOptions, out: Path | None) -> N
         if out is not None and replay is None:
             require_clients(maker.settings)
             maker.settings.check_keys(os.environ)
+
+
+def check_agents(bench: Bench) -> None:
+    """Check that the agents of a run can be run where they are to run.
+
+    Raises:
+        ParameterError: an agent of a user wants the task and the machine, but has a process of its
+            own; or no other process can import it.
+    """
+    for name in bench.agents:
+        entry: Any = AGENTS.get(name)
+        if bench.in_process or not is_user_code(entry):
+            continue
+        reference_to(entry, name)
+        methods = entry.methods if isinstance(entry, AgentReference) else method_names(entry)
+        if "prepare" in methods:
+            raise ParameterError(f"--agent: {name}: {NEEDS_TASK}")
 
 
 def _make_ready(agents: Sequence[str], out: Path) -> None:

@@ -14,11 +14,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hijack_data.errors import HijackError
-from hijack_data.loading import file_of, loaded_files, run_file
+from hijack_data.loading import SUFFIX, file_of, loaded_files, run_file
 
 from ..agents.chat.prompts import PATTERN
 from ..agents.chat.request_log import log_folder
 from ..agents.makers import FileAgentMaker
+from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
 from ..agents.settings import AgentSettings
 from ..errors import ClusterError
@@ -29,6 +30,7 @@ from .workers import WorkerSetup
 OURS = ("hijack_data", "online_env")
 CODE = "code of agenthijack"
 _SHOWN = 12  # digits of a hash in messages
+_REMEDY = "every node needs this file under this path: copy it there, or use a shared folder"
 
 _Files = Mapping[str, bytes]
 
@@ -40,6 +42,8 @@ class Parcel:
     Args:
         software: The versions that must be the same on all machines, by name.
         loaded: Path and SHA-256 of each Python file of the user that the run needs.
+        agent_files: The same of agents that run in processes of their own; the nodes do not import
+            them.
         setup: The pickled `WorkerSetup`.
         agents: The content of the agent files, by the names of their agents.
         agent_prompts: The prompts that an agent file names, by the same names.
@@ -49,6 +53,7 @@ class Parcel:
 
     software: Mapping[str, str]
     loaded: tuple[tuple[str, str], ...]
+    agent_files: tuple[tuple[str, str], ...] = ()
     setup: bytes
     agents: Mapping[str, AgentSettings]
     agent_prompts: Mapping[str, _Files]
@@ -74,6 +79,7 @@ def pack(setup: WorkerSetup) -> Parcel:
     return Parcel(
         software=software(),
         loaded=tuple(_loaded(setup.bench)),
+        agent_files=tuple(_agent_files(setup.bench)),
         setup=content,
         agents=agents,
         agent_prompts={
@@ -97,6 +103,8 @@ def unpack(parcel: Parcel, folder: Path) -> WorkerSetup:
         ClusterError: The software of this node differs from the runner's, or a file is missing.
     """
     check_software(parcel.software)
+    for path, sha256 in parcel.agent_files:
+        _check_file(path, sha256)
     for path, sha256 in parcel.loaded:
         _load(path, sha256)
     setup: WorkerSetup = pickle.loads(parcel.setup)  # noqa: S301  (the runner made it)
@@ -166,20 +174,43 @@ def _loaded(bench: Bench) -> Iterator[tuple[str, str]]:
             yield file.path, file.sha256
 
 
+def _agent_files(bench: Bench) -> Iterator[tuple[str, str]]:
+    """Yield the files of agents that run in processes of their own."""
+    for _, _, entry in bench.foreign():
+        if isinstance(entry, AgentReference) and entry.place.partition(":")[0].endswith(SUFFIX):
+            yield entry.source["path"], entry.source["sha256"]
+
+
 def _load(path: str, sha256: str) -> None:
     """Load a Python file of the user.
 
     Raises:
         ClusterError: The file is missing here, or has different bytes.
     """
-    remedy = "every node needs this file under this path: copy it there, or use a shared folder"
     try:
-        found = run_file(path).sha256
+        loaded = run_file(path).sha256
     except HijackError as error:
-        raise ClusterError(f"{error}; {remedy}") from None
-    if found != sha256:
-        digests = f"SHA-256 {found[:_SHOWN]} instead of {sha256[:_SHOWN]}"
-        raise ClusterError(f"{path}: is another file here ({digests}); {remedy}")
+        raise ClusterError(f"{error}; {_REMEDY}") from None
+    _check_hash(path, loaded, sha256)
+
+
+def _check_file(path: str, sha256: str) -> None:
+    """Compare a file of this node with that of the runner.
+
+    Raises:
+        ClusterError: The file is missing here, or has different bytes.
+    """
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise ClusterError(f"{path}: cannot be read ({error.strerror}); {_REMEDY}") from None
+    _check_hash(path, hashlib.sha256(content).hexdigest(), sha256)
+
+
+def _check_hash(path: str, here: str, sha256: str) -> None:
+    if here != sha256:
+        digests = f"SHA-256 {here[:_SHOWN]} instead of {sha256[:_SHOWN]}"
+        raise ClusterError(f"{path}: is another file here ({digests}); {_REMEDY}")
 
 
 def _read(folder: Path, pattern: str) -> _Files:

@@ -23,6 +23,7 @@ from hijack_data.errors import HijackError
 from hijack_data.loading import file_of, load_reference
 
 from ..agents.makers import FileAgentMaker
+from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
 from ..environment.stage import TaskStage
 from ..tasks import TASKS
@@ -40,11 +41,14 @@ ENDING = 20.0  # seconds for a process to end its desktop
 
 
 class ForeignEntry(NamedTuple):
-    """A plug-in that a process must load: its registry, its name there, and its reference."""
+    """A plug-in that a process must load: its registry, its name there, and its reference.
+
+    An agent that has a process of its own is registered as its `AgentReference`, and not loaded.
+    """
 
     kind: str
     name: str
-    reference: str
+    reference: str | AgentReference
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +76,8 @@ def references(bench: Bench) -> tuple[ForeignEntry, ...]:
         file = file_of(entry)
         if isinstance(entry, FileAgentMaker):
             found.append(ForeignEntry(registry.kind, name, name))
+        elif isinstance(entry, AgentReference):
+            found.append(ForeignEntry(registry.kind, name, entry))
         elif is_from_data(entry):
             found.append(ForeignEntry(registry.kind, name, entry.source["path"]))
         else:
@@ -239,8 +245,11 @@ def live_episodes(setup: WorkerSetup) -> Generator[LiveEpisodes]:
     """Start a desktop in this process, and yield a function that plays episodes on it."""
     load_references(setup.references)
     prepare(setup.bench.agents, setup.models, setup.folder)
-    with stage_of(setup.bench, setup.folder) as stage:
-        yield LiveEpisodes(setup.bench, setup.folder, stage)
+    with (
+        stage_of(setup.bench, setup.folder) as stage,
+        LiveEpisodes(setup.bench, setup.folder, stage) as episodes,
+    ):
+        yield episodes
 
 
 @contextmanager
@@ -279,7 +288,11 @@ def load_references(references: Iterable[ForeignEntry]) -> None:
     registries = {registry.kind: registry for registry in (AGENTS, TASKS, PROVIDERS)}
     for kind, name, reference in references:
         registry = registries[kind]
-        if registry is not PROVIDERS and registry.is_reference(reference) and ":" not in reference:
+        if isinstance(reference, AgentReference):
+            registry.add(reference, name)
+        elif (
+            registry is not PROVIDERS and registry.is_reference(reference) and ":" not in reference
+        ):
             registry.find(reference)  # an agent file, or a task file
         elif name not in registry.names():
             registry.add(load_reference(reference), name)

@@ -1,17 +1,12 @@
 """`CorruptedEnv`: the gymnasium interface of the live environment; see docs/live_evaluation.md."""
 
 import copy
-import hmac
 import json
-import secrets
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, Unpack
-from weakref import WeakKeyDictionary
 
 import gymnasium
-import numpy as np
-from gymnasium.envs.registration import EnvSpec
 
 from hijack_data.errors import HijackError, ParameterError, UnknownNameError
 from hijack_data.kernels.cpu import jit
@@ -26,34 +21,25 @@ from .runner import EpisodeRunner, ResetOptions, checked_seed, ready
 from .settings import EvalOptions, EvalSettings
 from .stage import Stage
 
-# The only arguments of `gymnasium.make` that an agent may see.
-_OPEN = frozenset(
-    {"task", "size", "name", "apps", "standby", "max_steps", "render_mode", "allow_code"}
-)
 _DEFAULTS = EvalSettings()
-_KEY = secrets.token_bytes(32)
-
-# An environment's runner is not an attribute, so that code with access to the environment does not
-# come across the corruption. That is not a security boundary: code in this process can import this
-# module.
-_runners: "WeakKeyDictionary[CorruptedEnv, EpisodeRunner]" = WeakKeyDictionary()
+INFO = "agenthijack"  # the key in `info`, with `reveal=True`
 
 
 class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
     """A task on a live desktop under a corruption.
 
     An observation is `{"screenshot": uint8 RGB [H, W, 3], "instruction": str}`, in the size that
-    the corruption gives it; `info` is always empty. An action is `WAIT`, `DONE`, `FAIL`,
-    `REQUEST_REINIT`, or pyautogui code (also in a ``` fence), in pixels of the screenshot. Any
-    other action is rejected: nothing is executed and the step is counted as malformed.
+    the corruption gives it; `info` is empty unless `reveal` is set. An action is `WAIT`, `DONE`,
+    `FAIL`, `REQUEST_REINIT`, or pyautogui code (also in a ``` fence), in pixels of the screenshot.
+    Any other action is rejected: nothing is executed and the step is counted as malformed.
 
     `observation_space` and `action_space` are those of the desktop and the corruption given here.
     A `reset` whose corruption changes the size of the picture replaces both before it returns; a
     corruption that would change the size within an episode is refused.
 
-    Give an agent what `reset` and `step` return, and keep the environment to yourself. The
-    present corruption is neither an attribute of this object nor reachable from one, but Python
-    code in the same process can always look into the modules' own variables.
+    Give an agent what `reset` and `step` return, and keep the environment to yourself: Python code
+    in the same process can look into any object. `hijack bench` therefore runs agents of users in
+    processes of their own.
 
     Args:
         stage: The desktop and its tasks.
@@ -61,6 +47,9 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
             clean run.
         settings: What holds for every episode.
         render_mode: `"rgb_array"` makes `render` return what the agent sees.
+        reveal: Whether `info["agenthijack"]` has what an agent must not see, as JSON data: `task`,
+            `corruption` (its label), `seed`, `step`, `plan` (of the present picture), `events` (of
+            its effects) and `record` (`None` until the episode is over).
         **changes: Fields of `EvalSettings` (`max_steps`, `settle`, `recovery`, `allow_code`,
             `log`, `agent`, `password`) that replace those of `settings`.
 
@@ -75,7 +64,6 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         "render_modes": ["rgb_array"],
         "render_fps": 1,
     }
-    _spec: EnvSpec | None = None
 
     def __init__(
         self,
@@ -84,16 +72,17 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         corruption: str | Planner | None = None,
         settings: EvalSettings = _DEFAULTS,
         render_mode: str | None = None,
+        reveal: bool = False,
         **changes: Unpack[EvalOptions],
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise UnknownNameError(f"no render mode {render_mode!r}; known: rgb_array")
         self.render_mode = render_mode
-        runner = EpisodeRunner(stage, corruption, replace(settings, **changes))
-        _runners[self] = runner
+        self._reveal = reveal
+        self._runner = EpisodeRunner(stage, corruption, replace(settings, **changes))
         # From the first picture on, rather than after some hundred, in the middle of an episode.
         jit.start()
-        self._resize(runner.size)
+        self._resize(self._runner.size)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -103,30 +92,32 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         If an effect fails, the episode is over at once and the status of `record` is `invalid`.
 
         Args:
-            seed: Decides the task's variant and all draws of the corruption; drawn at random if
-                omitted.
+            seed: Decides the task's variant, all draws of the corruption, and `np_random` as
+                gymnasium seeds it; drawn from `np_random` if omitted.
             options: `task` (what the stage takes; default: the stage's own), `corruption` (as in
                 the constructor; default: the one given there), `label` (its name in the record),
                 `attempt` (0, 1, 2 ...; default: the first that is not in the log).
 
         Returns:
-            The first observation and an empty dict.
+            The first observation and `info`.
 
         Raises:
             HijackError: The environment is closed.
         """
         checked = ResetOptions.read(options)
         whole = checked_seed(seed)
-        runner = _runners[self]
+        runner = self._runner
         if runner.closed:
             raise HijackError("the environment is closed; make another one")
         runner.leave("the environment was reset before the end")
-        if whole is not None:
-            self._seed(whole)
+        super().reset(seed=whole)
+        if whole is None:
+            whole = int(self.np_random.integers(2**32))
         self._resize(runner.begin(whole, checked))
-        return _observation(ready(runner)), {}
+        episode = ready(runner)
+        return _observation(episode), self._info(episode)
 
-    def step(self, action: str) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Take one action.
 
         After the end of an episode this returns the last observation, truncated.
@@ -134,21 +125,21 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         Returns:
             The next observation; the reward (the score, 0 to 1, at the end of the episode, and 0
             before it); terminated (the agent answered `DONE` or `FAIL`); truncated (`max_steps`,
-            or the episode failed: see `record`); an empty dict.
+            or the episode failed: see `record`); `info`.
         """
-        episode = ready(_runners[self])
+        episode = ready(self._runner)
         reward, terminated, truncated = episode.act(action)
-        return _observation(episode), reward, terminated, truncated, {}
+        return _observation(episode), reward, terminated, truncated, self._info(episode)
 
     @property
     def record(self) -> EpisodeRecord | None:
         """The record of the episode, as JSON data, not for agents; `None` until it is over."""
-        episode = _runners[self].episode
+        episode = self._runner.episode
         return None if episode is None else copy.deepcopy(episode.record)
 
     def hear(self, said: str) -> None:
         """Log the agent's words for its next action."""
-        episode = _runners[self].episode
+        episode = self._runner.episode
         if episode is not None:
             episode.hear(said)
 
@@ -162,7 +153,7 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
             json.dumps(usage, allow_nan=False)
         except (TypeError, ValueError) as error:
             raise ParameterError(f"usage must be JSON data, for the record: {error}") from None
-        episode = _runners[self].episode
+        episode = self._runner.episode
         if episode is not None:
             episode.account(usage)
 
@@ -180,9 +171,9 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         for kind in what:
             if kind not in GIVEN_KINDS:
                 raise ParameterError(f"given is one of {', '.join(GIVEN_KINDS)}, got {kind!r:.100}")
-        episode = _runners[self].episode
+        episode = self._runner.episode
         if episode is not None:
-            episode.give(what)
+            episode.give([kind for kind in GIVEN_KINDS if kind in what])
 
     def truncate(self) -> None:
         """Judge the episode as it stands, if a limit outside this environment ended it.
@@ -190,7 +181,7 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         `reset` and `close` do so by themselves. Nothing happens if the agent took no action or
         the episode is over.
         """
-        episode = _runners[self].episode
+        episode = self._runner.episode
         if episode is not None:
             episode.truncate()
 
@@ -204,11 +195,11 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
             traceback: Where the agent raised, the innermost call last.
         """
         end = End(status="error", problem=why, cause="agent", traceback=tuple(traceback))
-        _runners[self].end(end)
+        self._runner.end(end)
 
     def render(self) -> Any:
         """Return what the agent sees, uint8 RGB `[H, W, 3]`, in render mode `"rgb_array"`."""
-        episode = _runners[self].episode
+        episode = self._runner.episode
         if self.render_mode is None or episode is None or episode.view is None:
             return None
         return episode.view.seen.copy()
@@ -218,31 +209,10 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
 
         Calling it again does nothing.
         """
-        _runners[self].close()
+        self._runner.close()
 
-    @property
-    def spec(self) -> EnvSpec | None:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """How `gymnasium.make` made this, without the arguments that an agent must not see."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, value: EnvSpec | None) -> None:  # pyright: ignore[reportIncompatibleVariableOverride]
-        self._spec = copy.deepcopy(value)
-        if self._spec is not None:
-            arguments = self._spec.kwargs
-            self._spec.kwargs = {key: kept for key, kept in arguments.items() if key in _OPEN}
-
-    def _seed(self, seed: int) -> None:
-        """Restart the draws of seeds, and those of gymnasium's own generator.
-
-        An agent may have access to this object, and a generator seeded with the seed alone would
-        reveal all later draws. Gymnasium's generator is therefore seeded with the seed and a secret
-        of this process: equal seeds give equal draws, as gymnasium requires, but the seed cannot be
-        computed from them.
-        """
-        _runners[self].seed(seed)
-        keyed = hmac.new(_KEY, seed.to_bytes(8, "big"), "sha256").digest()
-        self.np_random = np.random.default_rng(int.from_bytes(keyed, "big"))
+    def _info(self, episode: Episode) -> dict[str, Any]:
+        return {INFO: episode.reveal()} if self._reveal else {}
 
     def _resize(self, size: Size) -> None:
         actions = Actions(size)

@@ -1,4 +1,4 @@
-"""One episode on the trusted side: the order of events.
+"""One episode: the order of events.
 
 An agent's action is mapped back through the coordinates, checked, and run in the guest. Then
 `Observer` takes the next observation, until the agent or a limit ends the episode and the task is
@@ -6,6 +6,7 @@ judged.
 """
 
 import contextlib
+import copy
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
@@ -13,7 +14,7 @@ from typing import Any
 
 from hijack_data.actions.allowed import Request, read_action
 from hijack_data.errors import ActionError
-from hijack_data.runs.run_log import slug_of
+from hijack_data.runs.run_log import CUT, MAX_TEXT, slug_of
 from hijack_data.types import Size
 
 from ..desktops.protocol import RunResult
@@ -76,6 +77,21 @@ class Episode:
         """The current observation."""
         return None if self._observer is None else self._observer.view
 
+    def reveal(self) -> EpisodeRecord:
+        """Return what an agent must not see, as JSON data; see `CorruptedEnv`."""
+        request = self._request
+        line = {} if self.view is None else self.view.line
+        revealed: EpisodeRecord = {
+            "task": self._counts.setting.id,
+            "corruption": request.label,
+            "seed": request.seed,
+            "step": line.get("step"),
+            "plan": line.get("plan"),
+            "events": line.get("events"),
+            "record": self.record,
+        }
+        return copy.deepcopy(revealed)
+
     def begin(self) -> Size:
         """Set up the task and take the first observation.
 
@@ -127,7 +143,9 @@ class Episode:
         """Log what the agent says with the action that it takes next."""
         self._counts.said = said[:KEPT]
         if self.record is None and self.view is not None:
-            self.view.line["said"] = said
+            self.view.line["said"] = said[:MAX_TEXT]
+            if len(said) > MAX_TEXT:
+                self.view.line[CUT] = ["said"]
 
     def account(self, usage: dict[str, Any]) -> None:
         """Store the usage that the agent has reported so far."""
@@ -245,7 +263,12 @@ class Episode:
     def _read(self, text: object, view: EpisodeView) -> Request | None:
         """Return the action in pixels of the screen, or `None` if it is malformed."""
         line = view.line
-        line["raw"] = text if isinstance(text, str) else repr(text)
+        raw = text if isinstance(text, str) else repr(text)
+        line["raw"] = raw[:MAX_TEXT]
+        if len(raw) > MAX_TEXT:
+            line[CUT] = [*line.get(CUT, ()), "raw"]
+        if isinstance(text, str):
+            text = line["raw"]  # what is read is what is recorded
         try:
             request = read_action(text, self._settings.allow_code)
             if request.kind == "code":

@@ -1,33 +1,26 @@
-"""Register the environments with gymnasium."""
+"""Make the environments that are registered with gymnasium."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import gymnasium
-
 from hijack_data.planner import Planner
 from hijack_data.types import Size
 
 from ..embedded.desktop import EmbeddedDesktop
+from ..gymnasium_registration import EMBEDDED_ID as EMBEDDED_ID
+from ..gymnasium_registration import register_with_gymnasium
 from ..tasks.base import Task
 from .core import CorruptedEnv
 from .stage import SmallTasks
 
-EMBEDDED_ID = "AgentHijack/Embedded-v0"
-
 
 def register_envs() -> None:
-    """Register `AgentHijack/Embedded-v0` with `gymnasium.make`; calling it again does nothing.
+    """Register `AgentHijack/Embedded-v0` with `gymnasium.make`, which importing `online_env` does.
 
     Its keyword arguments are those of `make_embedded`.
     """
-    if EMBEDDED_ID in gymnasium.registry:
-        return
-    # A real desktop has clocks and blinking cursors: two runs show the same task, but not the
-    # same pixels, so it is registered as non-deterministic.
-    maker = f"{__name__}:{make_embedded.__name__}"
-    gymnasium.register(EMBEDDED_ID, entry_point=maker, nondeterministic=True)
+    register_with_gymnasium()
 
 
 def make_embedded(

@@ -1,14 +1,9 @@
-"""The trusted side of an environment, which plays episodes and holds the secrets.
-
-`CorruptedEnv` is the gymnasium interface in front of it.
-"""
+"""What plays the episodes of an environment; `CorruptedEnv` is the gymnasium interface of it."""
 
 import operator
 import sys
 from dataclasses import dataclass
 from typing import Any, cast
-
-import numpy as np
 
 from hijack_data.errors import (
     HijackError,
@@ -48,7 +43,6 @@ class EpisodeRunner:
         self.closed = False
         self._stage = stage
         self._planner = planner_of(corruption)
-        self._seeds = np.random.default_rng()
         if settings.folder is not None:
             masks.hide(settings.folder)
 
@@ -58,11 +52,7 @@ class EpisodeRunner:
         script = Script(self._planner, 0, "", (), self._stage.desktop.size)
         return script.plan(0).out_size
 
-    def seed(self, seed: int) -> None:
-        """Restart the seeds that are drawn for episodes without one."""
-        self._seeds = np.random.default_rng(seed)
-
-    def begin(self, seed: int | None, options: "ResetOptions") -> Size:
+    def begin(self, seed: int, options: "ResetOptions") -> Size:
         """Begin an episode; it is `episode` from now on.
 
         Returns:
@@ -71,8 +61,6 @@ class EpisodeRunner:
         planner = self._planner
         if options.has_corruption:
             planner = planner_of(options.corruption)
-        if seed is None:
-            seed = int(self._seeds.integers(2**32))
         request = EpisodeRequest(
             planner=planner,
             label=options.label or label_of(planner),

@@ -37,8 +37,7 @@ class EvalSettings:
     settle: Settle = field(default_factory=Settle)
     recovery: Recovery = "none"
     allow_code: bool = False
-    # Annotations are texts, because objects in annotations could be reached from the environment.
-    log: "Path | str | None" = None
+    log: Path | str | None = None
     agent: str = "agent"
     password: str = "password"
 
@@ -51,7 +50,7 @@ class EvalSettings:
             raise UnknownNameError(f"no recovery policy {self.recovery!r}{close}")
 
     @property
-    def folder(self) -> "Path | None":
+    def folder(self) -> Path | None:
         """The folder of the run as a path, or `None` if nothing is written."""
         return None if self.log is None else Path(self.log)
 
@@ -63,6 +62,6 @@ class EvalOptions(TypedDict, total=False):
     settle: Settle
     recovery: Recovery
     allow_code: bool
-    log: "Path | str | None"
+    log: Path | str | None
     agent: str
     password: str

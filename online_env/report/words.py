@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 # p values below this show a difference.
 SHOWN = 0.05
-_GIVEN = {"task": "the task", "plan": "the plan"}
+_GIVEN = {"task": "the task", "plan": "the plan", "process": "the runner's process"}
 
 
 def percent(share: float | None, sign: str = "") -> str:

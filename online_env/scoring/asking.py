@@ -1,23 +1,20 @@
 """Puts rows to an agent and turns its answers into records.
 
-The agent runs in a thread of its own, so that none of our frames is a caller of it (see
-`agents.apart`), and gets nothing but pictures and, for steps, the instruction. Each row is an
-episode of its own: `reset()` comes before it, and an agent without `reset` is made again.
+The agent gets nothing but pictures and, for steps, the instruction. Each row is an episode of its
+own: `reset()` comes before it, and an agent without `reset` is made again.
 """
 
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, TypeAlias, cast
 
 from hijack_data.errors import HijackError
 from hijack_data.plan import CLEAN
 from hijack_data.runs.run_log import GIVEN, ROW, VERSION
-from hijack_data.types import Action, Box, UInt8Array, check_aim
+from hijack_data.types import Action, Box, check_aim
 
-from ..agents.apart import AgentError, Apart
-from ..agents.registry import make
+from ..agents.agent_calls import AgentAnswer, AgentError, RunningAgent
 from ..bench.reading import ResultRecord
 from .answers import StepAnswer, read_answer
 from .cases import Case, Question
@@ -28,7 +25,11 @@ from .rules import Distance, WantedStep, compare, unanswered
 
 KEPT = 2000  # characters of a text in a record
 Scored: TypeAlias = dict[str, Any]
-_Tell: TypeAlias = Callable[[], object]
+MAX_STARTS = 3  # times in a row that an agent which was made may fail to be made again
+
+
+class AgentStartError(HijackError, RuntimeError):
+    """An agent that cannot be made."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,12 +41,16 @@ class Asking:
         question: what it is asked.
         near: how far a click may be off where no box is known.
         batch: rows that `predict_batch` is given at a time.
+        in_process: whether a user's agent runs in this process, for debugging.
+        given: what the agent is given beside instruction and pictures, for the records.
     """
 
     agent: str
     question: Question
     near: Distance
     batch: int = 8
+    in_process: bool = False
+    given: tuple[str, ...] = ()
 
 
 class Asker:
@@ -54,29 +59,36 @@ class Asker:
     Args:
         asking: how.
         feed: the rows.
+        start: returns a running agent, also in the place of one that died.
 
     Raises:
-        AgentError: the agent cannot be made.
+        AgentStartError: the agent cannot be made.
     """
 
-    def __init__(self, asking: Asking, feed: RowFeed) -> None:
+    def __init__(self, asking: Asking, feed: RowFeed, start: Callable[[], RunningAgent]) -> None:
         self._asking = asking
         self._feed = feed
-        self._apart = Apart(partial(make, asking.agent))
+        self._start = start
+        self._failed_starts = MAX_STARTS - 1  # the first failure is final
+        self._agent = self._started()
         self._used = False
 
     @property
     def batch(self) -> int:
         """How many rows the agent takes at a time."""
-        batched = hasattr(self._apart.agent, "predict_batch")
+        batched = "predict_batch" in self._agent.traits.methods
         return self._asking.batch if batched and self._asking.question == "steps" else 1
 
-    def one(self, case: Case, asks: _Tell) -> ResultRecord:
-        """Put one row to the agent; `asks` is called right before."""
+    def close(self) -> None:
+        """End the agent."""
+        self._agent.close()
+
+    def one(self, case: Case) -> ResultRecord:
+        """Put one row to the agent."""
         row = self._row(case)
         if isinstance(row, DamagedRowError):
             return self._damaged(case, row)
-        asks()
+        self._revive()
         start = time.perf_counter()
         try:
             self._begin()
@@ -85,15 +97,15 @@ class Asker:
             return self._failed(case, row, error, time.perf_counter() - start)
         return self._judged(case, row, answer, time.perf_counter() - start)
 
-    def several(self, cases: Sequence[Case], asks: _Tell) -> list[ResultRecord]:
-        """Put rows to `predict_batch`; `asks` is called right before.
+    def several(self, cases: Sequence[Case]) -> list[ResultRecord]:
+        """Put rows to `predict_batch`.
 
         Raises:
             AgentError: it raises, or does not return an answer for each row.
         """
         rows = [self._row(case) for case in cases]
         whole = [row for row in rows if not isinstance(row, DamagedRowError)]
-        asks()
+        self._revive()
         start = time.perf_counter()
         answers = iter(self._batch(whole) if whole else [])
         seconds = (time.perf_counter() - start) / max(1, len(whole))
@@ -119,53 +131,46 @@ class Asker:
             remedy = "mend the recording and build the dataset again"
             return DamagedRowError(f"{self._feed.folder}: row {case.row!r}: {error}; {remedy}")
 
+    def _started(self) -> RunningAgent:
+        while True:
+            try:
+                agent = self._start()
+            except AgentError as error:
+                self._failed_starts += 1
+                if self._failed_starts >= MAX_STARTS:
+                    where = "\n".join([str(error), *error.where[-1:]])
+                    name = self._asking.agent
+                    raise AgentStartError(f"{name}: cannot be made: {where}") from error
+            else:
+                self._failed_starts = 0
+                return agent
+
+    def _revive(self) -> None:
+        """Start the agent again if it died, or hangs."""
+        if not self._agent.alive:
+            self._agent.close()
+            self._agent = self._started()
+            self._used = False
+
     def _begin(self) -> None:
         """Let the agent forget the last row."""
-        if hasattr(self._apart.agent, "reset"):
-            self._apart.reset()
+        if "reset" in self._agent.traits.methods:
+            self._agent.reset()
         elif self._used:
-            self._apart.agent = self._apart.call(make, self._asking.agent)
+            self._agent.make()
         self._used = True
 
     def _answer(self, row: RowData) -> Any:
         if self._asking.question == "reminders":
-            return self._text(self._call("check", row["screenshot"]), "check", optional=True)
+            return self._agent.check(row["screenshot"])
         if self._asking.question == "summaries":
-            pictures = (row["before"], row["action_text"], row["after"])
-            return self._text(self._call("summarise", *pictures), "summarise")
-        said, actions = self._apart.predict(row["instruction"], _observation(row))
-        return said, self._apart.call(list, actions)
+            return self._agent.summarise(row["before"], row["action_text"], row["after"])
+        return self._agent.predict(row["instruction"], {"screenshot": row["screenshot"]})
 
-    def _batch(self, rows: Sequence[RowData]) -> list[tuple[str, list[object]]]:
+    def _batch(self, rows: Sequence[RowData]) -> list[AgentAnswer]:
         self._begin()
         instructions = [row["instruction"] for row in rows]
-        observations = [_observation(row) for row in rows]
-        answers: Any = self._call("predict_batch", instructions, observations)
-        listed = self._apart.call(list, answers)
-        if len(listed) != len(rows):
-            raise AgentError(f"predict_batch gave {len(listed)} answers for {len(rows)} rows")
-        return [self._pair(answer) for answer in listed]
-
-    def _pair(self, answer: object) -> tuple[str, list[object]]:
-        match answer:
-            case (str() as said, Sequence() as actions) if not isinstance(actions, str):
-                return said, self._apart.call(list, actions)
-            case _:
-                raise AgentError(
-                    f"predict_batch must return (text, [actions]), got {answer!r:.200}"
-                )
-
-    def _call(self, name: str, *values: object) -> Any:
-        method = getattr(self._apart.agent, name, None)
-        if method is None:
-            raise AgentError(f"{type(self._apart.agent).__name__} has no {name}")
-        return self._apart.call(method, *values)
-
-    def _text(self, answer: object, name: str, optional: bool = False) -> str | None:
-        if isinstance(answer, str) or (optional and answer is None):
-            return answer
-        wanted = "a text or None" if optional else "a text"
-        raise AgentError(f"{name} must return {wanted}, got {answer!r:.200}")
+        return self._agent.predict_batch(instructions, [row["screenshot"] for row in rows])
 
     def _judged(self, case: Case, row: RowData, answer: Any, seconds: float) -> ResultRecord:
         if self._asking.question == "reminders":
@@ -219,7 +224,7 @@ def blank(case: Case, asking: Asking) -> ResultRecord:
         "steps": 1,
         "seconds": 0.0,
         "malformed": 0,
-        GIVEN: [],  # rows have no task and no plan
+        GIVEN: list(asking.given),  # rows have no task and no plan
     }
 
 
@@ -259,10 +264,6 @@ def wanted_of(row: RowData) -> WantedStep:
 
 def _box(value: Sequence[int] | None) -> Box | None:
     return cast("Box", tuple(value)) if value else None
-
-
-def _observation(row: RowData) -> dict[str, UInt8Array]:
-    return {"screenshot": row["screenshot"]}
 
 
 def _step(wanted: WantedStep, answer: StepAnswer, near: Distance) -> Scored:

@@ -16,6 +16,7 @@ from hijack_data.cli import console
 from hijack_data.cli.options import FiniteRange, new_run_options
 from hijack_data.errors import ParameterError
 
+from ..agents.options import agent_memory_option, in_process_option
 from ..bench import records
 from ..bench.config import Bench, override
 from ..report.outcome import exit_code
@@ -74,7 +75,7 @@ from .run import TIMEOUT, ScoreRun, ScoreSettings
     default=1,
     show_default=True,
     metavar="N",
-    help="Processes, each with an agent of its own.",
+    help="How many agents answer side by side.",
 )
 @click.option(
     "--batch",
@@ -84,6 +85,8 @@ from .run import TIMEOUT, ScoreRun, ScoreSettings
     metavar="N",
     help="Rows at a time, for an agent with predict_batch.",
 )
+@in_process_option
+@agent_memory_option
 @click.option("--dry-run", is_flag=True, help="Say what would be scored, and score nothing.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON list.")
 def score(
@@ -98,6 +101,8 @@ def score(
     timeout: float,
     workers: int,
     batch: int,
+    in_process: bool,
+    agent_memory: float | None,
     resume: bool,
     dry_run: bool,
     as_json: bool,
@@ -115,6 +120,8 @@ def score(
         timeout=timeout,
         workers=workers,
         batch=batch,
+        in_process=in_process,
+        agent_memory=agent_memory or 0.0,
     )
     run = ScoreRun(settings)
     if dry_run:

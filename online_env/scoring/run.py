@@ -12,6 +12,8 @@ from hijack_data.locking import Lock
 from hijack_data.registry import is_ours
 from hijack_data.runs.run_log import SCORE_RUN
 
+from ..agents.agent_calls import method_names
+from ..agents.references import AgentReference, is_user_code
 from ..agents.registry import AGENTS
 from ..bench import records
 from ..bench.reading import ResultRecord
@@ -44,6 +46,8 @@ class ScoreSettings:
         timeout: seconds an agent has for a row.
         workers: processes, each with an agent of its own; they do not change what is recorded.
         batch: rows that `predict_batch` is given at a time.
+        in_process: whether agents of users run in this process, for debugging.
+        agent_memory: GiB that an agent's process may use; 0 for the default.
     """
 
     dataset: Path
@@ -54,10 +58,20 @@ class ScoreSettings:
     timeout: float = TIMEOUT
     workers: int = 1
     batch: int = 8
+    in_process: bool = False
+    agent_memory: float = 0.0
 
     def asking(self, agent: str) -> Asking:
         """How rows are put to one of the agents."""
-        return Asking(agent=agent, question=self.question, near=self.near, batch=self.batch)
+        in_runner = self.in_process and is_user_code(AGENTS.get(agent))
+        return Asking(
+            agent=agent,
+            question=self.question,
+            near=self.near,
+            batch=self.batch,
+            in_process=self.in_process,
+            given=("process",) if in_runner else (),
+        )
 
 
 class ScoreRun:
@@ -89,7 +103,9 @@ class ScoreRun:
         """Return the configuration for `run.json`; a run is resumed with the same one."""
         settings = self.settings
         seeds = sorted({case.seed for case in self.cases.cases})
+        in_process = {"in_process": True} if settings.in_process else {}
         return {
+            **in_process,
             "kind": SCORE_RUN,
             "source": str(settings.dataset),
             "content": self._content,
@@ -155,6 +171,7 @@ class ScoreRun:
                 count=settings.workers,
                 timeout=settings.timeout,
                 notice=notice,
+                memory=int(settings.agent_memory * 2**30) or None,
             )
             with pool:
                 _write(
@@ -192,15 +209,22 @@ def _check_agent(agent: str, question: Question) -> None:
     """
     maker = AGENTS.get(agent)
     method = _METHODS[question]
-    if isinstance(maker, type) and hasattr(maker, "prepare"):
+    is_class = maker.is_class if isinstance(maker, AgentReference) else isinstance(maker, type)
+    if not is_class:
+        return
+    methods = maker.methods if isinstance(maker, AgentReference) else method_names(maker)
+    if "prepare" in methods:
         raise ParameterError(f"--agent: {agent!r} needs a task and a machine; no dataset has them")
-    if isinstance(maker, type) and not callable(getattr(maker, method, None)):
+    if method not in methods:
         raise ParameterError(f"--agent: {agent!r} has no {method}, which {question} are scored by")
 
 
 def _code_of(agent: str) -> tuple[str, dict[str, Any]]:
     """Return what names the code of an agent: its file, and the settings that it gives itself."""
     maker: Any = AGENTS.get(agent)
+    if isinstance(maker, AgentReference):
+        settings = {} if maker.settings is None else {"settings": dict(maker.settings)}
+        return agent, {**maker.source, **settings}
     found: dict[str, Any] = {}
     source = None if is_ours(maker) else source_of(maker)
     if source is not None:

@@ -10,7 +10,8 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from online_env.agents import oracle
-from online_env.agents.apart import FRAMES, AgentError, Apart
+from online_env.agents.agent_calls import MAX_FRAMES, AgentError
+from online_env.agents.apart import Apart
 from online_env.agents.oracle import Oracle, StandIn
 from online_env.errors import DesktopError
 from online_env.tasks import Hand
@@ -94,7 +95,7 @@ def test_of_a_deep_error_the_innermost_frames_are_kept_and_none_of_ours():
     with Apart(Slow) as apart, pytest.raises(AgentError) as caught:
         apart.call(deep, 50)
     assert str(caught.value) == "ValueError: at the bottom"
-    assert len(caught.value.where) == FRAMES
+    assert len(caught.value.where) == MAX_FRAMES
     line = deep.__code__.co_firstlineno + 2
     assert caught.value.where[-1] == f'{__file__}:{line} in deep: raise ValueError("at the bottom")'
     assert {place.rpartition(" in ")[0].rpartition(":")[0] for place in caught.value.where} == {

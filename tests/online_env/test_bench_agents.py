@@ -426,7 +426,7 @@ def test_what_an_agent_was_given_is_kept_though_it_raised_over_it():
 
     env = Env(steps=1)
     assert play(env, Prepared(["a"]), JOB, 0, None, raises)["status"] == "error"
-    assert env.given == ["task"]
+    assert env.given == ["process", "task"]
 
 
 class Unspeakable(Exception):

@@ -48,8 +48,8 @@ def test_an_agent_that_cannot_be_made_fails_its_episode_and_not_the_run(tmp_path
     name = AGENTS.find(f"{tmp_path}/broken.py:Broken")
     bench = Bench(agents=(name,), tasks=("write_note",), corruptions={"clean": None})
     stage = FakeStage()
-    play = episodes.LiveEpisodes(bench, tmp_path, stage)
-    record = play(Job(name, "write_note", "clean", 3), 1)
+    with episodes.LiveEpisodes(bench, tmp_path, stage) as play:
+        record = play(Job(name, "write_note", "clean", 3), 1)
     assert record["problem"] == "the agent cannot be made: OSError: no such weights"
     assert (record["status"], record["cause"], record["score"]) == ("error", "agent", None)
     assert (record["task"], record["seed"], record["attempt"]) == ("write_note-3", 3, 1)

@@ -147,7 +147,7 @@ def test_files_of_users_are_loaded_in_the_processes(tmp_path):
     done = subprocess.run(
         [sys.executable, "-c", REFERENCES, str(path)], capture_output=True, text=True, check=True
     )
-    assert f"reference='{path}:Mine'" in done.stdout
+    assert f"reference=AgentReference(place='{path}:Mine'" in done.stdout
 
 
 def test_there_is_always_one_desktop():

@@ -1,9 +1,9 @@
-"""`CorruptedEnv` on a desktop that is none: what an agent can reach tells it nothing of the
-corruption."""
+"""`CorruptedEnv` on a desktop that is none: what is an agent's, what is not, and gymnasium's idioms."""
 
-import gc
+import json
 import os
-import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +14,8 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 import gymnasium
 
 import hijack_data as hj
-from online_env.environment import CorruptedEnv, core
 
-from support.episodes import CLICK, make, play
-from support.live import AT_ONCE, FakeStage, Marking
-from support.walker import found
+from support.episodes import make, play
 
 pytestmark = pytest.mark.usefixtures("no_waiting")
 
@@ -34,71 +31,66 @@ def test_observations_belong_to_the_agent():
     assert not np.shares_memory(later, obs["screenshot"])
 
 
-SECRETS = ("sesame", "marking", "test_mark", "marked")
-# gymnasium's wrappers refuse to give the generator of what they wrap.
-WRAPPERS = ("TimeLimit", "RecordEpisodeStatistics", "OrderEnforcing", "PassiveEnvChecker")
-REFUSED = {f"gymnasium.wrappers.common.{wrapper}._np_random" for wrapper in WRAPPERS}
-
-
-def test_an_agent_that_walks_all_it_is_given_finds_nothing(tmp_path):
+def test_info_is_empty_unless_it_is_asked_for(tmp_path):
     secret = hj.Subtitle(subtitle_text="sesame", font_size=12)
-    for corruption, words in ((secret, ("sesame", "subtitle")), (Marking(0), SECRETS)):
-        gymnasium.register(
-            "Walked-v0", entry_point=lambda **kw: CorruptedEnv(FakeStage(), settle=AT_ONCE, **kw)
-        )
-        env = gymnasium.make(
-            "Walked-v0", corruption=corruption, log=tmp_path / "sesame", agent="marked"
-        )
-        gymnasium.registry.pop("Walked-v0")
-        wrapped = gymnasium.wrappers.TimeLimit(gymnasium.wrappers.RecordEpisodeStatistics(env), 50)
-        given = wrapped.reset(seed=0, options={"corruption": corruption, "label": "sesame"})
-        for action in (CLICK, "nonsense", "REQUEST_REINIT"):
-            given = (*given, wrapped.step(action))
-            assert wrapped.unwrapped.record is None
-            assert found(words, given, wrapped, dict(os.environ), raising=REFUSED) == set()
-        wrapped.step("DONE")
-        assert "test_mark" in str(wrapped.unwrapped.record) or corruption is secret
-        wrapped.close()
+    env, _ = make(corruption=secret, log=tmp_path)
+    (obs, info), later = env.reset(seed=3), env.step("DONE")
+    assert (info, later[-1]) == ({}, {})
+    assert "sesame" not in str(obs["instruction"])
+
+    env, _ = make(corruption=secret, reveal=True)
+    told = env.reset(seed=3)[1]["agenthijack"]
+    assert (told["corruption"], told["seed"], told["step"], told["record"]) == (
+        "subtitle",
+        3,
+        0,
+        None,
+    )
+    assert "sesame" in json.dumps(told["plan"])
+    told = env.step("DONE")[-1]["agenthijack"]
+    assert told["record"] == env.record
 
 
-def test_the_walker_does_find_what_lies_about():
-    class Hidden:
-        __slots__ = ("slot",)
-
-    hidden = Hidden()
-    hidden.slot = "sesame"
-    word = "ses" + "ame"
-    env, _ = make()
-    for place in (
-        hidden,
-        [{"a": ({word},)}],
-        lambda: word,
-        (lambda x=word: x),
-        type("Sesame", (), {}),
-        env,
-    ):
-        env.note = word
-        assert found(["sesame"], place) == {"sesame"}
+DRAWS = """
+import sys
+import gymnasium
+from support.episodes import make
+env = gymnasium.wrappers.StickyAction(make()[0], 0.5)
+env.unwrapped.reset(seed=0)
+print([float(x) for x in env.unwrapped.np_random.random(4)])
+"""
 
 
-def test_the_walker_names_what_it_could_not_look_into():
-    class Shut:
-        @property
-        def door(self):
-            raise RuntimeError("ses" + "ame")
+def test_equal_seeds_give_equal_draws_in_every_process():
+    wanted, _ = gymnasium.utils.seeding.np_random(0)
+    command = [sys.executable, "-c", DRAWS]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    printed = {
+        subprocess.run(
+            command, env=environment, capture_output=True, text=True, check=True
+        ).stdout.strip()
+        for _ in range(2)
+    }
+    assert printed == {str([float(x) for x in wanted.random(4)])}
 
-    name = f"{__name__}.{Shut.__qualname__}.door"
-    with pytest.raises(AssertionError, match=re.escape(f"as they raise: ['{name}']")):
-        found(["sesame"], [Shut()])
-    assert found(["sesame"], [Shut()], raising={name}) == {"sesame"}, "what was raised can be read"
+
+NAMES = {
+    "gymnasium first": "import gymnasium, online_env",
+    "gymnasium last": "import online_env, gymnasium",
+    "the idiom": "import gymnasium, online_env; gymnasium.register_envs(online_env)",
+    "by module": "import gymnasium; NAME = 'online_env:' + NAME",
+}
 
 
-def test_an_environment_that_is_dropped_is_forgotten():
-    env, _ = make()
-    before = len(core._runners)
-    del env
-    gc.collect()
-    assert len(core._runners) == before - 1
+@pytest.mark.parametrize("how", NAMES)
+def test_gymnasium_finds_the_environment(how):
+    code = (
+        f"NAME = 'AgentHijack/Embedded-v0'; {NAMES[how]};"
+        " from gymnasium.envs.registration import _find_spec;"  # what `gymnasium.make` calls
+        " print(_find_spec(NAME).entry_point, _find_spec(NAME).nondeterministic)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["online_env.environment.registration:make_embedded", "True"]
 
 
 def test_the_path_of_the_log_is_not_for_others(tmp_path: Path):

@@ -17,6 +17,7 @@ pytest.importorskip("rapidocr", reason="needs the extra [ocr]")
 
 from hijack_data.errors import MissingDependencyError
 from online_env.agents import conformance
+from online_env.agents.agent_process import AgentProcess
 from online_env.agents.apart import Apart
 from online_env.agents.base import PlanFollower
 from online_env.agents.pixel import reading
@@ -411,6 +412,7 @@ def test_it_is_an_agent_like_any_other(tmp_path, monkeypatch):
     monkeypatch.setattr(conformance, "SIZES", ((400, 240), (200, 320), (32, 32)))
     (tmp_path / "told.py").write_text(TOLD)
     name = AGENTS.find(f"{tmp_path}/told.py:Told")
-    results = list(conformance.run_checks(name, lambda: 0))
+    with AgentProcess(AGENTS.get(name), 120) as agent:
+        results = list(conformance.run_checks(agent))
     assert [result.problem for result in results if not result.ok] == []
     assert len(results) == len(conformance.CHECKS)

@@ -20,11 +20,11 @@ from online_env.bench import origin, records
 from online_env.bench.config import Bench, override
 from online_env.bench.reading import RunError
 from online_env.bench.scores import rows as score_rows
+from online_env.scoring.asking import AgentStartError
 from online_env.scoring.cases import Selection, question_of
 from online_env.scoring.parts import part_rows
 from online_env.scoring.rules import Distance
 from online_env.scoring.run import ScoreRun, ScoreSettings
-from online_env.scoring.workers import AgentStartError
 from pipelines import build
 from pipelines.proof.rebuild import rebuild
 
@@ -120,7 +120,7 @@ HOSTILE = {
     "raise": ("error", "ValueError: no idea"),
     "leave": ("error", "SystemExit"),
     "hang": ("error", "no answer within 5 s"),
-    "die": ("error", "its process died (exit code -9)"),
+    "die": ("error", "its process died (SIGKILL)"),
     "exit": ("error", "its process died (exit code 0)"),
     "nonsense": ("error", "predict must return"),
     "lazy": ("error", "RuntimeError: not now"),
@@ -416,8 +416,8 @@ def test_no_frame_of_ours_calls_the_agent(clicks, agents, tmp_path):
     _, run = played(settings_for(clicks, f"{agents}:Nosy"), tmp_path / "run")
     for record in run.records:
         callers = [Path(name).name for name in record["said"].split()]
-        assert "apart.py" in callers
-        assert not {"asking.py", "serving.py", "feed.py", "workers.py"} & set(callers)
+        assert "agent_server.py" in callers
+        assert not {"asking.py", "feed.py", "workers.py"} & set(callers)
 
 
 def test_selection_of_nothing(tmp_path):

@@ -1,0 +1,66 @@
+"""Register our environments with gymnasium, without importing it.
+
+Gymnasium takes 0.3 s to import and most users of this package do not need it. So the environments
+are registered at once if it is loaded already, and otherwise right after it is loaded.
+"""
+
+import sys
+from collections.abc import Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import Any
+
+EMBEDDED_ID = "AgentHijack/Embedded-v0"
+_REGISTRY = "gymnasium.envs.registration"
+_MAKER = "online_env.environment.registration:make_embedded"
+
+
+def register(registration: Any) -> None:
+    """Register the environments; those that are registered stay.
+
+    Args:
+        registration: the module `gymnasium.envs.registration`.
+    """
+    if EMBEDDED_ID not in registration.registry:
+        # A real desktop has clocks and blinking cursors: two runs show the same task, but not the
+        # same pixels, so it is registered as non-deterministic.
+        registration.register(EMBEDDED_ID, entry_point=_MAKER, nondeterministic=True)
+
+
+def register_with_gymnasium() -> None:
+    """Register the environments now, or as soon as gymnasium is imported."""
+    loaded = sys.modules.get(_REGISTRY)
+    if loaded is not None:
+        register(loaded)
+    elif not any(isinstance(finder, _Finder) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _Finder())
+
+
+class _Finder(MetaPathFinder):
+    """Finds gymnasium's registry as the other finders do, and registers once it is loaded."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Return the spec of the registry's module; `None` for any other."""
+        if fullname != _REGISTRY:
+            return None
+        sys.meta_path.remove(self)
+        for finder in sys.meta_path:
+            spec = finder.find_spec(fullname, path, target)
+            if spec is not None:
+                _register_after(spec.loader)
+                return spec
+        return None
+
+
+def _register_after(loader: Any) -> None:
+    """Let a loader register the environments after it has run its module."""
+    run = loader.exec_module
+
+    def exec_module(module: ModuleType) -> None:
+        run(module)
+        register(module)
+
+    loader.exec_module = exec_module
