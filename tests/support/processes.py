@@ -22,6 +22,16 @@ def cmdline(pid: int) -> bytes:
     return _read(pid, "cmdline")
 
 
+def parent(pid: int) -> int:
+    """The pid of what started a process."""
+    return int(_read(pid, "stat").rpartition(b")")[2].split()[1])
+
+
+def state(pid: int) -> str:
+    """The letter of what a process does: `R`, `S`, `T` (stopped) ...; empty if it is gone."""
+    return (_read(pid, "stat").rpartition(b")")[2].split() or [b""])[0].decode()
+
+
 def guest_server(record: dict) -> int:
     """The guest server of a desktop."""
     found = [pid for pid in children(record["init"][0]) if comm(pid) == SERVER]
