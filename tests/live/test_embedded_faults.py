@@ -16,7 +16,7 @@ from online_env.embedded.runtime import network
 from online_env.errors import DesktopError
 
 from support import needs
-from support.processes import children, cmdline, comm, guest_server, parent, state
+from support.processes import children, cmdline, comm, guest_server, parent, state, traced
 from support.waiting import until as wait_until
 
 CONTROLLER = """
@@ -47,15 +47,6 @@ if sys.argv[2] == "close":
 time.sleep(60)
 """
 END_S = 5.0
-# Stops a process until it is killed, and process 1 does not learn of it.
-TRACER = """
-import ctypes, os, sys
-attach, any_thread = 16, 0x40000000  # PTRACE_ATTACH, __WALL
-server = int(sys.argv[1])
-assert ctypes.CDLL(None).ptrace(attach, server, None, None) == 0
-while os.WIFSTOPPED(os.waitpid(server, any_thread)[1]):
-    pass
-"""
 
 
 def remove_orphan(name):
@@ -216,10 +207,9 @@ def test_a_guest_server_that_hangs_ends_its_desktop(leaves_nothing, up):
     desktop = up(size=(600, 800), name=f"{leaves_nothing}a")
     server = guest_server(desktop.record)
     start = time.monotonic()
-    tracer = subprocess.Popen([sys.executable, "-c", TRACER, str(server)])
-    wait_until(lambda: not registry.alive(desktop.record["init"]))
+    with traced(server):
+        wait_until(lambda: not registry.alive(desktop.record["init"]))
     assert time.monotonic() - start < 60
-    tracer.wait()
     with pytest.raises(DesktopError, match="accepts no connections any more"):
         desktop.execute(["true"])
     desktop.reset()

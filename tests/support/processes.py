@@ -2,9 +2,35 @@
 command line."""
 
 import contextlib
+import subprocess
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from online_env.embedded.runtime.nest import SERVER
+
+# A process that traces another one: that one stops, and its parent does not learn of it.
+_TRACER = """
+import ctypes, os, sys
+attach, any_thread = 16, 0x40000000  # PTRACE_ATTACH, __WALL
+pid = int(sys.argv[1])
+assert ctypes.CDLL(None).ptrace(attach, pid, None, None) == 0
+while os.WIFSTOPPED(os.waitpid(pid, any_thread)[1]):
+    print("stopped", flush=True)
+"""
+
+
+@contextlib.contextmanager
+def traced(pid: int) -> Iterator[None]:
+    """Keep a process from running, and its parent from noticing; it may be killed meanwhile."""
+    command = [sys.executable, "-c", _TRACER, str(pid)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as tracer:
+        assert tracer.stdout is not None
+        assert tracer.stdout.readline() == b"stopped\n"
+        try:
+            yield
+        finally:
+            tracer.kill()
 
 
 def children(pid: int) -> list[int]:
