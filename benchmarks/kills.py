@@ -59,6 +59,7 @@ class Forking:
 """
 TARGETS = ("runner", "worker", "keeper", "init", "program")
 PATIENCE = 120.0
+GIVEN_UP = 2  # exit code of a run whose desktops do not start
 WORKER = "multiprocessing.spawn"
 KEEPER = "runtime.keeper"
 
@@ -70,6 +71,7 @@ class Outcome:
     Args:
         kills: By what was killed.
         resumes: How often a run was gone on with.
+        given_up: How often a run had ended with an error, since a desktop did not start.
         ended: Runs that came to their end.
         episodes: Their planned episodes.
         repeated: Attempts that were lost to a kill and played again.
@@ -79,6 +81,7 @@ class Outcome:
 
     kills: Counter[str] = field(default_factory=Counter[str])
     resumes: int = 0
+    given_up: int = 0
     ended: int = 0
     episodes: int = 0
     repeated: int = 0
@@ -174,11 +177,16 @@ class Killer:
         out = self._folder / f"run{self.outcome.ended}"
         words: tuple[str, ...] = ()
         while True:
+            before = sum(self.outcome.kills.values())
             code = self._session(out, words, kills)
-            if code is not None:
+            # Three kills in a row that hit starts of one desktop end a run with an error; it is
+            # gone on with like one whose runner was killed.
+            given_up = code == GIVEN_UP and sum(self.outcome.kills.values()) > before
+            if code is not None and not given_up:
                 break
             words = ("--resume",)
             self.outcome.resumes += 1
+            self.outcome.given_up += given_up
         self._check(out, code)
 
     def _session(self, out: Path, words: tuple[str, ...], kills: int) -> int | None:
@@ -314,6 +322,7 @@ def main() -> None:
     rows = [[f"kill -9 of a {kind}", str(found.kills[kind])] for kind in TARGETS]
     rows += [
         ["times gone on with", str(found.resumes)],
+        ["of them after a desktop that did not start", str(found.given_up)],
         ["runs that came to their end", str(found.ended)],
         ["episodes planned in them", str(found.episodes)],
         ["attempts lost with their process, and played again", str(found.repeated)],

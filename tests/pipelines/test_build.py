@@ -1,3 +1,4 @@
+import errno
 import hashlib
 import json
 from pathlib import Path
@@ -266,6 +267,19 @@ def test_planners_that_cannot_be_sent_to_workers(recording: Any, tmp_path: Path)
     }
     with pytest.raises(BuildError, match="workers=1"):
         build(recording(), tmp_path / "out", corruptions=planners, workers=2)
+
+
+def test_without_dev_shm_there_are_no_workers_and_it_is_said(
+    recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read_only(*_: Any) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr("_multiprocessing.SemLock", read_only)
+    planners = {"marks": hj.get("marks")}
+    with pytest.raises(BuildError, match=r"no worker processes here .*/dev/shm.*--workers 1"):
+        build(recording(), tmp_path / "out", corruptions=planners, workers=2)
+    assert build(recording(), tmp_path / "out", corruptions=planners, workers=1).total
     build(recording("again"), tmp_path / "out2", corruptions=planners)
     manifest = json.loads((tmp_path / "out2" / "manifest.json").read_text())
     # what the schedule gives for epoch 0 needs them
