@@ -68,7 +68,11 @@ def _make_pool(workers: int) -> ProcessPoolExecutor:
     context = multiprocessing.get_context("spawn")
     try:
         return ProcessPoolExecutor(workers, context, initializer=_start_worker)
-    except (OSError, NotImplementedError) as error:  # it needs semaphores, which are in /dev/shm
+    except (
+        OSError,
+        ImportError,
+        NotImplementedError,
+    ) as error:  # it needs semaphores, which are in /dev/shm
         raise BuildError(
             f"there can be no worker processes here ({error}); make /dev/shm writable, or use"
             " workers=1 (--workers 1)"

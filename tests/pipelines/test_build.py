@@ -275,7 +275,7 @@ def test_without_dev_shm_there_are_no_workers_and_it_is_said(
     def read_only(*_: Any) -> None:
         raise OSError(errno.EROFS, "Read-only file system")
 
-    monkeypatch.setattr("_multiprocessing.SemLock", read_only)
+    monkeypatch.setattr("multiprocessing.synchronize.SemLock.__init__", read_only)
     planners = {"marks": hj.get("marks")}
     with pytest.raises(BuildError, match=r"no worker processes here .*/dev/shm.*--workers 1"):
         build(recording(), tmp_path / "out", corruptions=planners, workers=2)
