@@ -272,7 +272,7 @@ def test_planners_that_cannot_be_sent_to_workers(recording: Any, tmp_path: Path)
 def test_without_dev_shm_there_are_no_workers_and_it_is_said(
     recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def read_only(*_: Any) -> None:
+    def read_only(*_: Any, **__: Any) -> None:
         raise OSError(errno.EROFS, "Read-only file system")
 
     monkeypatch.setattr("multiprocessing.synchronize.SemLock.__init__", read_only)
