@@ -277,9 +277,10 @@ def test_without_dev_shm_there_are_no_workers_and_it_is_said(
 
     monkeypatch.setattr("multiprocessing.synchronize.SemLock.__init__", read_only)
     planners = {"marks": hj.get("marks")}
+    source = recording()
     with pytest.raises(BuildError, match=r"no worker processes here .*/dev/shm.*--workers 1"):
-        build(recording(), tmp_path / "out", corruptions=planners, workers=2)
-    assert build(recording(), tmp_path / "out", corruptions=planners, workers=1).total
+        build(source, tmp_path / "out", corruptions=planners, workers=2)
+    assert build(source, tmp_path / "out", corruptions=planners, workers=1).total
     build(recording("again"), tmp_path / "out2", corruptions=planners)
     manifest = json.loads((tmp_path / "out2" / "manifest.json").read_text())
     # what the schedule gives for epoch 0 needs them
