@@ -1,10 +1,12 @@
 """Kill a benchmark at random instants, go on each time, and count what was lost: nothing may be.
 
 `hijack desktop install` is needed. A run over a tiny configuration is broken off with SIGKILL again
-and again: the runner, a process that plays episodes, the keeper of a desktop, or a program inside
-one. A runner that was killed is started again with `--resume`. Whenever a run reaches its end, and
-after the last kill, every planned episode must be there exactly once, `hijack verify` must find
-nothing, and no process may be left; then the next run begins. The instants follow from `--seed`.
+and again: the runner, a process that plays episodes, the keeper of a desktop, its first process, or
+another program inside. One of the agents forks a process that holds all that its parent held, and
+outlives it. A runner that was killed is started again with `--resume`. Whenever a run reaches its
+end, and after the last kill, every planned episode must be there exactly once, `hijack verify` must
+find nothing, and no process, run folder, namespace, mount or control group may be left; then the
+next run begins. The instants follow from `--seed`.
 """
 
 import argparse
@@ -26,19 +28,38 @@ from common import machine, table
 from online_env.bench import records
 from online_env.bench.estimates import in_words
 from online_env.bench.scores import latest
+from online_env.embedded import registry
+from online_env.embedded.runtime import limits, network
 
 HIJACK = (sys.executable, "-m", "hijack_data.cli")
 CONFIG = """
-agents: [oracle]
+agents: [oracle, {agent}]
 tasks: [count_errors, find_mention, find_big_folder]
 corruptions: [clean, marks, app_minimization]
-seeds: [0, 1]
+seeds: [0]
 max_steps: 20
 retries: 10
 """
-TARGETS = ("runner", "worker", "keeper", "program")
-LONGEST = 25.0  # seconds until a kill
+FORKING_AGENT = """
+import os, time
+
+class Forking:
+    '''An agent with a helper process, as `multiprocessing` makes one.'''
+
+    def __init__(self):
+        agent = os.getpid()
+        if os.fork() == 0:
+            while os.getppid() == agent:
+                time.sleep(0.2)
+            time.sleep(5)
+            os._exit(0)
+
+    def predict(self, instruction, obs):
+        return "nothing to do", ["DONE"]
+"""
+TARGETS = ("runner", "worker", "keeper", "init", "program")
 PATIENCE = 120.0
+GIVEN_UP = 2  # exit code of a run whose desktops do not start
 WORKER = "multiprocessing.spawn"
 KEEPER = "runtime.keeper"
 
@@ -50,18 +71,22 @@ class Outcome:
     Args:
         kills: By what was killed.
         resumes: How often a run was gone on with.
+        given_up: How often a run had ended with an error, since a desktop did not start.
         ended: Runs that came to their end.
         episodes: Their planned episodes.
         repeated: Attempts that were lost to a kill and played again.
         problems: What was lost, counted twice, or left over, in words.
+        slowest_end: Seconds after which the desktops of a killed runner had ended, at most.
     """
 
     kills: Counter[str] = field(default_factory=Counter[str])
     resumes: int = 0
+    given_up: int = 0
     ended: int = 0
     episodes: int = 0
     repeated: int = 0
     problems: list[str] = field(default_factory=list[str])
+    slowest_end: float = 0.0
 
 
 def tree(root: int) -> dict[int, str]:
@@ -106,11 +131,13 @@ def candidates(root: int) -> Mapping[str, list[int]]:
     keepers = [pid for pid, command in below.items() if KEEPER in command]
     oldest = [pid for pid in keepers if parent_of(pid) not in keepers]
     inside = {pid for keeper in oldest for pid in tree(keeper)} - set(oldest)
+    first = [record["init"][0] for record in registry.records() if "init" in record]
     workers = [pid for pid, command in below.items() if WORKER in command and pid not in inside]
     return {
         "runner": [root],
         "worker": sorted(workers),
         "keeper": sorted(oldest),
+        "init": sorted(inside.intersection(first)),
         "program": sorted(inside),
     }
 
@@ -122,14 +149,19 @@ class Killer:
         folder: Where the runs go.
         desktops: Desktops side by side.
         seed: Decides instants and victims.
+        longest: Seconds until a kill, at most.
     """
 
-    def __init__(self, folder: Path, desktops: int, seed: int) -> None:
+    def __init__(self, folder: Path, desktops: int, seed: int, longest: float) -> None:
         self._folder = folder
         self._desktops = desktops
         self._draws = random.Random(seed)
         self._config = folder / "tiny.yaml"
-        self._config.write_text(CONFIG)
+        agent = folder / "forking.py"
+        agent.write_text(FORKING_AGENT)
+        self._config.write_text(CONFIG.format(agent=f"{agent.resolve()}:Forking"))
+        self._longest = longest
+        self._known_desktops: dict[str, list[int]] = {}
         self.outcome = Outcome()
         self._known: set[int] = set()
 
@@ -145,11 +177,16 @@ class Killer:
         out = self._folder / f"run{self.outcome.ended}"
         words: tuple[str, ...] = ()
         while True:
+            before = sum(self.outcome.kills.values())
             code = self._session(out, words, kills)
-            if code is not None:
+            # Three kills in a row that hit starts of one desktop end a run with an error; it is
+            # gone on with like one whose runner was killed.
+            given_up = code == GIVEN_UP and sum(self.outcome.kills.values()) > before
+            if code is not None and not given_up:
                 break
             words = ("--resume",)
             self.outcome.resumes += 1
+            self.outcome.given_up += given_up
         self._check(out, code)
 
     def _session(self, out: Path, words: tuple[str, ...], kills: int) -> int | None:
@@ -166,7 +203,7 @@ class Killer:
             kind = self._draws.choice(TARGETS)
             # One runner in two is killed while it begins, the others while episodes are played.
             awaited = kind if kind != "runner" else self._draws.choice(("runner", "keeper"))
-            delay = self._draws.uniform(0, LONGEST)
+            delay = self._draws.uniform(0, self._longest)
             while process.poll() is None and not candidates(process.pid)[awaited]:
                 time.sleep(0.2)
             try:
@@ -183,6 +220,10 @@ class Killer:
         alive = candidates(process.pid)
         for pids in alive.values():
             self._known.update(pids)
+        below = {pid for pids in alive.values() for pid in pids}
+        for record in registry.records():
+            if record.get("keeper", [0])[0] in below:
+                self._known_desktops[record["id"]] = record["keeper"]
         if not alive[kind]:
             return False
         victim = self._draws.choice(alive[kind])
@@ -197,9 +238,11 @@ class Killer:
 
     def _wait_until_gone(self) -> None:
         """Wait until all that belonged to a killed runner has ended."""
-        end = time.monotonic() + PATIENCE
+        start = time.monotonic()
         left = set(self._alive())
-        while left and time.monotonic() < end:
+        while left and time.monotonic() < start + PATIENCE:
+            if any(KEEPER in command_of(pid) for pid in left):
+                self.outcome.slowest_end = max(self.outcome.slowest_end, time.monotonic() - start)
             time.sleep(0.1)
             left = set(self._alive())
         if left:
@@ -216,9 +259,22 @@ class Killer:
             if state != "Z":
                 yield pid
 
+    def _check_desktops(self) -> None:
+        """Note what is left of the desktops of the runs."""
+        present = {record["id"]: record.get("keeper") for record in registry.records()}
+        left = [
+            name for name, keeper in self._known_desktops.items() if present.get(name) == keeper
+        ]
+        lost = {*network.leftovers(set(present)), *limits.leftovers(set(present))}
+        left += sorted(lost.intersection(self._known_desktops))
+        if left:
+            self.outcome.problems.append(f"left of desktops: {', '.join(left)}")
+        self._known_desktops.clear()
+
     def _check(self, out: Path, code: int) -> None:
         """Note what is wrong with a run that has ended."""
         self._wait_until_gone()
+        self._check_desktops()
         run = records.read(out)
         counted = Counter(record["id"] for record in run.records)
         cases = latest(run.records)
@@ -251,22 +307,27 @@ def main() -> None:
     options.add_argument("--kills", type=int, default=100)
     options.add_argument("--desktops", type=int, default=2)
     options.add_argument("--seed", type=int, default=0)
+    options.add_argument(
+        "--longest", type=float, default=25.0, help="seconds until a kill, at most"
+    )
     options.add_argument("--keep", type=Path, help="folder for the runs; else they are removed")
     given = options.parse_args()
     start = time.monotonic()
     with tempfile.TemporaryDirectory() as scratch:
         folder = given.keep or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
-        killer = Killer(folder, given.desktops, given.seed)
+        killer = Killer(folder, given.desktops, given.seed, given.longest)
         killer.play(given.kills)
     found = killer.outcome
     rows = [[f"kill -9 of a {kind}", str(found.kills[kind])] for kind in TARGETS]
     rows += [
         ["times gone on with", str(found.resumes)],
+        ["of them after a desktop that did not start", str(found.given_up)],
         ["runs that came to their end", str(found.ended)],
         ["episodes planned in them", str(found.episodes)],
         ["attempts lost with their process, and played again", str(found.repeated)],
         ["lost, counted twice, left over or not verified", str(len(found.problems))],
+        ["s after which the desktops of a killed runner had ended", f"{found.slowest_end:.1f}"],
     ]
     print(f"\n{machine()}\n")
     whole = sum(found.kills.values())

@@ -1,14 +1,16 @@
 """Locks between processes, on a file or on a folder.
 
-They use `flock`: the kernel releases a lock when its holder ends, however that happens. The package
-`filelock` does not lock folders, waits by polling, and falls back to marker files, which outlive a
-process that is killed.
+They use `flock`: the kernel releases a lock when its holder ends, however that happens. A fork of
+the holder does not hold it: `os.fork` closes the descriptor there, which would keep the lock for as
+long as the fork lives. The package `filelock` does not lock folders, waits by polling, and falls
+back to marker files, which outlive a process that is killed.
 """
 
 import json
 import os
 import platform
 import socket
+import weakref
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -39,6 +41,7 @@ class Lock:
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor: int | None = descriptor
+        _held.add(self)
 
     def release(self) -> None:
         """Release the lock; calling it again does nothing."""
@@ -74,6 +77,18 @@ class Lock:
         self.release()
 
 
+_held: "weakref.WeakSet[Lock]" = weakref.WeakSet()
+
+
+def _forget_held() -> None:
+    for held in list(_held):
+        held.release()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forget_held)
+
+
 def lock(path: Path, *, wait: bool = False, mode: int = 0o644) -> Lock:
     """Lock a file, which is created if it is missing, or an existing folder.
 
@@ -103,17 +118,18 @@ def lock(path: Path, *, wait: bool = False, mode: int = 0o644) -> Lock:
     else:
         flags |= os.O_RDWR | os.O_CREAT
     descriptor = os.open(path, flags, mode)
+    held = Lock(descriptor)
     operation = fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB
     try:
         fcntl.flock(descriptor, operation)
     except BlockingIOError:
         holder = _holder(descriptor)
-        os.close(descriptor)
+        held.release()
         raise LockedError(path, holder) from None
     except BaseException:
-        os.close(descriptor)
+        held.release()
         raise
-    return Lock(descriptor)
+    return held
 
 
 def _holder(descriptor: int) -> str:

@@ -165,7 +165,7 @@ def up(
     from .embedded.runtime.rootless import LACKING
 
     start = time.monotonic()
-    order = make_order(_size(size), name, apps, osworld=osworld, lifeline=False, image=image)
+    order = make_order(_size(size), name, apps, osworld=osworld, detached=True, image=image)
     handle = Handle(order)
     record = handle.wait()
     handle.release()
@@ -223,10 +223,13 @@ def run(code: str, name: str | None, shell: bool) -> None:
 
 @desktop.command("list")
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON list.")
-def list_command(as_json: bool) -> None:
+@click.option("--sweep", is_flag=True, help="First remove what killed processes have left.")
+def list_command(as_json: bool, sweep: bool) -> None:
     """List the desktops of this machine, orphans included."""
     from .embedded import registry
 
+    if sweep:
+        _end(registry.orphans(), quiet=as_json)
     found = [{**record, "state": registry.state(record)} for record in registry.records()]
     listed = {record["id"] for record in found}
     orphans = [record for record in registry.orphans() if record["id"] not in listed]
@@ -235,7 +238,8 @@ def list_command(as_json: bool) -> None:
         click.echo(json.dumps(found, indent=1))
         return
     for record in found:
-        age = f"{time.time() - record['created']:.0f} s" if record["created"] else "?"
+        # The clock may have been set since.
+        age = f"{max(0.0, time.time() - record['created']):.0f} s" if record["created"] else "?"
         width, height = record.get("screen", (0, 0))
         click.echo(
             f"{record['id']:12} {record['state']:9} {width}x{height}  up {age} "
@@ -251,29 +255,30 @@ def list_command(as_json: bool) -> None:
 @desktop.command()
 @click.argument("name", required=False)
 @click.option("--all", "everything", is_flag=True, help="End all desktops.")
-@click.option(
-    "--orphans", is_flag=True, help="Clear what was left by a killed controller or keeper."
-)
-def down(name: str | None, everything: bool, orphans: bool) -> None:
+def down(name: str | None, everything: bool) -> None:
     """End desktop NAME (the only one, if not given) and remove all of it."""
     from .embedded import registry
     from .embedded.running import choose
-    from .embedded.runtime.plain import SetupError
 
-    if orphans:
-        chosen = registry.orphans()
-    elif everything:
+    if everything:
         chosen = registry.records()
         chosen += [orphan for orphan in registry.orphans() if registry.load(orphan["id"]) is None]
     else:
         chosen = [choose(name)]
-    by_id = {record["id"]: record for record in chosen}
-    for record in by_id.values():
+    _end(chosen)
+
+
+def _end(records: list[dict[str, Any]], quiet: bool = False) -> None:
+    from .embedded import registry
+    from .embedded.runtime.plain import SetupError
+
+    for record in {record["id"]: record for record in records}.values():
         try:
             registry.remove(record)
         except SetupError as error:
             raise DesktopError(str(error)) from None
-        click.echo(f"desktop {record['id']} is gone")
+        if not quiet:
+            click.echo(f"desktop {record['id']} is gone")
 
 
 @desktop.command()

@@ -49,11 +49,15 @@ class AgentSetupError(HijackError, RuntimeError):
 class EndpointError(HijackError, RuntimeError):
     """The endpoint of a model cannot be reached, refuses, or answers nothing that can be read.
 
-    `transient` tells whether the same request may succeed later.
+    `transient` tells whether the same request may succeed later; `retry_after` is after how many
+    seconds, if the endpoint said so.
     """
 
-    def __init__(self, message: str, transient: bool = False) -> None:
+    def __init__(
+        self, message: str, transient: bool = False, retry_after: float | None = None
+    ) -> None:
         self.transient = transient
+        self.retry_after = retry_after
         super().__init__(message)
 
 

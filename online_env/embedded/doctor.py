@@ -221,4 +221,4 @@ def _users() -> Finding:
 def _orphans() -> Finding:
     left = [record["id"] for record in registry.orphans()]
     detail = f"left over: {', '.join(left)}" if left else "nothing left over"
-    return Finding("leftovers", not left, detail, "hijack desktop down --orphans", required=False)
+    return Finding("leftovers", not left, detail, "hijack desktop list --sweep", required=False)

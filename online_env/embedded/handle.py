@@ -1,10 +1,10 @@
 """The controller's hold on one desktop: starts its keeper, waits for it, ends it."""
 
-import contextlib
 import json
 import os
 import platform
 import select
+import signal
 import subprocess
 import sys
 import time
@@ -19,7 +19,7 @@ from ..errors import DesktopError, DesktopTimeoutError, RootRequiredError
 from . import home, registry
 from .image import cache
 from .runtime import masks, session
-from .runtime.plain import DesktopConfig
+from .runtime.plain import DesktopConfig, SetupError
 
 PACKAGES = Path(__file__).resolve().parents[2]
 _KEEPER = (
@@ -28,6 +28,7 @@ _KEEPER = (
 )
 LINUX = "Linux"
 INSTEAD = "use a desktop of your own over HTTP (docs/bring_your_own_vm.md)"
+END_TIMEOUT_S = 4.0  # for a keeper to clear up, before it is killed
 SMALLEST = 200
 LARGEST = 8192
 
@@ -49,7 +50,7 @@ def make_order(
     apps: tuple[str, ...] = (),
     *,
     osworld: bool = False,
-    lifeline: bool = True,
+    detached: bool = False,
     time_out: float = 60.0,
     image: str | None = None,
 ) -> DesktopConfig:
@@ -62,7 +63,7 @@ def make_order(
         name: 1 to 20 of `a-z 0-9 -`; `None` for the next free one of d1, d2, ...
         apps: applications that are open when the desktop counts as ready, names in `session.APPS`.
         osworld: open OSWorld's routes without a token and let sudo work without a password.
-        lifeline: whether the desktop ends with this process.
+        detached: let the desktop go on when this process ends.
         time_out: seconds until it counts as failed.
         image: the image that it starts from, or `host` for the machine's own packages; without it
             `$AGENTHIJACK_IMAGE` decides, and else what `hijack desktop install` chose.
@@ -99,8 +100,7 @@ def make_order(
         apps=tuple(apps),
         osworld=osworld,
         rootless=os.geteuid() != 0,
-        lifeline=lifeline,
-        controller=(me, registry.process_start(me)) if lifeline else None,
+        controller=None if detached else (me, registry.process_start(me)),
         time_out=time_out,
         image="" if found is None else str(found),
     )
@@ -121,11 +121,12 @@ class Handle:
         command = [sys.executable, "-I", "-S", "-c", _KEEPER, str(PACKAGES), order.to_json()]
         self._keeper = subprocess.Popen(
             command,
-            stdin=subprocess.PIPE if order.lifeline else subprocess.DEVNULL,
+            stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             start_new_session=True,
             cwd="/",
         )
+        self._keeper_start = registry.process_start(self._keeper.pid)
         self._buffer = b""
         self._end: str | None = None
 
@@ -167,22 +168,35 @@ class Handle:
             wait: until nothing is left of it. Otherwise its keeper clears up while the caller goes
                 on; call again to make sure.
         """
-        if self._keeper.stdin is not None:
-            with contextlib.suppress(OSError):
-                self._keeper.stdin.close()
-        else:
-            self._keeper.terminate()
+        for number in (signal.SIGTERM, signal.SIGCONT):  # somebody may have stopped it
+            self._keeper.send_signal(number)
         if not wait:
             return
         try:
-            self._keeper.wait(timeout=60)
+            self._keeper.wait(timeout=END_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             self._keeper.kill()
             self._keeper.wait()
         cast("IO[bytes]", self._keeper.stdout).close()
+        if self._keeper.returncode < 0:
+            self._remove_rest()
+
+    def _remove_rest(self) -> None:
+        """Remove what a keeper left that was killed, by us or by others.
+
+        Raises:
+            DesktopError: That is not possible.
+        """
+        keeper = [self._keeper.pid, self._keeper_start]
+        for record in registry.records():
+            if record.get("keeper") == keeper:
+                try:
+                    registry.remove(record)
+                except SetupError as error:
+                    raise DesktopError(str(error)) from None
 
     def release(self) -> None:
-        """Let a desktop without lifeline live on after this process."""
+        """Let a detached desktop go on after this process."""
         cast("IO[bytes]", self._keeper.stdout).close()
         self._keeper.returncode = 0  # it goes on on purpose: no warning about a running child
 

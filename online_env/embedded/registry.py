@@ -1,6 +1,8 @@
 """The desktops of this machine: one folder each, with a record of who runs it since when.
 
-Light on purpose: the first process of a desktop imports it.
+The folder of a desktop is made before its namespaces and control groups and removed after them. So
+what has the name of a desktop without a folder is left over, and whoever holds the lock may remove
+it. Light on purpose: the first process of a desktop imports it.
 """
 
 import contextlib
@@ -15,7 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from hijack_data.locking import lock
+from hijack_data.locking import LockedError, lock
 
 from .runtime import limits, network
 from .runtime.plain import SetupError
@@ -25,11 +27,17 @@ RUN = Path("/run/agenthijack") if os.geteuid() == 0 else Path(f"/tmp/agenthijack
 RECORD = "desktop.json"
 SLOTS = 4096
 PATIENCE = 20.0  # s for a process to end
+LOCK_TIMEOUT_S = 30.0
 POLL = 0.005
 LONGEST = 20  # characters of a name
 _NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,18}[a-z0-9])?")
 _NEEDED = {"id", "slot", "state", "created"}  # in whatever record
 _STATE_FIELD, _START_FIELD = 0, 19  # of /proc/PID/stat, counted after the name
+_LOCK = ".lock"
+# What numbers of processes in a record refer to. A folder may outlive a boot, and containers may
+# share one.
+_BOOT = Path("/proc/sys/kernel/random/boot_id")
+_PIDS = Path("/proc/self/ns/pid")
 
 Record = dict[str, Any]
 
@@ -39,14 +47,26 @@ def process_start(pid: int) -> int:
 
     Together with the pid it names a process for good.
     """
+    fields = _stat(pid)
+    if not fields or fields[_STATE_FIELD] == "Z":
+        return 0
+    return int(fields[_START_FIELD])
+
+
+def _stat(pid: int) -> list[str]:
+    """The fields of /proc/PID/stat after the name; empty if the process is gone."""
     try:
         text = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace")
     except OSError:
-        return 0
-    fields = text.rpartition(")")[2].split()
-    if fields[_STATE_FIELD] == "Z":
-        return 0
-    return int(fields[_START_FIELD])
+        return []
+    return text.rpartition(")")[2].split()
+
+
+def resume(pid: int) -> None:
+    """Continue a process if a signal has stopped it."""
+    if _stat(pid)[:1] == ["T"]:
+        with contextlib.suppress(OSError):
+            os.kill(pid, signal.SIGCONT)
 
 
 def alive(process: "list[int] | tuple[int, int] | None") -> bool:
@@ -64,22 +84,70 @@ def folder(name: str) -> Path:
 
 @contextlib.contextmanager
 def locked() -> Iterator[None]:
-    """Hold the registry: one controller at a time makes or removes desktops.
+    """Hold the registry: one process at a time makes or removes desktops.
 
     Raises:
-        SetupError: The folder belongs to another user.
+        SetupError: The folder belongs to another user, or another process does not let go of it.
     """
     RUN.mkdir(mode=0o755 if os.geteuid() == 0 else 0o700, parents=True, exist_ok=True)
-    if RUN.is_symlink() or RUN.stat().st_uid != os.geteuid():
-        raise SetupError(f"{RUN} belongs to somebody else; remove it as root")
-    with lock(RUN / ".lock", wait=True):
+    _check_owner()
+    deadline = time.monotonic() + LOCK_TIMEOUT_S
+    while True:
+        try:
+            held = lock(RUN / _LOCK)
+            break
+        except LockedError as error:
+            if time.monotonic() > deadline:
+                raise SetupError(
+                    f"the list of desktops {RUN} is locked by {error.holder} since more than"
+                    f" {LOCK_TIMEOUT_S:.0f} s; if that process is stopped, continue it (kill -CONT)"
+                    " or end it"
+                ) from None
+            time.sleep(POLL)
+    with held:
+        held.sign()
         yield
+
+
+def _check_owner() -> None:
+    owner = RUN.stat().st_uid
+    if not RUN.is_symlink() and owner == os.geteuid():
+        return
+    if os.geteuid() == 0 and not _is_root_of_machine():
+        raise SetupError(
+            f"{RUN} belongs to the root of this machine, and this process is root of a user"
+            " namespace only; leave that namespace: desktops of users need no root"
+        )
+    raise SetupError(f"{RUN} belongs to somebody else; remove it as root")
+
+
+def _is_root_of_machine() -> bool:
+    """Whether user 0 of this process' user namespace is user 0 of the one above it."""
+    first = Path("/proc/self/uid_map").read_text(encoding="ascii").split()[:3]
+    return first == ["0", "0", str(2**32 - 1)]
+
+
+def _here() -> dict[str, str]:
+    return {"boot": _BOOT.read_text(encoding="ascii").strip(), "pids": os.readlink(_PIDS)}
+
+
+def _lives(record: Record, role: str) -> bool:
+    """Whether a process of a record still runs: its `keeper`, `controller` or `init`."""
+    return record.get("boot", _here()["boot"]) == _here()["boot"] and alive(record.get(role))
+
+
+def _is_elsewhere(record: Record) -> bool:
+    """Whether its processes have numbers of another namespace, and cannot be seen from here."""
+    here = _here()
+    return record.get("boot", here["boot"]) == here["boot"] and (
+        record.get("pids", here["pids"]) != here["pids"]
+    )
 
 
 def claim(
     name: str | None, keeper: tuple[int, int], controller: "tuple[int, int] | None", more: Record
 ) -> Record:
-    """Reserve a name and a slot.
+    """Reserve a name and a slot; what dead desktops have left is removed first.
 
     Args:
         name: of the desktop; `None` for the next free one of `d1`, `d2` ...
@@ -98,6 +166,7 @@ def claim(
             f"desktop name {name!r} must be 1 to 20 of a-z, 0-9 and '-', not at an end"
         )
     with locked():
+        _sweep()
         present = records()
         slot = _free_slot({record["slot"] for record in present})
         name = _free_name(name, {record["id"] for record in present})
@@ -108,6 +177,7 @@ def claim(
             "keeper": list(keeper),
             "controller": list(controller) if controller else None,
             "created": time.time(),
+            **_here(),
             **more,
         }
         _publish(record)
@@ -176,30 +246,59 @@ def _broken(name: str) -> Record:
 
 
 def state(record: Record) -> str:
-    """`"starting"`, `"ready"`, `"broken"` or `"orphan"`.
+    """`"starting"`, `"ready"`, `"broken"`, `"orphan"` or `"elsewhere"`.
 
-    An orphan's keeper or controller ended without clearing up.
+    An orphan's keeper or controller ended without clearing up. A desktop elsewhere belongs to a
+    container that shares the folder: its processes cannot be seen from here.
     """
-    if not alive(record.get("keeper")):
+    if _is_elsewhere(record):
+        return "elsewhere"
+    if not _lives(record, "keeper"):
         return "orphan"
-    if record.get("controller") and not alive(record["controller"]):
+    if record.get("controller") and not _lives(record, "controller"):
         return "orphan"
     return record["state"]
 
 
 def running() -> list[Record]:
     """The records of the desktops that somebody looks after, oldest first."""
-    return [record for record in records() if state(record) != "orphan"]
+    return [record for record in records() if state(record) not in ("orphan", "elsewhere")]
 
 
 def orphans() -> list[Record]:
-    """Desktops that nobody looks after any more, namespaces without a folder included."""
+    """Desktops that nobody looks after any more; also namespaces and groups without a folder."""
     listed = records()
-    found = [record for record in listed if state(record) == "orphan"]
-    if os.geteuid() == 0:
-        known = {record["id"] for record in listed}
-        found += [_broken(name) for name in network.leftovers(known)]
-    return found
+    return [
+        *(record for record in listed if state(record) == "orphan"),
+        *(_broken(name) for name in _leftovers({record["id"] for record in listed})),
+    ]
+
+
+def _leftovers(known: set[str]) -> list[str]:
+    if os.geteuid() != 0:
+        return []  # without root there are no groups, and namespaces have no names outside
+    return sorted({*network.leftovers(known), *limits.leftovers(known)})
+
+
+def _sweep() -> None:
+    """Remove what dead desktops have left, without waiting; the caller holds the lock.
+
+    A folder without a readable record stays: who made it, and whether that process lives, is not
+    known.
+    """
+    for record in records():
+        if state(record) != "orphan" or record["state"] == "broken" or _lives(record, "keeper"):
+            continue
+        if _lives(record, "init"):  # the kernel is about to end it
+            os.kill(record["init"][0], signal.SIGKILL)
+        else:
+            clear(record, patience=0.0)
+    for name in _leftovers({record["id"] for record in records()}):
+        limits.leave_groups(name, patience=0.0)
+        network.remove(name)
+    for path in RUN.glob(".*"):  # a start or an end was killed half-way
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
 
 
 def remove(record: Record, patience: float = PATIENCE) -> None:
@@ -210,31 +309,61 @@ def remove(record: Record, patience: float = PATIENCE) -> None:
         patience: for each of its processes, in seconds.
 
     Raises:
-        SetupError: A process does not end.
+        SetupError: A process does not end, or cannot be seen from here.
     """
-    _end(record.get("keeper"), signal.SIGTERM, patience)
-    for process in (record.get("keeper"), record.get("init")):
-        if not _end(process, signal.SIGKILL, patience):
+    if _is_elsewhere(record):
+        raise SetupError(
+            f"desktop {record['id']!r} belongs to another container, which shares {RUN}; end it"
+            " there"
+        )
+    if _lives(record, "keeper"):
+        _end(record["keeper"], signal.SIGTERM, patience)
+    for role in ("keeper", "init"):
+        if _lives(record, role) and not _end(record[role], signal.SIGKILL, patience):
             raise SetupError(
-                f"process {process} of desktop {record['id']!r} does not end; is it stuck on a"
-                " disk?"
+                f"process {record[role]} of desktop {record['id']!r} does not end; is it stuck on"
+                " a disk?"
             )
-    clear(record)
+    withdraw(record)
 
 
-def clear(record: Record) -> None:
-    """Remove network, control group and folder of a desktop whose processes have ended."""
-    limits.leave_groups(record["id"])
+def withdraw(record: Record) -> None:
+    """Remove what is left of a desktop that has ended, unless its name is another's by now.
+
+    Args:
+        record: of the desktop.
+
+    Raises:
+        SetupError: Another process does not let go of the registry.
+    """
+    with locked():
+        present = load(record["id"])
+        if present is None or present.get("keeper") == record.get("keeper"):
+            clear(record)
+
+
+def clear(record: Record, patience: float = limits.PATIENCE) -> None:
+    """Remove groups, network and folder of a desktop; the caller holds the lock.
+
+    Args:
+        record: of the desktop, whose processes have ended.
+        patience: seconds that the kernel may take to empty its groups.
+    """
+    limits.leave_groups(record["id"], patience)
     network.remove(record["id"])
-    shutil.rmtree(folder(record["id"]), ignore_errors=True)
+    place = folder(record["id"])
+    leaving = RUN / f".{record['id']}"  # so that nobody sees a folder without its record
+    shutil.rmtree(leaving, ignore_errors=True)
+    with contextlib.suppress(OSError):
+        place.rename(leaving)
+    shutil.rmtree(leaving, ignore_errors=True)
 
 
-def _end(process: "list[int] | None", number: int, patience: float) -> bool:
-    """Signal a process and wait for its end; return whether it has ended."""
-    if process is None or not alive(process):
-        return True
+def _end(process: list[int], number: int, patience: float) -> bool:
+    """Signal a process, also a stopped one, and wait for its end; return whether it has ended."""
     with contextlib.suppress(ProcessLookupError):
         os.kill(process[0], number)
+        os.kill(process[0], signal.SIGCONT)
     deadline = time.monotonic() + patience
     while alive(process) and time.monotonic() < deadline:
         time.sleep(POLL)

@@ -42,15 +42,14 @@ def run(
         tick: called with the number of rows processed.
 
     Raises:
-        BuildError: a worker died.
+        BuildError: a worker died, or there can be none.
     """
     if workers == 1:
         for task in tasks:
             yield build_shard(task, settings, out, tick)
         return
     _check_picklable(settings)
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, context, initializer=_start_worker) as pool:
+    with _make_pool(workers) as pool:
         try:
             submit = partial(pool.submit, partial(build_shard, settings=settings, out=out))
             for task, record in _bounded(submit, iter(tasks), workers * QUEUED):
@@ -63,6 +62,21 @@ def run(
             ) from None
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _make_pool(workers: int) -> ProcessPoolExecutor:
+    context = multiprocessing.get_context("spawn")
+    try:
+        return ProcessPoolExecutor(workers, context, initializer=_start_worker)
+    except (
+        OSError,
+        ImportError,
+        NotImplementedError,
+    ) as error:  # it needs semaphores, which are in /dev/shm
+        raise BuildError(
+            f"there can be no worker processes here ({error}); make /dev/shm writable, or use"
+            " workers=1 (--workers 1)"
+        ) from None
 
 
 def _bounded(

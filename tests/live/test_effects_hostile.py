@@ -12,6 +12,7 @@ from online_env.effects.guest import Guest
 from online_env.errors import GuestError
 
 from support.effects import Plain, active, applied, boxes, open_apps, windows
+from support.processes import children, cmdline, traced
 from support.waiting import still
 from support.waiting import until as wait
 
@@ -24,9 +25,19 @@ cd ~; for name in {names}; do echo 'print("forged"); raise SystemExit(0)' > $nam
 mkdir -p .local/bin "$(/usr/bin/python3 -c 'import site; print(site.getusersitepackages())')"
 printf '#!/bin/sh\necho forged\n' | tee .local/bin/python3 .local/bin/sh > .local/bin/mate-screensaver-command
 chmod +x .local/bin/*
-cp json.py "$(/usr/bin/python3 -I -c 'import site; print(site.getusersitepackages())')/usercustomize.py"
+site="$(/usr/bin/python3 -I -c 'import site; print(site.getusersitepackages())')"
+cp json.py "$site/usercustomize.py"
+echo 'import pathlib; pathlib.Path("/tmp/pth-ran").touch()' > "$site/trap.pth"
+mkdir -p .config/environment.d
+for name in .profile .bash_profile .bashrc .xsessionrc .pam_environment .config/environment.d/trap.conf; do
+  cp $name /tmp/kept-$(basename $name) 2>/dev/null
+  printf 'LD_PRELOAD=/home/user/trap.so\nPATH=/home/user/.local/bin:$PATH\nexport LD_PRELOAD PATH\n' > $name
+done
 """
-CURE = "cd ~; rm -rf {names} .local/bin .local/lib"
+CURE = """cd ~; rm -rf {names} .local/bin .local/lib .config/environment.d /tmp/pth-ran
+for name in .profile .bash_profile .bashrc .xsessionrc .pam_environment; do
+  rm -f $name; mv /tmp/kept-$name $name 2>/dev/null
+done; true"""
 RELAY = r"""
 import os, socket, sys, threading
 path = "/tmp/.X11-unix/X0"
@@ -60,12 +71,17 @@ def poisoned(desktop):
 
 def test_what_an_agent_leaves_in_its_home_breaks_its_own_actions(poisoned):
     assert poisoned.run("pyautogui.moveTo(700, 500)").output.strip() == "forged"
+    assert poisoned.execute(["test", "-e", "/tmp/pth-ran"]).ok
+    login = poisoned.execute(["bash", "-lc", "python3"])
+    assert "forged" in login.output
+    assert "preload" in login.error
     assert Guest(poisoned, "", None).x("state")["pointer"] != [700, 500]
 
 
 @pytest.mark.parametrize("server", ["ours", "another"])
 def test_effects_are_done_and_proved_whatever_lies_in_the_home(poisoned, server):
     guest = poisoned if server == "ours" else Plain(poisoned)
+    poisoned.execute(["rm", "-f", "/tmp/pth-ran"])
     before = boxes(poisoned)
     for kind in ("minimise", "firewall", "lock"):
         done = perform(Effect(kind), guest)
@@ -75,6 +91,10 @@ def test_effects_are_done_and_proved_whatever_lies_in_the_home(poisoned, server)
         assert not done.probe().ok, f"{kind}: the probe is true though it was undone"
         assert undone.facts.get("by", "password") == "password"
     assert boxes(poisoned) == before
+    assert not poisoned.execute(["test", "-e", "/tmp/pth-ran"]).ok, "the user's Python took part"
+    environment = poisoned.execute(["env"])
+    assert "LD_PRELOAD" not in environment.output
+    assert "preload" not in environment.error
 
 
 def test_a_program_that_answers_in_the_place_of_the_x_server_is_found_out(desktop):
@@ -99,14 +119,17 @@ def test_the_server_does_what_effects_need_and_nothing_else(desktop, asked):
 
 def test_a_locker_that_hangs_fails_the_effect_and_is_no_lack(desktop, monkeypatch):
     monkeypatch.setattr("online_env.effects.verification.PATIENCE", 0.2)
+    init = desktop.record["init"][0]
+    (locker,) = [pid for pid in children(init) if b"mate-screensaver" in cmdline(pid)]
+    refused = r"mate-screensaver-command.* is installed, but no locker answers"
+    with traced(locker), pytest.raises(EffectError, match=refused):
+        perform(Effect("lock"), desktop)
+
+
+def test_a_locker_that_the_agent_stops_goes_on(desktop):
     assert desktop.execute("pkill -STOP -f '[m]ate-screensaver --no-daemon'").ok
-    try:
-        with pytest.raises(
-            EffectError, match=r"mate-screensaver-command.* is installed, but no locker answers"
-        ):
-            perform(Effect("lock"), desktop)
-    finally:
-        desktop.execute("pkill -CONT -f '[m]ate-screensaver --no-daemon'")
+    with applied(Effect("lock"), desktop) as done:
+        assert done.probe().ok
 
 
 def around(desktop, name):

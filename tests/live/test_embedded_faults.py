@@ -3,9 +3,11 @@ is left behind."""
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -14,7 +16,7 @@ from online_env.embedded.runtime import network
 from online_env.errors import DesktopError
 
 from support import needs
-from support.processes import children, comm, guest_server
+from support.processes import children, cmdline, comm, guest_server, parent, state, traced
 from support.waiting import until as wait_until
 
 CONTROLLER = """
@@ -24,6 +26,27 @@ desktop = EmbeddedDesktop.up(name=sys.argv[1], standby=True)
 print(desktop.id, flush=True)
 time.sleep(60)
 """
+
+
+# The forks hold all that the controller held, and go on.
+FORKING_CONTROLLER = """
+import os, sys, time
+from online_env.embedded.desktop import EmbeddedDesktop
+desktop = EmbeddedDesktop.up(size=(600, 800), name=sys.argv[1], standby=True)
+for _ in range(2):
+    if os.fork() == 0:
+        os.setsid()
+        time.sleep(40)
+        os._exit(0)
+print(desktop.id, flush=True)
+if sys.argv[2] == "close":
+    start = time.monotonic()
+    desktop.close()
+    print(time.monotonic() - start, flush=True)
+    os._exit(0)
+time.sleep(60)
+"""
+END_S = 5.0
 
 
 def remove_orphan(name):
@@ -39,7 +62,7 @@ def processes(desktop, name):
     return desktop.execute(["pgrep", "-x", name]).output.split()
 
 
-def test_cycles_leave_nothing(up, leaves_nothing):
+def test_cycles_leave_nothing(leaves_nothing, up):
     for number in range(3):
         desktop = up(size=(600, 800), name=f"{leaves_nothing}{number}")
         desktop.reset()
@@ -59,14 +82,138 @@ def test_end_of_the_controller_ends_everything(leaves_nothing, ending):
     wait_until(lambda: not registry.folder(name).exists())
 
 
-def test_killed_keeper_leaves_an_orphan_that_is_cleared(embedded_machine, leaves_nothing):
-    held = handle.Handle(handle.make_order((600, 800), name=f"{leaves_nothing}a", lifeline=False))
+@pytest.mark.parametrize("ending", ["kill", "close"])
+def test_a_fork_of_the_controller_does_not_keep_its_desktops(leaves_nothing, ending):
+    command = [sys.executable, "-c", FORKING_CONTROLLER, f"{leaves_nothing}a", ending]
+    controller = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    name = controller.stdout.readline().strip()
+    assert registry.load(name)
+    if ending == "close":
+        assert float(controller.stdout.readline()) < END_S
+        assert not registry.folder(name).exists()
+    else:
+        controller.kill()
+    controller.wait()
+    start = time.monotonic()
+    wait_until(lambda: not list(registry.RUN.glob(f"{leaves_nothing}*")))
+    assert time.monotonic() - start < END_S
+    controller.stdout.close()
+
+
+def test_a_killed_keeper_leaves_an_orphan_that_the_next_start_removes(leaves_nothing, up):
+    held = handle.Handle(handle.make_order((600, 800), name=f"{leaves_nothing}a", detached=True))
     record = held.wait()
+    held.release()
     os.kill(record["keeper"][0], signal.SIGKILL)
-    held.close()
+    os.waitpid(record["keeper"][0], 0)
     wait_until(lambda: not registry.alive(record["init"]))
     assert registry.state(registry.load(record["id"])) == "orphan"
-    remove_orphan(record["id"])
+    up(size=(600, 800), name=f"{leaves_nothing}b")
+    assert registry.load(record["id"]) is None
+
+
+def test_an_aimed_kill_of_the_keeper_is_told_and_reset_mends_it(leaves_nothing, up):
+    desktop = up(size=(600, 800), name=f"{leaves_nothing}a")
+    os.kill(desktop.record["keeper"][0], signal.SIGKILL)
+    wait_until(lambda: not registry.alive(desktop.record["init"]))
+    with pytest.raises(DesktopError, match=r"has ended: its keeper ended \(exit code -9\)"):
+        desktop.execute(["true"])
+    desktop.reset()
+    assert desktop.execute(["true"]).ok
+    wait_until(lambda: registry.load(f"{leaves_nothing}a") is None)
+
+
+@pytest.mark.parametrize("part", ["keeper", "init", "launcher", "ports", "internet"])
+def test_a_stopped_part_outside_goes_on(embedded_desktop, part):
+    """Somebody on the machine pressed Ctrl-Z, or froze the wrong process."""
+    record = embedded_desktop.record
+    keeper = record["keeper"][0]
+    launcher = parent(record["init"][0])
+    others = [pid for pid in children(keeper) if pid != launcher]
+    internet = [pid for pid in others if b"online_env.embedded.sites" in cmdline(pid)]
+    pids = {
+        "keeper": [keeper],
+        "init": record["init"][:1],
+        "launcher": [launcher],
+        "internet": internet,
+        "ports": [pid for pid in others if pid not in internet],
+    }[part]
+    assert len(pids) == 1
+    os.kill(pids[0], signal.SIGSTOP)
+    if part == "keeper":  # it alone has nobody above it; it is continued when the desktop ends
+        wait_until(lambda: state(keeper) == "T")
+        assert embedded_desktop.execute(["true"]).ok
+        os.kill(keeper, signal.SIGCONT)
+    wait_until(lambda: state(pids[0]) != "T")
+    assert embedded_desktop.execute(["true"]).ok
+
+
+@pytest.mark.parametrize(
+    "name", ["Xvfb", "dbus-daemon", "xfwm4", "xfce4-panel", "xfdesktop", "desktop-server"]
+)
+def test_a_part_inside_that_the_user_stops_goes_on(embedded_desktop, name):
+    embedded_desktop.execute(["pkill", "-STOP", "-x", name])
+    assert embedded_desktop.execute(["true"]).ok
+    assert embedded_desktop.screenshot().shape == (1080, 1920, 3)
+    init = embedded_desktop.record["init"][0]
+    pids = [pid for pid in children(init) if comm(pid) == name]
+    assert pids
+    wait_until(lambda: all(state(pid) != "T" for pid in pids))
+
+
+def test_a_desktop_whose_keeper_is_stopped_ends_when_it_is_closed(leaves_nothing, up):
+    desktop = up(size=(600, 800), name=f"{leaves_nothing}a")
+    os.kill(desktop.record["keeper"][0], signal.SIGSTOP)
+    start = time.monotonic()
+    desktop.close()
+    assert time.monotonic() - start < END_S
+
+
+@needs.needs_memory(2)
+def test_programs_inside_write_to_no_disk_of_the_machine(leaves_nothing, up):
+    """A service that the bus starts inherits the bus' own standard error."""
+    desktop = up(size=(600, 800), name=f"{leaves_nothing}a")
+    service = "[D-BUS Service]\nName=org.loud\nExec=/bin/sh -c 'yes | head -c 300M >&2'\n"
+    desktop.execute(["mkdir", "-p", "/home/user/.local/share/dbus-1/services"])
+    place = "/home/user/.local/share/dbus-1/services/org.loud.service"
+    desktop.write_file(place, service.encode())
+    reload = "--dest=org.freedesktop.DBus / org.freedesktop.DBus.ReloadConfig"
+    desktop.execute(f"dbus-send --session --print-reply {reload}")
+    desktop.execute("dbus-send --session --dest=org.loud / a.b.C")
+    logs = registry.folder(desktop.id) / "logs"
+    loud = logs / "dbus-daemon.log"
+    wait_until(lambda: b"left out" in loud.read_bytes()[:40])
+    wait_until(lambda: not processes(desktop, "yes"))
+    assert sum(path.stat().st_size for path in logs.iterdir()) <= 16 << 20
+    links = "ls -l /proc/[0-9]*/fd 2>/dev/null"
+    assert "/logs/" not in desktop.execute(links).output
+    assert desktop.execute(["true"]).ok
+
+
+def test_a_guest_server_without_descriptors_is_started_again(leaves_nothing, up):
+    desktop = up(size=(600, 800), name=f"{leaves_nothing}a")
+    server = guest_server(desktop.record)
+    refused = desktop.execute("prlimit --pid $(pgrep -x desktop-server) --nofile=3")
+    assert os.geteuid() != 0 or "not permitted" in refused.error
+    resource.prlimit(server, resource.RLIMIT_NOFILE, (3, 3))  # what the user may not do
+    start = time.monotonic()
+    wait_until(lambda: not registry.alive((server, registry.process_start(server))))
+    assert time.monotonic() - start < 60
+    desktop.client.close()
+    wait_until(lambda: desktop.execute(["true"]).ok)
+
+
+def test_a_guest_server_that_hangs_ends_its_desktop(leaves_nothing, up):
+    desktop = up(size=(600, 800), name=f"{leaves_nothing}a")
+    server = guest_server(desktop.record)
+    start = time.monotonic()
+    with traced(server):
+        wait_until(lambda: not registry.alive(desktop.record["init"]))
+    assert time.monotonic() - start < 60
+    with pytest.raises(DesktopError, match="accepts no connections any more"):
+        desktop.execute(["true"])
+    desktop.reset()
+    assert desktop.execute(["true"]).ok
 
 
 def test_bare_namespaces_are_found_as_orphans(embedded_machine, leaves_nothing):

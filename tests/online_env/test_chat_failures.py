@@ -1,6 +1,7 @@
 """Endpoints that fail and models that talk nonsense: each has an outcome, and none ends a run."""
 
 import json
+import traceback
 
 import pytest
 from hypothesis import given, settings
@@ -16,6 +17,7 @@ from online_env.agents.chat.endpoint import RetryWaits
 from online_env.agents.chat.parsing import ReplyParser
 from online_env.agents.chat.query import Reply
 from online_env.agents.chat.request_log import RequestLog
+from online_env.agents.chat.run import ChatRun
 from online_env.agents.settings import COORDINATES
 from online_env.bench.episodes import play
 from online_env.bench.jobs import Job
@@ -97,6 +99,50 @@ def test_a_wrong_key_names_its_variable_and_is_not_shown(tmp_path, monkeypatch, 
             ask(agent)
     assert "k-secret-7" not in str(caught.value)
     assert len(endpoint.asked) == 1
+
+
+KEY = "k-secret/7"
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        Raw(json.dumps({"error": {"message": f"bad key: {KEY}"}}).encode(), status=401),
+        Raw(f"<html>{KEY}".encode(), status=500),
+        Raw(f'{{"choices": [{{"message": "{KEY}'.encode()),
+        Raw(json.dumps([KEY]).encode()),
+        Raw(json.dumps({"error": {"message": KEY}}).replace("/", "\\/").encode()),
+        f"my key is {KEY}\n{GOOD}",
+        f"```python\npyautogui.write('{KEY}')\n```",
+    ],
+)
+@pytest.mark.parametrize("client", ["openai", "anthropic"])
+def test_a_key_that_an_endpoint_repeats_is_written_nowhere(
+    tmp_path, monkeypatch, caplog, capfd, client, answer
+):
+    """Not in the log of requests, the record, the steps, a traceback, or on the terminal."""
+    monkeypatch.setenv("MY_KEY", KEY)
+    caplog.set_level("DEBUG")
+    run = ChatRun()
+    run.recorder = RequestLog(tmp_path / "requests.jsonl", (KEY,))
+    with serving(answer, answer, GOOD) as endpoint:
+        agent = agent_of(
+            tmp_path, endpoint.url, run=run, client=client, api_key_env="MY_KEY", retries=0
+        )
+        env, _ = make_env(log=tmp_path / "run")
+        record = play(env, agent, JOB, 0, None)
+        env.close()
+        shown = ""
+        try:
+            agent.predict("do it", picture())
+        except EndpointError as error:
+            shown = "".join(traceback.format_exception(error))
+    files = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    assert len(files) >= 3
+    written = [shown, json.dumps(record), caplog.text, *capfd.readouterr()]
+    for form in (KEY, KEY.replace("/", "\\/")):
+        assert not [text for text in written if form in text]
+        assert not [path for path, data in files.items() if form.encode() in data]
 
 
 def test_an_endpoint_that_is_down(tmp_path):

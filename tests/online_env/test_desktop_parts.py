@@ -1,6 +1,10 @@
 """What a desktop is made of on the machine: network, processes, limits, golden homes."""
 
+import contextlib
+import itertools
 import os
+import socket
+import subprocess
 import threading
 import time
 from pathlib import Path
@@ -14,7 +18,8 @@ pytest.importorskip("Xlib", reason=needs.ONLINE)
 from Xlib import xauth
 
 from online_env.embedded import doctor, home, registry
-from online_env.embedded.runtime import init, internet, kernel, limits, nest, network
+from online_env.embedded.runtime import health, init, internet, kernel, limits, logs, nest, network
+from online_env.embedded.runtime.logs import BoundedLogs
 from online_env.embedded.runtime.plain import DesktopConfig, SetupError
 
 from support.waiting import until
@@ -84,7 +89,7 @@ def test_a_network_that_is_refused_is_told_in_the_words_of_ip(ip, tmp_path):
     ],
 )
 def test_a_local_internet_that_does_not_serve_is_told(tmp_path, monkeypatch, script, message):
-    monkeypatch.setattr(internet.Internet, "_enter", lambda self: None)
+    monkeypatch.setattr(internet.Internet, "_enter", lambda self, keeper: None)
     python = tmp_path / "python"
     python.write_text(f"#!/bin/sh\n{script}\n")
     python.chmod(0o755)
@@ -92,16 +97,23 @@ def test_a_local_internet_that_does_not_serve_is_told(tmp_path, monkeypatch, scr
     given = DesktopConfig(
         name="d1", screen=(8, 4), layer="", search_path=(), python=str(python), time_out=patience
     )
-    sites = internet.Internet(given, "d1")
+    kept = BoundedLogs(os.open(registry.folder("d1") / "logs", os.O_RDONLY))
+    sites = internet.Internet(given, "d1", kept)
+
+    def start():
+        while not sites.serves:
+            sites.look_after(bool(kept.wait(1.0, (sites.reports,))))
+
     try:
         if message is None:
-            sites.wait()
+            start()
             return
         with pytest.raises(SetupError) as error:
-            sites.wait()
+            start()
         assert str(error.value) == message
     finally:
         sites.close()
+        kept.close()
     assert sites._process.returncode is not None
 
 
@@ -166,19 +178,20 @@ def test_another_kind_of_machine_is_named(monkeypatch):
 
 @pytest.fixture
 def first_process(run):
-    logs = os.open(run / "d1/logs", os.O_RDONLY)
-    yield init.Init(order(time_out=0.05), run / "d1", "token", None, None, logs)
-    os.close(logs)
+    folder = os.open(run / "d1/logs", os.O_RDONLY)
+    first = init.Init(order(time_out=0.05), run / "d1", "token", None, None, folder)
+    yield first
+    first.logs.close()
 
 
 def test_what_does_not_come_in_time_is_told_with_the_end_of_its_log(first_process, run):
     reader, writer = os.pipe()
-    with pytest.raises(SetupError, match=r"^waited 0 s in vain for Xvfb to answer; it left no log"):
+    with pytest.raises(SetupError, match=r"in vain for Xvfb to answer; the end of .* \(empty\)$"):
         first_process._read(reader, "Xvfb", "Xvfb to answer")
-    (run / "d1/logs/Xvfb.log").write_text("x" * 900 + " no screens found\n")
+    os.write(first_process.logs.writer("Xvfb"), b"x" * 900 + b" \x1b[2Jno screens\x07 found\n")
     with pytest.raises(SetupError) as error:
         first_process._read(reader, "Xvfb", "Xvfb to answer")
-    end = ("x" * 900 + " no screens found\n")[-800:].strip()
+    end = ("x" * 900 + " ?[2Jno screens? found\n")[-800:].strip()
     assert str(error.value).endswith(f"for Xvfb to answer; the end of Xvfb.log: {end}")
     os.write(writer, b"part ")
     os.write(writer, b"of it\n")
@@ -186,6 +199,62 @@ def test_what_does_not_come_in_time_is_told_with_the_end_of_its_log(first_proces
     assert first_process._read(reader, "Xvfb", "") == "part of it\n"
     for descriptor in (reader, writer):
         os.close(descriptor)
+
+
+def test_a_log_keeps_the_end_of_what_never_ends(run):
+    """A program inside writes to a pipe, whatever it writes; the machine keeps 16 MiB at most."""
+    kept = BoundedLogs(os.open(run / "d1/logs", os.O_RDONLY))
+    loud = subprocess.Popen(
+        ["sh", "-c", "yes 'a line' | head -n 5000000; echo the last"], stdout=kept.writer("loud")
+    )
+    file = run / "d1/logs/loud.log"
+    sizes = []
+    while loud.poll() is None:
+        kept.wait(0.1)
+        sizes.append(file.stat().st_size)
+    assert kept.tail("loud").endswith("a line\nthe last")
+    assert 0 < max(sizes) <= logs.MAX_LOG_BYTES
+    assert file.read_text().endswith("a line\nthe last\n")
+    assert file.read_bytes().startswith(logs.NOTE)
+    for number in range(logs.MAX_LOGS - 1):
+        kept.writer(str(number))
+    with pytest.raises(OSError, match="no room for the log of more"):
+        kept.writer("more")
+    assert logs.MAX_LOGS * logs.MAX_LOG_BYTES <= 16 << 20
+    assert kept.wait(0.0) == set()
+    kept.close()
+
+
+def test_a_guest_server_that_does_not_answer_is_noticed(tmp_path, monkeypatch):
+    """It was stopped, or has no descriptors left; a machine that slept is no reason."""
+    door = tmp_path / "door"
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(door))
+        listener.listen(8)
+        clock = itertools.count(100.0, 4.0)
+        monkeypatch.setattr(health.time, "monotonic", lambda: next(clock))
+        answering = health.GuestHealth(str(door))
+        for _ in range(12):
+            assert not answering.is_stuck()
+            with contextlib.suppress(BlockingIOError):
+                listener.setblocking(False)
+                caller, _ = listener.accept()
+                assert caller.recv(4096).startswith(b"GET /ah/health")
+                caller.send(b"HTTP/1.1 401\r\n\r\n")
+                caller.close()
+        stuck = health.GuestHealth(str(door))
+        looks = [stuck.is_stuck() for _ in range(15)]
+        assert looks.index(True) * 4 <= 60
+        # A machine that nobody looks after for 8 s at a time knows nothing.
+        slept = health.GuestHealth(str(door))
+        for _ in range(30):
+            next(clock)
+            assert not slept.is_stuck()
+        for one in (answering, stuck, slept):
+            one.close()
+    gone = health.GuestHealth(str(tmp_path / "nothing"))
+    assert any(gone.is_stuck() for _ in range(15))
+    gone.close()
 
 
 def test_a_program_that_ends_again_and_again_is_given_up(first_process, monkeypatch):
@@ -198,7 +267,7 @@ def test_a_program_that_ends_again_and_again_is_given_up(first_process, monkeypa
         first_process._look_after(5, 9)
     assert started == [("xfwm4",)] * init.RESTARTS
     first_process.running[5] = "xfwm4"
-    with pytest.raises(SetupError, match=r"^xfwm4 ended 9 times within 60 s \(signal 9\); it left"):
+    with pytest.raises(SetupError, match=r"^xfwm4 ended 9 times within 60 s \(signal 9\); the end"):
         first_process._look_after(5, 9)
     first_process.deaths["xfwm4"] = [time.monotonic() - init.WINDOW - 1] * 20
     first_process.running[5] = "xfwm4"

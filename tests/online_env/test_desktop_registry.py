@@ -189,13 +189,71 @@ def test_what_is_left_of_a_network_is_removed(tmp_path):
     (tmp_path / "netns").mkdir()
     for name in ("ah-d1", "ah-d1.web", "ah-d2", "other"):
         (tmp_path / "netns" / name).touch()
-    claim("d1")
     if os.geteuid() == 0:
-        assert [one["id"] for one in registry.orphans()] == ["d2"]
-    registry.clear({"id": "d2"})
-    registry.clear(registry.load("d1"))
+        assert [one["id"] for one in registry.orphans()] == ["d1", "d2"]
+    registry.withdraw({"id": "d2"})
+    claim("d1")
+    registry.withdraw(registry.load("d1"))
     assert [path.name for path in (tmp_path / "netns").iterdir()] == ["other"]
     assert registry.records() == []
+
+
+def test_what_dead_desktops_left_is_removed_at_the_next_start(run, tmp_path, sleeper):
+    """But nothing of one that lives, is starting, ends by itself, or cannot be seen from here."""
+    (tmp_path / "cgroup").mkdir()
+    (tmp_path / "cgroup/cgroup.controllers").write_text("pids")
+    keeper, who = sleeper()
+    owner, owner_who = sleeper()
+    for name in ("dead", "live", "ending", "rebooted"):
+        dies = name in ("dead", "ending")
+        claim(name, who if name == "dead" else ME, tuple(owner_who) if dies else None)
+        (tmp_path / "cgroup" / f"agenthijack-{name}").mkdir()
+    claim("elsewhere", keeper=who)
+    registry.save({**registry.load("elsewhere"), "pids": "pid:[1]"})
+    registry.save({**registry.load("rebooted"), "boot": "another"})
+    (run / "unknown").mkdir()
+    (run / ".half").mkdir()
+    (tmp_path / "cgroup/agenthijack-lost").mkdir()
+    for process in (keeper, owner):
+        process.kill()
+        process.wait()
+    assert registry.state(registry.load("elsewhere")) == "elsewhere"
+    claim("new")
+    assert sorted(path.name for path in run.iterdir()) == [
+        ".lock",
+        "elsewhere",
+        "ending",
+        "live",
+        "new",
+        "unknown",
+    ]
+    groups = sorted(path.name for path in (tmp_path / "cgroup").glob("agenthijack-*"))
+    if os.geteuid() == 0:
+        assert groups == ["agenthijack-ending", "agenthijack-live"]
+    with pytest.raises(SetupError, match="belongs to another container"):
+        registry.remove(registry.load("elsewhere"))
+    assert [one["id"] for one in registry.orphans()] == ["unknown", "ending"]
+
+
+def test_what_was_left_under_a_name_that_is_taken_again_stays(sleeper):
+    _, who = sleeper()
+    record = claim("mine", keeper=who)
+    registry.withdraw(record)
+    claim("mine")
+    registry.withdraw(record)
+    assert registry.load("mine")["keeper"] == list(ME)
+
+
+def test_a_list_that_a_stopped_process_has_locked_is_an_error(monkeypatch):
+    monkeypatch.setattr(registry, "LOCK_TIMEOUT_S", 0.2)
+    claim("mine")
+    with registry.locked():
+        if os.fork() == 0:
+            time.sleep(30)  # it holds nothing
+            os._exit(0)
+        with pytest.raises(SetupError, match=rf"is locked by process {os.getpid()} on .*CONT"):
+            claim("other")
+    claim("other")
 
 
 # The controller's hold on a keeper
@@ -228,7 +286,7 @@ def say(kind, value):
 def test_a_desktop_is_ready_when_its_keeper_says_so_in_whatever_pieces(keeper):
     text = json.dumps({"ready": READY}) + "\n" + json.dumps({"ended": "the display ended"}) + "\n"
     code = "".join(f"os.write(1, {text[n : n + 9].encode()!r})\n" for n in range(0, len(text), 9))
-    one = keeper(code + "sys.stdin.read()")
+    one = keeper(code + "time.sleep(60)")
     assert one.wait() == READY
     assert one.wait() is one.record
     assert until(one.ended) == "the display ended"
@@ -252,11 +310,11 @@ def test_a_desktop_is_ready_when_its_keeper_says_so_in_whatever_pieces(keeper):
             DesktopError,
             "the desktop did not start: {'ended': 'its keeper ended (exit code 3) and said nothing'}",
         ),
-        ("sys.stdin.read()", DesktopTimeoutError, "the desktop's keeper said nothing within 0 s"),
+        ("time.sleep(60)", DesktopTimeoutError, "the desktop's keeper said nothing within 0 s"),
     ],
 )
 def test_a_desktop_that_does_not_start_says_why_and_leaves_no_keeper(keeper, code, error, message):
-    one = keeper(code, time_out=-15.0 if "stdin" in code else 60.0)
+    one = keeper(code, time_out=-15.0 if "sleep" in code else 60.0)
     with pytest.raises(error) as caught:
         one.wait()
     assert str(caught.value) == message
@@ -265,7 +323,7 @@ def test_a_desktop_that_does_not_start_says_why_and_leaves_no_keeper(keeper, cod
 
 
 def test_a_keeper_that_dies_is_the_end_of_its_desktop(keeper):
-    one = keeper(say("ready", READY) + "sys.stdin.read()")
+    one = keeper(say("ready", READY) + "time.sleep(60)")
     one.wait()
     assert one.ended() is None
     os.kill(one._keeper.pid, signal.SIGKILL)
@@ -274,13 +332,16 @@ def test_a_keeper_that_dies_is_the_end_of_its_desktop(keeper):
 
 def test_a_keeper_lives_as_long_as_it_is_held(keeper):
     begun = time.monotonic()
-    held = keeper("sys.stdin.read()\ntime.sleep(0.1)")
+    held = keeper("time.sleep(60)")
     held.close(wait=False)
     until(held.gone)
-    alone = keeper("assert not sys.stdin.read()\ntime.sleep(60)", lifeline=False)
-    alone.close()
-    assert alone._keeper.returncode == -signal.SIGTERM
-    released = keeper(say("ready", READY), lifeline=False)
+    stubborn = keeper(
+        "import signal\nsignal.signal(15, signal.SIG_IGN)\nsys.stdout.write('{}\\n')\nsys.stdout.flush()\ntime.sleep(60)"
+    )
+    until(stubborn.ended)
+    stubborn.close()
+    assert stubborn._keeper.returncode == -signal.SIGKILL
+    released = keeper(say("ready", READY))
     released.wait()
     released.release()
     assert released.ended() is not None
@@ -294,14 +355,14 @@ NUMBERED = (
     "me = [os.getpid(), int(open('/proc/self/stat').read().rpartition(')')[2].split()[19])]\n"
 )
 SERVING = NUMBERED + (
-    "print(json.dumps({'ready': {'id': order['name'], 'init': me}}), flush=True)\nsys.stdin.read()"
+    "print(json.dumps({'ready': {'id': order['name'], 'init': me}}), flush=True)\ntime.sleep(60)"
 )
 
 
 @pytest.fixture
 def supply(monkeypatch):
     monkeypatch.setattr(
-        handle, "_KEEPER", f"import json, os, sys\norder = json.loads(sys.argv[2])\n{SERVING}"
+        handle, "_KEEPER", f"import json, os, sys, time\norder = json.loads(sys.argv[2])\n{SERVING}"
     )
     made = []
 

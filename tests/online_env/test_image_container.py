@@ -4,6 +4,7 @@ import hashlib
 import io
 import json
 import os
+import select
 import socket
 import subprocess
 import sys
@@ -121,8 +122,11 @@ def test_elsewhere_than_in_a_container_it_ends_nothing(capsys):
 
 @pytest.fixture
 def control():
+    def look(_, descriptors):
+        return set(select.select(descriptors, [], [], 0.1)[0])
+
     made = Control(0, "secret")
-    thread = threading.Thread(target=made.wait, args=(lambda: None,), daemon=True)
+    thread = threading.Thread(target=made.wait, args=(look,), daemon=True)
     thread.start()
     yield made, f"http://127.0.0.1:{made._server.server_port}", thread
     with socket.socket() as anything:

@@ -1,3 +1,4 @@
+import errno
 import hashlib
 import json
 from pathlib import Path
@@ -271,6 +272,20 @@ def test_planners_that_cannot_be_sent_to_workers(recording: Any, tmp_path: Path)
     # what the schedule gives for epoch 0 needs them
     assert manifest["parameters"]["elements"] == "picture"
     assert not (tmp_path / "out2" / "config.yaml").exists()
+
+
+def test_without_dev_shm_there_are_no_workers_and_it_is_said(
+    recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read_only(*_: Any, **__: Any) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr("multiprocessing.synchronize.SemLock.__init__", read_only)
+    planners = {"marks": hj.get("marks")}
+    source = recording()
+    with pytest.raises(BuildError, match=r"no worker processes here .*/dev/shm.*--workers 1"):
+        build(source, tmp_path / "out", corruptions=planners, workers=2)
+    assert build(source, tmp_path / "out", corruptions=planners, workers=1).total
 
 
 def test_combinations(recording: Any, small: Any, tmp_path: Path) -> None:

@@ -142,7 +142,7 @@ class Endpoint:
         longest = self._waits.longest
         first = self._waits.first
         growing = tenacity.wait_exponential(multiplier=first) + tenacity.wait_random(0, first)
-        asked = _retry_after(state.outcome.exception())
+        asked = state.outcome.exception().retry_after
         return min(longest, growing(state) if asked is None else asked)
 
     def _once(self, body: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -154,9 +154,11 @@ class Endpoint:
         client = self._connected()
         try:
             text = self._wire.send(client, body)
-        # The clients raise their own exceptions and those of lower layers.
-        except Exception as error:
-            raise self._explained(error) from error
+        # The clients raise their own exceptions and those of lower layers; without `from None`
+        # their texts, and so perhaps the key, would be in a traceback.
+        except Exception as error:  # noqa: BLE001
+            raise self._explained(error) from None
+        text = self._without_key(text)
         try:
             answer = json.loads(text.removeprefix(_BOM), parse_constant=lambda _: None)
         except (ValueError, RecursionError) as error:
@@ -179,27 +181,35 @@ class Endpoint:
     def _explained(self, error: Exception) -> EndpointError:
         """Convert an exception of a client to an `EndpointError`, without the key in its text."""
         status = getattr(error, "status_code", None)
-        said = f"{type(error).__name__}: {error}"
-        if self._key:
-            said = said.replace(self._key, "[key]")
+        said = self._without_key(f"{type(error).__name__}: {error}")
         problem = f"{self._place}: {said[:_KEPT]}"
         if status in (401, 403):
             source = self._settings.api_key_env
             advice = f"check the key in {source}" if source else "name its key by api_key_env"
             return EndpointError(f"{problem}; {advice}")
         if isinstance(status, int):
-            return EndpointError(problem, transient=status in _AGAIN or status >= 500)
+            passes = status in _AGAIN or status >= 500
+            return EndpointError(problem, passes, _retry_after(error))
         lost = "Connection" in type(error).__name__ or "Timeout" in type(error).__name__
         return EndpointError(problem, transient=lost)
+
+    def _without_key(self, text: str) -> str:
+        """Return a text that came from outside without the key, however JSON may escape it."""
+        if not self._key:
+            return text
+        escaped = json.dumps(self._key)[1:-1]
+        for form in (self._key, escaped, escaped.replace("/", "\\/")):
+            text = text.replace(form, "[key]")
+        return text
 
 
 def _is_transient(error: BaseException) -> bool:
     return isinstance(error, EndpointError) and error.transient
 
 
-def _retry_after(error: BaseException | None) -> float | None:
+def _retry_after(error: Exception) -> float | None:
     """Return the seconds that an endpoint asks to wait, or `None`."""
-    response = getattr(error.__cause__ if error is not None else None, "response", None)
+    response = getattr(error, "response", None)
     headers = getattr(response, "headers", {})
     try:
         return max(0.0, float(headers.get("retry-after", "")))

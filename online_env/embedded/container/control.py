@@ -6,14 +6,13 @@ because it forks.
 
 import hmac
 import json
-import select
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import Any, cast
 
 CONTROL_PORT = 5001
 PATIENCE = 5.0  # s for a request to be read
-LOOK = 0.2  # s between two looks for processes that have ended
+LOOK = 60.0  # s for which the desktop is looked after at a time
 RESET = "/reset"
 
 
@@ -68,15 +67,14 @@ class Control:
 
         email.parser.Parser(_class=http.client.HTTPMessage).parsestr("X-Token: x\r\n\r\n")
 
-    def wait(self, reap: Callable[[], None]) -> None:
+    def wait(self, attend: Callable[[float, Iterable[int]], set[int]]) -> None:
         """Wait until somebody asks for a reset; `answer` tells how it went.
 
         Args:
-            reap: looks after processes that have ended.
+            attend: looks after the desktop until one of some descriptors can be read.
         """
         while self._server.asked is None:
-            reap()
-            if select.select([self._server], [], [], LOOK)[0]:
+            if attend(LOOK, (self._server.fileno(),)):
                 self._server.handle_request()
 
     def answer(self, told: dict[str, Any]) -> None:

@@ -20,7 +20,6 @@ from pathlib import Path
 from ..runtime import image_python, init, kernel, session
 from ..runtime.framebuffer import Doors, Framebuffer
 from ..runtime.identity import Identity
-from ..runtime.nest import Nest
 from ..runtime.plain import DesktopConfig, SetupError
 from . import pristine
 from .control import Control
@@ -60,8 +59,7 @@ class Container(init.Init):
         Raises:
             SetupError: A part of it does not come up.
         """
-        self.nest = Nest(self.order, self.identity, self.logs)
-        self.running[self.nest.pid] = init.NEST
+        self._start_nest()
         self._write_authority()
         self._start_servers()
         self._start_session()
@@ -77,7 +75,8 @@ class Container(init.Init):
                 os.wait()
         self.nest.close()
         self.doors.framebuffer.close()
-        os.close(self.logs)
+        self.logs.close()
+        os.close(self.wake)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -133,7 +132,7 @@ def _serve(
             seconds = time.monotonic() - began
             control.answer({"ready": True, "seconds": round(seconds, 3)})
             print(f"ready ({seconds:.1f} s)", flush=True)
-            control.wait(container.reap)
+            control.wait(container.attend)
             container.end()
             pristine.check(started)
             pristine.fill(order)

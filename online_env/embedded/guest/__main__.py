@@ -6,12 +6,14 @@ The order matters: the interpreter and its packages may lie where that user can'
 import argparse
 import asyncio
 import contextlib
+import errno
 import os
 import pwd
 import socket
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import uvicorn
 
@@ -23,6 +25,9 @@ from .server import make_app
 
 BACKLOG = 128
 REFUSED = 2
+EXHAUSTED = 3
+# What accept(2) says when this process, or the system, has no room for another connection.
+_EXHAUSTED = {errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -79,9 +84,20 @@ class _Server(uvicorn.Server):
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         if self._ready is not None:
+            # Whoever waits for that line starts the server again when it ends.
+            asyncio.get_running_loop().set_exception_handler(_end_if_exhausted)
             with contextlib.suppress(BrokenPipeError):  # nobody waits any more
                 os.write(self._ready, b"ready\n")
             os.close(self._ready)
+
+
+def _end_if_exhausted(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """End this process if it can accept no connection, for lack of descriptors or memory."""
+    error = context.get("exception")
+    if isinstance(error, MemoryError) or getattr(error, "errno", None) in _EXHAUSTED:
+        os.write(2, f"the guest server ends: {error}\n".encode())
+        os._exit(EXHAUSTED)
+    loop.default_exception_handler(context)
 
 
 def _read_all(source: Path | int) -> str:

@@ -12,17 +12,18 @@ import os
 import socket
 import sys
 import threading
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-from ..registry import alive, process_start
 from . import kernel
 
 LOOPBACK = "127.0.0.1"
 # Inside: what OSWorld's clients reach beside the guest server: the browser's tools, and VLC's page.
 OSWORLD_PORTS = {"chromium": 9222, "vlc": 8080}
 CHUNK = 1 << 18
+PAUSE = 0.1  # s before accepting again what could not be accepted
 _ESTABLISHED = "01"
 _REFUSAL = b"only the user who started this desktop (or root) may use it\n"
 _REFUSED = (
@@ -120,34 +121,33 @@ def listen(host: str, wanted: int = 0) -> socket.socket:
         return socket.create_server((host, 0), backlog=128)
 
 
-def start(ports: "list[Port]", owners: Owners, network: Path) -> int:
+def start(ports: "list[Port]", owners: Owners, network: Path, log: int) -> int:
     """Fork the process that serves `ports`; it ends with this process.
 
     Args:
         ports: to serve.
         owners: the users who may connect.
         network: of the desktop.
+        log: descriptor that its errors go to.
 
     Returns:
         Its number.
     """
-    parent = (os.getpid(), process_start(os.getpid()))
+    keeper = os.getpid()
     pid = os.fork()
     if pid:
         for port in ports:
             port.listener.close()
         return pid
-    _serve(ports, owners, network, parent)
+    _serve(ports, owners, network, keeper, log)
 
 
-def _serve(ports: "list[Port]", owners: Owners, network: Path, parent: tuple[int, int]) -> NoReturn:
+def _serve(ports: "list[Port]", owners: Owners, network: Path, keeper: int, log: int) -> NoReturn:
     try:
-        kernel.die_with_parent()
-        if not alive(parent):
-            os._exit(1)
+        kernel.die_with_parent(keeper)
         os.setsid()
-        for descriptor in (0, 1):  # the lifeline and the reports are the keeper's
-            os.dup2(os.open("/dev/null", os.O_RDWR), descriptor)
+        os.dup2(os.open("/dev/null", os.O_WRONLY), 1)  # the reports are the keeper's
+        os.dup2(log, 2)
         threads = [threading.Thread(target=_attend, args=(port, owners, network)) for port in ports]
         for thread in threads:
             thread.start()
@@ -163,7 +163,11 @@ def _attend(port: Port, owners: Owners, network: Path) -> None:
         # the network that it was made in.
         kernel.join_namespace(str(network), kernel.CLONE_NEWNET)
     while True:
-        caller, _ = port.listener.accept()
+        try:
+            caller, _ = port.listener.accept()
+        except OSError:  # no descriptors left: others give some back
+            time.sleep(PAUSE)
+            continue
         work = (caller, port.target, owners)
         threading.Thread(target=_connect, args=work, daemon=True).start()
 

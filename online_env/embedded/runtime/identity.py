@@ -64,13 +64,20 @@ class Identity:
         os.setresgid(0, 0, 0)
         os.setresuid(0, 0, 0)
 
-    def become_user(self) -> None:
-        """Become the desktop's user, for good; after `enter`."""
+    def become_user(self, guarded: bool = False) -> None:
+        """Become the desktop's user, for good; after `enter`.
+
+        Args:
+            guarded: keep the user's other programs from changing this process' limits: prlimit(2)
+                asks that all three groups are the same. There is no other group without root.
+        """
+        saved_group = account.UID
         if self.rootless:
             kernel.join(self.namespace, kernel.CLONE_NEWUSER)
         else:
             os.setgroups([])
-        os.setresgid(account.UID, account.UID, account.UID)
+            saved_group += int(guarded)
+        os.setresgid(account.UID, account.UID, saved_group)
         os.setresuid(account.UID, account.UID, account.UID)
 
 

@@ -27,14 +27,13 @@ _CODE = (
 _HERE = Path(__file__).resolve().parents[3]
 
 
-def become(order: DesktopConfig, identity: Identity, line: socket.socket, logs: int) -> NoReturn:
+def become(order: DesktopConfig, identity: Identity, line: socket.socket) -> NoReturn:
     """Go on as `nest.resume` in the image's Python.
 
     Args:
         order: of the desktop.
         identity: of the desktop's processes.
         line: to process 1.
-        logs: descriptor of the folder of the logs.
 
     Raises:
         OSError: A mount is refused, or the image's Python does not start.
@@ -45,7 +44,7 @@ def become(order: DesktopConfig, identity: Identity, line: socket.socket, logs: 
     text = os.memfd_create("order", 0)
     os.write(text, order.to_json().encode())
     os.lseek(text, 0, os.SEEK_SET)
-    kept = (text, line.fileno(), logs, identity.namespace)
+    kept = (text, line.fileno(), identity.namespace)
     for descriptor in kept:
         os.set_inheritable(descriptor, True)
     numbers = (*kept, identity.base, int(identity.rootless))

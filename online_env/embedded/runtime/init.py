@@ -7,11 +7,10 @@ inside.
 
 import contextlib
 import os
-import select
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
@@ -19,6 +18,7 @@ from .. import windows
 from . import account, files, kernel, limits, seccomp, session
 from .framebuffer import Doors
 from .identity import Identity
+from .logs import BoundedLogs
 from .nest import Nest
 from .plain import DesktopConfig, SetupError
 
@@ -29,6 +29,7 @@ SERVERS = ("Xvfb", "dbus-daemon")  # nothing works without them, and nothing can
 # So often may one program die within a minute before the desktop is given up.
 RESTARTS = 8
 WINDOW = 60.0
+WAKE_BYTES = 4096
 FAMILY_LOCAL = 256
 FAMILY_WILD = 65535
 
@@ -60,12 +61,13 @@ class Init:
         self.identity = identity
         self.doors = doors
         # Attached nowhere: who looks at the descriptors of a program sees no path of the machine's.
-        self.logs = kernel.open_tree(str(folder / "logs")) if logs is None else logs
+        self.logs = BoundedLogs(kernel.open_tree(str(folder / "logs")) if logs is None else logs)
         self.environment = session.environment() | order.environment
         self.deadline = time.monotonic() + order.time_out
         self.running: dict[int, str] = {}
         self.commands: dict[str, tuple[str, ...]] = {}
         self.deaths: dict[str, list[float]] = {}
+        self.wake = -1
 
     def run(self, ready: Callable[[], None]) -> NoReturn:
         """Build, start, call `ready`, then watch for ever.
@@ -73,8 +75,7 @@ class Init:
         A part that does not come up is a `SetupError`.
         """
         kernel.rename("init")
-        self.nest = Nest(self.order, self.identity, self.logs)
-        self.running[self.nest.pid] = NEST
+        self._start_nest()
         kernel.unshare(kernel.CLONE_NEWNS)
         files.enter_root(self.order, self.identity, self.folder)
         self._ask_nest(self.nest.follow)
@@ -89,7 +90,32 @@ class Init:
         ready()
         for name, program in session.LATE.items():
             self.start(name, program.argv)
-        self._watch()
+        while True:
+            self.attend(WINDOW)
+
+    def _start_nest(self) -> None:
+        self.wake = wake_on_children()
+        self.nest = Nest(self.order, self.identity, self.logs.writer(NEST))
+        self.running[self.nest.pid] = NEST
+
+    def attend(self, timeout: float, others: Iterable[int] = ()) -> set[int]:
+        """Keep logs and look after processes until one of `others` can be read.
+
+        Args:
+            timeout: seconds that it may take at most.
+            others: descriptors.
+
+        Returns:
+            Those of `others` that can be read.
+
+        Raises:
+            SetupError: A process has ended that the desktop cannot go on without.
+        """
+        ready = self.logs.wait(timeout, (self.wake, *others))
+        if self.wake in ready:
+            os.read(self.wake, WAKE_BYTES)
+        self._reap()
+        return ready - {self.wake}
 
     def start(
         self, name: str, argv: tuple[str, ...], kept: tuple[int, ...] = (), again: bool = True
@@ -98,21 +124,21 @@ class Init:
 
         With `again` it is started again when it ends.
         """
+        log = self.logs.writer(name)
         pid = os.fork()
         if pid == 0:
-            self._become(name, argv, kept)
+            self._become(log, argv, kept)
         self.running[pid] = name
         if again:
             self.commands[name] = argv
         return pid
 
-    def _become(self, name: str, argv: tuple[str, ...], kept: tuple[int, ...]) -> NoReturn:
+    def _become(self, log: int, argv: tuple[str, ...], kept: tuple[int, ...]) -> NoReturn:
         try:
             os.setsid()
-            log = self._open_log(name)
             os.dup2(os.open("/dev/null", os.O_RDONLY), 0)
-            os.dup2(log, 1)
-            os.dup2(log, 2)
+            for descriptor in (1, 2):
+                os.dup2(log, descriptor)
             for descriptor in kept:
                 os.set_inheritable(descriptor, True)
             limits.limit_process(self.order)
@@ -124,10 +150,6 @@ class Init:
             os.write(2, f"{argv[0]} does not start: {error}\n".encode())
         finally:
             os._exit(127)
-
-    def _open_log(self, name: str) -> int:
-        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND
-        return os.open(f"{name}.log", flags, 0o600, dir_fd=self.logs)
 
     def _write_authority(self) -> None:
         authority = os.open(session.AUTHORITY, os.O_WRONLY | os.O_CREAT, 0o600)
@@ -169,7 +191,8 @@ class Init:
         wanted = [program.window for program in programs if program.window]
         named = [windows.MANAGER, *wanted]
         reader, writer = os.pipe()
-        self._ask_nest(lambda: self.nest.show_windows(named, self.environment, writer))
+        log = self.logs.writer("windows")
+        self._ask_nest(lambda: self.nest.show_windows(named, self.environment, (writer, log)))
         os.close(writer)
         seen = self._await(reader, {windows.MANAGER}, set())
         for name, program in apps.items():
@@ -194,11 +217,14 @@ class Init:
         """
         text = ""
         while not text.endswith("\n"):
-            left = max(0.0, self.deadline - time.monotonic())
-            ready, _, _ = select.select([reader], [], [], left)
-            piece = os.read(reader, 4096).decode() if ready else ""
+            left = self.deadline - time.monotonic()
+            if not self.logs.wait(left, (reader,)):
+                if left <= 0:
+                    raise self._not_read(name, what, has_ended=False)
+                continue
+            piece = os.read(reader, 4096).decode()
             if not piece:
-                raise self._not_read(name, what, has_ended=bool(ready))
+                raise self._not_read(name, what, has_ended=True)
             text += piece
         return text
 
@@ -229,7 +255,13 @@ class Init:
         serving, writer = os.pipe()
         os.write(told, self.token.encode())
         os.close(told)
-        doors = (self.doors.guest.fileno(), self.doors.framebuffer.door.fileno(), secret, writer)
+        doors = (
+            self.doors.guest.fileno(),
+            self.doors.framebuffer.door.fileno(),
+            secret,
+            writer,
+            self.logs.writer(GUEST),
+        )
         self._ask_nest(lambda: self.nest.serve(self.environment, self.order.osworld, doors))
         for descriptor in (secret, writer):
             os.close(descriptor)
@@ -247,29 +279,18 @@ class Init:
             raise SetupError(f"{reason}; {self._tail(NEST)}") from None
 
     def _tail(self, name: str) -> str:
-        try:
-            descriptor = os.open(f"{name}.log", os.O_RDONLY, dir_fd=self.logs)
-            with open(descriptor, "rb") as handle:
-                text = handle.read()[-800:].decode("utf-8", "replace").strip()
-        except OSError:
-            return f"it left no log {name}.log"
-        return f"the end of {name}.log: {text or '(empty)'}"
+        return f"the end of {name}.log: {self.logs.tail(name) or '(empty)'}"
 
-    def reap(self) -> None:
-        """Look after the processes that have ended by now.
-
-        Raises:
-            SetupError: The desktop cannot go on without one of them.
-        """
+    def _reap(self) -> None:
         with contextlib.suppress(ChildProcessError):
-            while (ended := os.waitpid(-1, os.WNOHANG))[0]:
-                self._look_after(*ended)
-
-    def _watch(self) -> NoReturn:
-        while True:
-            self._look_after(*os.wait())
+            while (changed := os.waitpid(-1, os.WNOHANG | os.WUNTRACED))[0]:
+                self._look_after(*changed)
 
     def _look_after(self, pid: int, status: int) -> None:
+        if os.WIFSTOPPED(status):
+            if pid in self.running:  # a part of the session; what users stop stays stopped
+                os.kill(pid, signal.SIGCONT)
+            return
         name = self.running.pop(pid, None)
         if name in SERVERS:
             raise SetupError(
@@ -298,6 +319,18 @@ class Init:
             return
         os.close(self._start_guest())
         self._guest_started()
+
+
+def wake_on_children() -> int:
+    """Return a descriptor that can be read after a child of this process has ended or stopped."""
+    reader, writer = os.pipe()
+    for descriptor in (reader, writer):
+        os.set_blocking(descriptor, False)
+    signal.signal(signal.SIGCHLD, lambda *_: None)  # without a handler nothing is written
+    former = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+    if former >= 0:  # of the session before, in a container
+        os.close(former)
+    return reader
 
 
 def _how(status: int) -> str:

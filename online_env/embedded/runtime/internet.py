@@ -2,29 +2,38 @@
 
 import json
 import os
-import select
 import subprocess
 import time
 from typing import IO, cast
 
 from .. import registry
-from . import kernel, network, session
+from . import kernel, limits, network, session
+from .logs import BoundedLogs
 from .plain import DesktopConfig, SetupError
 
 # So often is a server that ended started again.
 RESTARTS = 5
+LOG = "sites"
 
 
 class Internet:
     """`online_env.embedded.sites` on 10.77.0.1, the desktop's default route and name server.
 
-    What is done on the sites is kept in `state`, a folder that the desktop cannot see.
+    What is done on the sites is kept in `state`, a folder that the desktop cannot see. The server
+    counts among the desktop's processes: what clients inside make it hold is within its limits.
+
+    Args:
+        order: of the desktop.
+        name: of the desktop.
+        logs: where the server's errors go.
     """
 
-    def __init__(self, order: DesktopConfig, name: str) -> None:
+    def __init__(self, order: DesktopConfig, name: str, logs: BoundedLogs) -> None:
+        self._order = order
+        self._name = name
+        self._logs = logs
         self.state = registry.folder(name) / "sites"
         self.state.mkdir(mode=0o700)
-        self._log = registry.folder(name) / "logs/sites.log"
         self._namespace = str(network.NETNS / network.web_namespace(name))
         self._command = session.module_command(
             order.python,
@@ -38,36 +47,47 @@ class Internet:
         self._deadline = time.monotonic() + order.time_out
         self._left = RESTARTS
         self._process = self._start()
+        self.serves = False
 
-    def wait(self) -> None:
-        """Wait until it serves.
+    @property
+    def pid(self) -> int:
+        """Its process."""
+        return self._process.pid
+
+    @property
+    def reports(self) -> int:
+        """The descriptor that can be read when it serves."""
+        return cast("IO[bytes]", self._process.stdout).fileno()
+
+    def look_after(self, has_reported: bool) -> None:
+        """Note that it serves; start it again where it has ended, a few times.
+
+        Args:
+            has_reported: whether `reports` can be read.
 
         Raises:
-            SetupError: It does not.
+            SetupError: It ends again and again, or does not serve in time: without it a desktop
+                would seem to work.
         """
-        output = cast("IO[bytes]", self._process.stdout)
-        ready, _, _ = select.select([output], [], [], max(0.0, self._deadline - time.monotonic()))
-        line = output.readline() if ready else b""
-        if not line or "http" not in json.loads(line):
+        if has_reported and not self.serves:
+            line = cast("IO[bytes]", self._process.stdout).readline()
+            self.serves = bool(line) and "http" in json.loads(line)
+        has_ended = self._process.poll() is not None
+        is_late = time.monotonic() > self._deadline
+        if not self.serves and (has_reported or has_ended or is_late):
             raise SetupError(f"the local internet does not serve; {self._tail()}")
-
-    def look_after(self) -> None:
-        """Start it again where it has ended, a few times.
-
-        Raises:
-            SetupError: It ends again and again: without it a desktop would seem to work.
-        """
-        if self._process.poll() is None:
+        if not has_ended:
             return
         if not self._left:
             raise SetupError(f"the local internet ended {RESTARTS + 1} times; {self._tail()}")
         self._left -= 1
+        self.serves = False
+        self._deadline = time.monotonic() + self._order.time_out
         cast("IO[bytes]", self._process.stdout).close()
         self._process = self._start()
 
     def _tail(self) -> str:
-        text = self._log.read_text(encoding="utf-8", errors="replace")[-800:].strip()
-        return f"the end of sites.log: {text or '(empty)'}"
+        return f"the end of {LOG}.log: {self._logs.tail(LOG) or '(empty)'}"
 
     def close(self) -> None:
         """End it."""
@@ -76,19 +96,20 @@ class Internet:
         cast("IO[bytes]", self._process.stdout).close()
 
     def _start(self) -> "subprocess.Popen[bytes]":
-        with open(self._log, "ab") as log:
-            return subprocess.Popen(
-                self._command,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=log,
-                cwd="/",
-                preexec_fn=self._enter,
-                env={"PATH": os.environ.get("PATH", os.defpath), "LANG": "C.UTF-8"},
-            )
+        keeper = os.getpid()
+        return subprocess.Popen(
+            self._command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=self._logs.writer(LOG),
+            cwd="/",
+            preexec_fn=lambda: self._enter(keeper),
+            env={"PATH": os.environ.get("PATH", os.defpath), "LANG": "C.UTF-8"},
+        )
 
-    def _enter(self) -> None:
-        kernel.die_with_parent()
+    def _enter(self, keeper: int) -> None:
+        kernel.die_with_parent(keeper)
+        limits.join_groups(self._name, self._order)
         kernel.join_namespace(self._namespace, kernel.CLONE_NEWNET)
         # With forwarding on and no way out, other addresses are "unreachable" at once instead of
         # after minutes.

@@ -2,29 +2,34 @@
 
 It makes the desktop's network, forks it off, and clears up when it ends.
 
-    controller --(pipe: when it closes, the desktop ends)--> keeper --> launcher --> process 1
-                                                                inside (init.py) `--> the machine's
-                                                                ports (forward.py)
+    controller ~~> keeper --> launcher --> process 1 inside (init.py)
+                          `--> the machine's ports (forward.py)
+                          `--> the local internet (internet.py)
 
-Every arrow ends the next process when the one before dies, `kill -9` included. The keeper prints
-one JSON line when the desktop is ready (`{"ready": record}`) or cannot be built (`{"error":
-text}`), and one more (`{"ended": text}`) when it ends by itself.
+The kernel kills the process at the end of a straight arrow when the one at its start dies, `kill
+-9` included. The keeper itself watches the controller (`~~>`) by a descriptor of that process, so
+it does not matter what the controller forked, or which descriptors its children hold. SIGTERM ends
+the desktop as well. The keeper prints one JSON line when the desktop is ready (`{"ready":
+record}`) or cannot be built (`{"error": text}`), and one more (`{"ended": text}`) when it ends by
+itself.
 """
 
 import contextlib
 import json
 import os
 import secrets
-import select
 import signal
 import socket
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from .. import registry
 from . import account, files, forward, identity, init, kernel, limits, network, rootless, session
 from .framebuffer import GUEST_DOOR, Doors
+from .health import GuestHealth
 from .identity import Identity
 from .internet import Internet
+from .logs import BoundedLogs
 from .plain import DesktopConfig, SetupError
 
 # Mounts follow later: the guest server is loaded before (nest.py).
@@ -32,6 +37,7 @@ NAMESPACES = (
     kernel.CLONE_NEWPID | kernel.CLONE_NEWUTS | kernel.CLONE_NEWIPC | kernel.CLONE_NEWCGROUP
 )
 OSWORLD_PORT = 5000
+LOOK_S = 1.0  # between two looks at the desktop's processes
 
 
 def main(text: str) -> int:
@@ -44,9 +50,12 @@ def main(text: str) -> int:
     wake, woken = os.pipe()
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: os.write(woken, b"x"))
+    ends = [wake]
     os.umask(0o022)
     me = (os.getpid(), registry.process_start(os.getpid()))
     try:
+        if order.controller is not None:
+            ends.append(_open_process(*order.controller))
         # Before: they belong to the machine's network and its users.
         owners = forward.Owners()
         listener = forward.listen(forward.LOOPBACK)
@@ -65,11 +74,23 @@ def main(text: str) -> int:
     # until here what goes wrong is the controller's to see; and it must not wait for our end of it
     os.dup2(log, 2)
     try:
-        return _keep(order, record, wake, owners, listener)
+        return _keep(order, record, ends, owners, listener)
     except (SetupError, OSError) as error:
-        return _tell("error", str(error)) or 1
+        return _fail(record, str(error))
     finally:
-        registry.clear(record)
+        registry.withdraw(record)
+
+
+def _open_process(pid: int, start: int) -> int:
+    """Return a descriptor that can be read once the process has ended, whoever waits for it.
+
+    Raises:
+        ProcessLookupError: It has ended.
+    """
+    descriptor = os.pidfd_open(pid)
+    if not registry.alive((pid, start)):  # the number may be another process' by now
+        raise ProcessLookupError(f"process {pid}, whose desktop this is, has ended")
+    return descriptor
 
 
 def _facts(order: DesktopConfig) -> dict[str, Any]:
@@ -88,7 +109,7 @@ def _facts(order: DesktopConfig) -> dict[str, Any]:
 def _keep(
     order: DesktopConfig,
     record: dict[str, Any],
-    wake: int,
+    ends: list[int],
     owners: forward.Owners,
     listener: socket.socket,
 ) -> int:
@@ -99,7 +120,8 @@ def _keep(
     token_file = folder / "token"
     token_file.touch(mode=0o600)
     token_file.write_text(token, encoding="ascii")
-    internet = Internet(order, name)
+    logs = BoundedLogs(os.open(folder / "logs", os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC))
+    internet = Internet(order, name, logs)
     shown = [*map(str, files.shown_folders(order.system)), f"{order.layer}/home"]
     who = identity.make(record["slot"], order.rootless, shown)
     who.give(folder / "logs", 0)  # process 1 writes there
@@ -115,11 +137,13 @@ def _keep(
         "sites": str(internet.state),
         "shifted": bool(who.base),
     }
-    forwarder = forward.start(ports, owners, network.NETNS / network.desktop_namespace(name))
+    forwarder = forward.start(
+        ports, owners, network.NETNS / network.desktop_namespace(name), logs.writer("ports")
+    )
     reader, launcher = _launch(order, name, token, who, doors)
     doors.close()
     try:
-        return _follow(order, record, reader, wake, internet)
+        return _follow(record, reader, ends, internet, logs, [launcher, forwarder])
     finally:
         internet.close()
         # The launcher waits for process 1, whose end is complete only when all inside have ended.
@@ -154,43 +178,66 @@ def _ports(
 
 
 def _follow(
-    order: DesktopConfig, record: dict[str, Any], reader: int, wake: int, internet: Internet
+    record: dict[str, Any],
+    reader: int,
+    ends: Sequence[int],
+    internet: Internet,
+    logs: BoundedLogs,
+    children: Sequence[int],
 ) -> int:
-    """Pass on the desktop's reports until one of them ends it; return the exit code."""
-    lifeline = [0] if order.lifeline else []
+    """Look after the desktop until it has to end, and pass on its reports; return the exit code.
+
+    Args:
+        record: of the desktop.
+        reader: where its first process reports.
+        ends: descriptors that can be read when somebody wants it to end.
+        internet: its local internet.
+        logs: of the processes outside.
+        children: of this process, to be continued if somebody stops them.
+
+    Raises:
+        SetupError: A part of it has failed.
+    """
+    health = GuestHealth(record["door"])
     buffer = b""
-    while not order.controller or registry.alive(order.controller):
-        events, _, _ = select.select([reader, wake, *lifeline], [], [], 1.0)
-        internet.look_after()
-        if wake in events or (0 in events and not os.read(0, 4096)):
+    is_up = False
+    while True:
+        starting = () if internet.serves else (internet.reports,)
+        ready = logs.wait(LOOK_S, (reader, *ends, *starting))
+        if ready.intersection(ends):
             return 0
-        if reader not in events:
-            continue
-        piece = os.read(reader, 65536)
-        *lines, buffer = (buffer + piece).split(b"\n")
-        for line in lines if piece else [b'["error", "the desktop\'s first process was killed"]']:
-            kind, value = json.loads(line)
-            if not _report(record, kind, value, internet):
-                return 1
-    return 0
+        internet.look_after(bool(ready.intersection(starting)))
+        if reader in ready:
+            piece = os.read(reader, 65536)
+            if not piece:
+                return _fail(record, "the desktop's first process was killed")
+            *lines, buffer = (buffer + piece).split(b"\n")
+            for kind, value in map(json.loads, lines):
+                if kind == "error":
+                    return _fail(record, value)
+                is_up = is_up or kind == "ready"
+                _note(record, kind, value)
+        if is_up and internet.serves and record["state"] != "ready":
+            record["state"] = "ready"
+            registry.save(record)
+            _tell("ready", record)
+        if record["state"] == "ready" and health.is_stuck():
+            return _fail(record, "the guest server accepts no connections any more")
+        for pid in (*children, internet.pid, *record.get("init", ())[:1]):
+            registry.resume(pid)
 
 
-def _report(record: dict[str, Any], kind: str, value: Any, internet: Internet) -> bool:
-    """Write down one message of the desktop and pass it on; return whether the desktop goes on."""
+def _note(record: dict[str, Any], kind: str, value: Any) -> None:
+    """Write down what the desktop's first process or its launcher reports."""
     if kind == "init":
         record["init"] = [value, registry.process_start(value)]
     elif kind == "limited":
         record["limited"] = value
-    elif kind == "ready":
-        internet.wait()
-        record["state"] = "ready"
-    else:
-        _tell("ended" if record["state"] == "ready" else "error", value)
-        return False
     registry.save(record)
-    if kind == "ready":
-        _tell("ready", record)
-    return True
+
+
+def _fail(record: dict[str, Any], reason: str) -> int:
+    return _tell("ended" if record["state"] == "ready" else "error", reason) or 1
 
 
 def _launch(
@@ -202,15 +249,13 @@ def _launch(
         The pipe that both write to, and the launcher's pid.
     """
     reader, writer = os.pipe()
-    parent = os.getpid()
+    keeper = os.getpid()
     pid = os.fork()
     if pid:
         os.close(writer)
         return reader, pid
     try:
-        kernel.die_with_parent()
-        if os.getppid() != parent:
-            os._exit(1)
+        kernel.die_with_parent(keeper)
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
         os.close(reader)
@@ -239,8 +284,7 @@ def _first_process(
     try:
         kernel.die_with_parent()
         init.quit_on_signals()
-        for descriptor in (0, 1):  # the lifeline and the reports are the keeper's
-            os.dup2(os.open("/dev/null", os.O_RDWR), descriptor)
+        os.dup2(os.open("/dev/null", os.O_WRONLY), 1)  # the reports are the keeper's
         first = init.Init(order, registry.folder(name), token, who, doors)
         first.run(lambda: _say(writer, "ready", True))
     except (SetupError, OSError) as error:

@@ -114,9 +114,16 @@ def set_host_name(name: str) -> None:
     _check(_libc.sethostname(raw, len(raw)), "sethostname")
 
 
-def die_with_parent() -> None:
-    """Have this process killed when its parent ends."""
+def die_with_parent(parent: int = 0) -> None:
+    """Have this process killed when its parent ends.
+
+    Args:
+        parent: its number; if it has ended by now, so does this process. 0 where it cannot be seen
+            from this process' namespace.
+    """
     _check(_libc.prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0), "prctl(PR_SET_PDEATHSIG)")
+    if parent and os.getppid() != parent:
+        os._exit(1)
 
 
 def drop_capabilities() -> None:

@@ -20,6 +20,7 @@ WHAT = ("processes", "memory")
 PATIENCE = 10.0  # s for the last process of a group to be reaped
 POLL = 0.01
 MAX_OPEN_FILES = 8192
+_PREFIX = "agenthijack-"
 OOM_SCORE = "500"  # the desktop's processes are the first to go without memory
 
 
@@ -53,7 +54,7 @@ def groups(name: str, order: "DesktopConfig | None" = None) -> list[Group]:
     if order is not None:
         processes = order.processes
         memory = order.memory + order.storage
-    group = f"agenthijack-{name}"
+    group = f"{_PREFIX}{name}"
     if (GROUPS / "cgroup.controllers").exists():
         return _unified_groups(GROUPS / group, processes, memory)
     return _older_groups(group, processes, memory)
@@ -114,19 +115,28 @@ def _join(group: Group) -> None:
     (group.folder / "cgroup.procs").write_text(str(os.getpid()), encoding="ascii")
 
 
-def leave_groups(name: str) -> None:
-    """Remove the groups; their processes must have ended.
+def leave_groups(name: str, patience: float = PATIENCE) -> None:
+    """Remove the groups of a desktop whose processes have ended.
 
-    They are busy until the last of them is reaped.
+    Args:
+        name: of the desktop.
+        patience: seconds for which they may be busy: until the last process is reaped.
     """
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + patience
     for group in groups(name):
         while group.folder.exists():
             with contextlib.suppress(OSError):
                 group.folder.rmdir()
-            if time.monotonic() > deadline:
-                return
+            if time.monotonic() >= deadline:
+                break
             time.sleep(POLL)
+
+
+def leftovers(known: set[str]) -> list[str]:
+    """Desktops (by name) that have a control group but are not in `known`."""
+    parents = (GROUPS, GROUPS / "pids", GROUPS / "memory")
+    paths = (path for parent in parents for path in parent.glob(f"{_PREFIX}*"))
+    return sorted({path.name.removeprefix(_PREFIX) for path in paths} - known)
 
 
 def limit_process(order: DesktopConfig) -> None:

@@ -30,17 +30,17 @@ class Nest:
     Args:
         order: of the desktop.
         identity: of the desktop's processes.
-        logs: descriptor of the folder of the logs.
+        log: descriptor that it writes its own log to.
 
     All methods raise `OSError` where it has ended.
     """
 
-    def __init__(self, order: DesktopConfig, identity: Identity, logs: int) -> None:
+    def __init__(self, order: DesktopConfig, identity: Identity, log: int) -> None:
         self._line, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self.pid = os.fork()
         if self.pid == 0:
             self._line.close()
-            _Nursery(order, identity, theirs, logs).begin()
+            _Nursery(order, identity, theirs).begin(log)
         theirs.close()
 
     def close(self) -> None:
@@ -53,18 +53,21 @@ class Nest:
         self._send({}, [own])
         os.close(own)
 
-    def show_windows(self, wanted: Iterable[str], environment: Mapping[str, str], out: int) -> None:
-        """Have it report on windows to the descriptor `out` (see windows.py)."""
-        self._send({"windows": list(wanted), "environment": dict(environment)}, [out])
+    def show_windows(
+        self, wanted: Iterable[str], environment: Mapping[str, str], descriptors: tuple[int, int]
+    ) -> None:
+        """Have it report on windows to the first descriptor, and log to the other."""
+        what = {"windows": list(wanted), "environment": dict(environment)}
+        self._send(what, list(descriptors))
 
     def serve(
-        self, environment: Mapping[str, str], osworld: bool, descriptors: tuple[int, int, int, int]
+        self, environment: Mapping[str, str], osworld: bool, descriptors: tuple[int, ...]
     ) -> None:
         """Have it start a guest server, which becomes a child of process 1.
 
         `started` gives its number.
         The `descriptors` are: a listening socket for requests, one to freeze the screen by, the
-        reading end of a pipe with the token, and a pipe that gets a line when it serves.
+        reading end of a pipe with the token, a pipe that gets a line when it serves, and a log.
         """
         what = {"serve": osworld, "environment": dict(environment)}
         self._send(what, list(descriptors))
@@ -89,21 +92,17 @@ class Nest:
 class _Nursery:
     """The process itself."""
 
-    def __init__(
-        self, order: DesktopConfig, identity: Identity, line: socket.socket, logs: int
-    ) -> None:
+    def __init__(self, order: DesktopConfig, identity: Identity, line: socket.socket) -> None:
         self.order = order
         self.identity = identity
         self.line = line
-        self.logs = logs
 
-    def begin(self) -> NoReturn:
-        """Run, in the image's Python if the desktop has an image."""
+    def begin(self, log: int) -> NoReturn:
+        """Run, in the image's Python if the desktop has an image; `log` is where to report."""
         try:
-            self._to_log("nest")
-            self.identity.give_open(2, 0)  # process 1 reads it
+            _to_log(log)
             if self.order.image:
-                image_python.become(self.order, self.identity, self.line, self.logs)
+                image_python.become(self.order, self.identity, self.line)
             self.run()
         finally:
             _end()
@@ -120,7 +119,8 @@ class _Nursery:
             _end()
 
     def _load(self) -> None:
-        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        signal.set_wakeup_fd(-1)
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGCHLD):
             signal.signal(number, signal.SIG_DFL)
         os.environ["OPENBLAS_NUM_THREADS"] = "1"  # no threads: they would not survive a fork
         sys.path[:0] = () if self.order.image else self.order.search_path
@@ -146,7 +146,7 @@ class _Nursery:
         seccomp.forbid()
 
     def _receive(self) -> tuple[dict[str, object], list[int]]:
-        text, descriptors, _, _ = socket.recv_fds(self.line, MOST, 4)
+        text, descriptors, _, _ = socket.recv_fds(self.line, MOST, 5)
         if not text:
             raise EOFError
         return json.loads(text), list(descriptors)
@@ -175,10 +175,10 @@ class _Nursery:
     def _become(self, what: dict[str, object], descriptors: list[int]) -> NoReturn:
         try:
             os.setsid()
-            self._to_log("guest" if "serve" in what else "windows")
+            _to_log(descriptors.pop())
             kernel.rename(SERVER)
             limits.limit_process(self.order)
-            self.identity.become_user()
+            self.identity.become_user(guarded=True)
             kernel.forbid_reading()
             close_others({0, 1, 2, *descriptors})
             os.environ.clear()
@@ -197,30 +197,28 @@ class _Nursery:
         finally:
             _end()
 
-    def _to_log(self, name: str) -> None:
-        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND
-        log = os.open(f"{name}.log", flags, 0o600, dir_fd=self.logs)
-        for target, source in ((0, os.open("/dev/null", os.O_RDONLY)), (1, log), (2, log)):
-            os.dup2(source, target)
+
+def _to_log(log: int) -> None:
+    for target, source in ((0, os.open("/dev/null", os.O_RDONLY)), (1, log), (2, log)):
+        os.dup2(source, target)
 
 
-def resume(text: int, line: int, logs: int, namespace: int, base: int, rootless: int) -> NoReturn:
+def resume(text: int, line: int, namespace: int, base: int, rootless: int) -> NoReturn:
     """Go on where `image_python.become` stopped, in the image's Python.
 
     Args:
         text: descriptor of the order, in JSON.
         line: descriptor of the socket to process 1.
-        logs: descriptor of the folder of the logs.
         namespace: descriptor of the identity's user namespace.
         base: of the identity.
         rootless: of the identity.
     """
     with open(text, encoding="utf-8") as file:
         order = DesktopConfig.from_json(file.read())
-    for descriptor in (line, logs, namespace):
+    for descriptor in (line, namespace):
         os.set_inheritable(descriptor, False)
     identity = Identity(namespace, base, bool(rootless))
-    _Nursery(order, identity, socket.socket(fileno=line), logs).run()
+    _Nursery(order, identity, socket.socket(fileno=line)).run()
 
 
 def _end() -> NoReturn:

@@ -25,8 +25,7 @@ class DesktopConfig:
         apps: started before the desktop counts as ready.
         osworld: open OSWorld's routes without a token and let sudo work without a password.
         rootless: whether the controller is not root.
-        lifeline: whether the desktop ends with its controller.
-        controller: that process, as `(pid, start)`.
+        controller: the process that the desktop ends with, as `(pid, start)`; `None` if it stays.
         time_out: seconds until the desktop counts as failed.
         storage: bytes of its files.
         processes: how many there may be.
@@ -44,7 +43,6 @@ class DesktopConfig:
     apps: tuple[str, ...] = ()
     osworld: bool = False
     rootless: bool = False
-    lifeline: bool = True
     controller: tuple[int, int] | None = None
     time_out: float = 60.0
     storage: int = 2 << 30
