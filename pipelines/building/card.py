@@ -13,6 +13,7 @@ from ..dataset.columns import VISIBLE, stored
 from ..dataset.manifest import is_lazy
 from ..fidelity import MEANINGS
 from ..knowledge import LIST
+from ..readers import get_reader
 from .loaded import LOADED
 from .options import ROWS_PER_SHARD
 from .settings import FOREIGN
@@ -123,8 +124,8 @@ def _splits(manifest: Mapping[str, Any]) -> list[str]:
     return [
         *lines,
         (
-            "Split by a hash of `trajectory_id`: all rows of a trajectory are in one split,"
-            " whatever the seed."
+            "Split by a hash of the episode: all rows of an episode are in one split, whatever the"
+            f" seed. {_episodes(parameters)}"
         ),
         "",
         "| split | share | trajectories | steps | rows |",
@@ -135,6 +136,20 @@ def _splits(manifest: Mapping[str, Any]) -> list[str]:
         ),
         "",
     ]
+
+
+def _episodes(parameters: Mapping[str, Any]) -> str:
+    """Return what counts as an episode in each format."""
+    key = parameters.get("episode_key")
+    rules: dict[str, list[str]] = {}
+    for name in parameters["reader"].split(", "):
+        reader = get_reader(parameters.get("format", name))
+        rule = str(getattr(reader, "episodes", "a recorded trajectory"))
+        if key is not None and "episode_key" in getattr(reader, "takes", ()):
+            rule = f"the rows with the same `{key}`"
+        rules.setdefault(rule, []).append(name)
+    parts = [f"{', '.join(names)}: {rule}" for rule, names in rules.items()]
+    return f"An episode is, by format: {'; '.join(parts)}."
 
 
 def _reading(lazy: bool) -> list[str]:
@@ -231,9 +246,9 @@ def _stated_options(parameters: Mapping[str, Any]) -> list[str]:
     platform = ["--platform", told["platform"]] if told.get("platform") else []
     spaces = [
         word
-        for name in ("coordinates", "boxes")
+        for name in ("coordinates", "boxes", "episode_key")
         if name in parameters
-        for word in (f"--{name}", parameters[name])
+        for word in (f"--{name.replace('_', '-')}", parameters[name])
     ]
     return [*apps, *platform, *spaces, *(["--foreign"] if parameters.get(FOREIGN) else [])]
 

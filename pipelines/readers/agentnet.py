@@ -26,6 +26,7 @@ from .files import (
     root_of,
     size_of,
 )
+from .screens import RecordedTrajectory
 
 SNIFFED_FILES = 50
 # Beside the file, and as the Hub has them: unpacked there, or into a folder of their own.
@@ -130,7 +131,9 @@ def _record(record: JsonObject, file: str, where: str, root: Path, seen: set[str
         raise FieldError("steps" if is_bench else "traj", "is empty")
     if steps:
         ordered = tuple(steps[index] for index in sorted(steps))
-        yield Trajectory(name, AgentNet.name, instruction, ordered, **about)
+        yield RecordedTrajectory(
+            name, AgentNet.name, instruction, ordered, **about, screen="desktop"
+        )
 
 
 def _instruction_key(record: JsonObject) -> str:

@@ -20,6 +20,7 @@ from .files import (
     line_at,
     lines,
     parse,
+    refuse_array,
     relative_name,
     root_of,
 )
@@ -98,6 +99,7 @@ class Jsonl:
             records = relative_name(file, root)
             try:
                 inside(root, records, "")
+                refuse_array(file)
                 yield from _file(file, records, root, taken)
             except FieldError as error:
                 yield Rejected(records, "", error.field, error.reason)
@@ -130,10 +132,7 @@ def _file(
 def _free(name: str, records: str, taken: set[str]) -> str:
     """Return the id of a trajectory: its name, after the file's folder if the name is taken."""
     folder = Path(records).parent.as_posix()
-    place = Path(records).stem if folder == "." else folder
-    own = name if name not in taken else f"{place}/{name}"
-    taken.add(own)
-    return own
+    return fields.qualified(name, Path(records).stem if folder == "." else folder, taken)
 
 
 def _index(records: Path, shown: str, index: _Index) -> Iterator[Rejected]:

@@ -1,5 +1,6 @@
 """Hugging Face data sets in Parquet: trajectories, chats and grounding, found by their columns."""
 
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,13 +12,14 @@ from . import fields
 from .base import Rejected, files_below, register
 from .boxes import Form, form_of
 from .choices import FRACTIONS, NO_CHOICES, PIXELS, XYXY, ReaderOptions
-from .fields import FieldError, JsonObject, once
+from .fields import FieldError, JsonObject
 from .files import Source, inside, relative_name, root_of
 from .folders import readable_files
 from .mind2web import COLUMNS as MIND2WEB
 from .mind2web import mind2web
 from .parquet_rows import ParquetRow, chat, grounding, trajectory
 from .pictures import GroupRows, open_parquet
+from .screens import EPISODES, PICTURE_EPISODES, ROW_EPISODES
 
 SUFFIX = ".parquet"
 
@@ -40,7 +42,7 @@ class _Shape:
 SHAPES = (
     _Shape(("task_id", "instruction", "actions", "screenshots"), ("domain",), trajectory),
     *(
-        _Shape((messages, images), ("system", "metadata", "id"), chat)
+        _Shape((messages, images), ("system", "metadata", "id", *EPISODES), chat)
         for messages in ("messages", "conversations")
         for images in ("images", "image")
     ),
@@ -84,7 +86,11 @@ class Parquet:
 
     choices: ReaderOptions = NO_CHOICES
     name = "parquet"
-    takes = ("coordinates", "boxes")
+    takes = ("coordinates", "boxes", "episode_key")
+    episodes = (
+        f"{ROW_EPISODES} (chat rows), {PICTURE_EPISODES} (grounding), an `annotation_id`"
+        " (Multimodal-Mind2Web) or a row that holds a whole recording"
+    )
 
     def detect(self, path: Path) -> bool:
         """Return whether `path` is a `.parquet` file, or a folder with one anywhere below."""
@@ -93,29 +99,30 @@ class Parquet:
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, rows in order."""
         root = root_of(path)
-        seen: set[str] = set()
+        ids = fields.RowIds()
         for file in files_below(path):
             if isinstance(file, Rejected):
                 yield file
             elif file.suffix == SUFFIX:
                 try:
                     inside(root, relative_name(file, root), "")
-                    yield from _table(ParquetRow(file, root, 0, 0, 0, choices=self.choices), seen)
+                    yield from _table(ParquetRow(file, root, 0, 0, 0, choices=self.choices), ids)
                 except FieldError as error:
                     yield Rejected(relative_name(file, root), "", error.field, error.reason)
 
 
-def _table(first: ParquetRow, seen: set[str]) -> Iterator[Trajectory | Rejected]:
+def _table(first: ParquetRow, ids: fields.RowIds) -> Iterator[Trajectory | Rejected]:
     name = relative_name(first.file, first.root)
+    ids.open(os.path.splitext(name)[0])
     table = open_parquet(first.file)
     try:
-        shape, columns = _shape(table.schema_arrow.names)
+        shape, columns = _shape(table.schema_arrow.names, first.choices.episode_key)
         form = _form(table, first) if shape.read is grounding else first.form
         count = 0
         for group in range(table.num_row_groups):
             for number, record in enumerate(GroupRows(table, group, columns)):
                 row = replace(first, group=group, number=number, count=count, form=form)
-                for item in _row(record, row, shape, seen):
+                for item in _row(record, row, shape, ids):
                     if isinstance(item, Trajectory):
                         yield item
                     else:
@@ -157,17 +164,19 @@ def _rows(table: Any, columns: list[str]) -> Iterator[tuple[int, int, Any]]:
 
 
 def _row(
-    record: JsonObject | FieldError, row: ParquetRow, shape: _Shape, seen: set[str]
+    record: JsonObject | FieldError, row: ParquetRow, shape: _Shape, ids: fields.RowIds
 ) -> Iterator[Trajectory | FieldError]:
     if isinstance(record, FieldError):
         yield record
         return
-    yield from once(shape.read(row.holding(record)), seen)
+    yield from ids.unique(shape.read(row.holding(record)))
 
 
-def _shape(columns: list[str]) -> tuple[_Shape, list[str]]:
+def _shape(columns: list[str], episode_key: str | None) -> tuple[_Shape, list[str]]:
+    more = () if episode_key is None else (episode_key,)
     for shape in SHAPES:
         if set(shape.needs) <= set(columns):
-            return shape, [*shape.needs, *(name for name in shape.takes if name in columns)]
+            taken = (name for name in (*shape.takes, *more) if name in columns)
+            return shape, list(dict.fromkeys([*shape.needs, *taken]))
     wanted = " or ".join(", ".join(shape.needs) for shape in SHAPES)
     raise FieldError("columns", f"has {fields.shown(', '.join(columns))}; expected {wanted}")

@@ -20,6 +20,7 @@ from .dialects import RecordedStep, code_of
 from .fields import FieldError, JsonObject
 from .files import Source, inside, parse_file, relative_name, root_of, size_of
 from .folders import one_of_first
+from .screens import RecordedTrajectory
 
 IMAGES = "images"
 _SIGNS = ("session_id", "saved_image_name", "actions")
@@ -125,12 +126,13 @@ class _Session:
             )
         elif self.steps:
             seen.add(self.id)
-            yield Trajectory(
+            yield RecordedTrajectory(
                 self.id,
                 ScreenAgent.name,
                 self.instruction,
                 tuple(self.steps),
                 platform=find_platform(self.system),
+                screen="desktop",
             )
 
     def _step(self, record: JsonObject, name: str, index: int) -> Step:
