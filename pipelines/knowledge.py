@@ -42,7 +42,7 @@ from .errors import BuildError, SourceError
 from .readers import Rejected
 from .readers.fields import FieldError
 from .readers.files import inside, root_of
-from .readers.screens import platform_of
+from .readers.screens import SCREENS, platform_of, screen_of
 
 SIDECAR = "agenthijack.yaml"
 LIST = "recordings"
@@ -121,12 +121,19 @@ class Knowledge:
             apps = self._apps_for(trajectory, excluded)
         said = platform_of(trajectory)
         if platform is None and (said is None or (said == "linux" and self.platform == OURS)):
-            platform = self.platform  # `linux` does not say which desktop it is
+            platform = self._platform_for(trajectory)  # `linux` does not say which desktop it is
         if not apps and platform is None:
             return trajectory
         return replace(
             trajectory, apps=apps or trajectory.apps, platform=platform or trajectory.platform
         )
+
+    def _platform_for(self, trajectory: Trajectory) -> Platform | None:
+        """Return the platform of the option, unless the pictures are known to show another kind."""
+        shown = screen_of(trajectory)
+        if self.platform is None or shown in (None, SCREENS.get(self.platform, "desktop")):
+            return self.platform
+        return None
 
     def _apps_for(self, trajectory: Trajectory, excluded: list[str]) -> tuple[str, ...]:
         """Return the applications of the option for a trajectory; none if it has its own.

@@ -6,10 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from hijack_data import extras
 from hijack_data.errors import counted
 
-from ..dataset.columns import VISIBLE, stored
+from ..dataset.columns import VISIBLE, Kind, stored
 from ..dataset.manifest import is_lazy
 from ..fidelity import MEANINGS
 from ..knowledge import LIST
@@ -45,7 +47,7 @@ def make_card(manifest: Mapping[str, Any]) -> str:
     assets = parameters.get("assets")
     return "\n".join(
         [
-            *_front_matter(),
+            *_front_matter(manifest),
             "# Computer-use trajectories with corrupted screens",
             "",
             (
@@ -76,11 +78,68 @@ def make_card(manifest: Mapping[str, Any]) -> str:
     )
 
 
-def _front_matter() -> list[str]:
+def _front_matter(manifest: Mapping[str, Any]) -> list[str]:
     # No `configs`: datasets names its cache by them alone, so two datasets in folders of one name
     # would share it. Without them it finds data/train-*.parquet by itself and names the cache by
     # the files.
-    return ["---", "license: other", "license_name: as-source-recordings", "---", ""]
+    lazy = is_lazy(manifest)
+    splits = _split_sizes(manifest)
+    data = {
+        "pretty_name": "Computer-use trajectories with corrupted screens",
+        "license": "other",
+        "license_name": "as-source-recordings",
+        "license_link": CARD,
+        "task_categories": ["image-text-to-text"],
+        "tags": ["computer-use", "gui-agents", "screenshots", "robustness", "agenthijack"],
+        "size_categories": [_size_category(manifest["rows"])],
+        "dataset_info": {
+            "features": [_feature(name, kind) for name, (kind, _) in stored(lazy).items()],
+            "splits": splits,
+            "download_size": sum(split["num_bytes"] for split in splits),
+            "dataset_size": sum(split["num_bytes"] for split in splits),
+        },
+    }
+    return ["---", *yaml.safe_dump(data, sort_keys=False).splitlines(), "---", ""]
+
+
+def _size_category(rows: int) -> str:
+    """Return the Hub's name for a number of rows."""
+    end = 3
+    while rows >= 10**end and end < 12:
+        end += 1
+    if end == 3:
+        return "n<1K"
+    return f"{_short(10 ** (end - 1))}<n<{_short(10**end)}"
+
+
+def _short(number: int) -> str:
+    thousands = 0
+    while number >= 1000:
+        number //= 1000
+        thousands += 1
+    return f"{number}{' KMBT'[thousands].strip()}"
+
+
+def _split_sizes(manifest: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the rows and the bytes of each split that has files."""
+    sizes: dict[str, dict[str, Any]] = {}
+    for shard in manifest["shards"]:
+        name = Path(shard["file"]).name.partition("-")[0]
+        size = sizes.setdefault(name, {"name": name, "num_bytes": 0, "num_examples": 0})
+        size["num_bytes"] += shard["bytes"]
+        size["num_examples"] += shard["rows"]
+    return list(sizes.values())
+
+
+def _feature(name: str, kind: Kind) -> dict[str, Any]:
+    """Return a column as the Hub writes features in YAML."""
+    if isinstance(kind, dict):
+        return {"name": name, "struct": [_feature(key, part) for key, part in kind.items()]}
+    if isinstance(kind, list):
+        return {"name": name, "sequence": kind[0]}
+    if kind == "image file":
+        return {"name": name, "dtype": {"image": {"decode": False}}}
+    return {"name": name, "dtype": kind}
 
 
 def _counts(manifest: Mapping[str, Any]) -> list[str]:
