@@ -26,16 +26,20 @@ def test_of_our_formats_one_shows_pages_whatever_its_domain(tmp_path: Path) -> N
         first, *_ = get_reader(name).read(every[name](tmp_path / name))
         assert isinstance(first, Trajectory)
         found[name] = screen_of(first)
+    desktops = ("agentnet", "grounding", "osworld", "runs", "screenagent")
     others = {"webvoyager": "web page", "gui_odyssey": "phone", "android_control": "phone"}
-    assert found == {**dict.fromkeys(every, "desktop"), **others}
+    assert found == {**dict.fromkeys(every), **dict.fromkeys(desktops, "desktop"), **others}
 
 
 @pytest.mark.parametrize(
     ("domain", "expected"),
     [
-        ("", "desktop"),
-        ("chrome", "desktop"),
-        ("web", "desktop"),
+        ("", None),
+        ("chrome", None),
+        ("web", None),
+        ("desktop", "desktop"),
+        ("Windows 11", "desktop"),
+        ("iOS 17.1", "phone"),
         ("web page", "web page"),
         ("Web-Page", "web page"),
         ("mobile", "phone"),
@@ -44,7 +48,7 @@ def test_of_our_formats_one_shows_pages_whatever_its_domain(tmp_path: Path) -> N
         ("windows", "desktop"),
     ],
 )
-def test_the_domain_says_it_where_the_reader_does_not(domain: str, expected: str) -> None:
+def test_the_domain_says_it_where_the_reader_does_not(domain: str, expected: str | None) -> None:
     assert screen_of(Trajectory("t", "webvoyager", "", (), domain)) == expected
     assert screen_of(RecordedTrajectory("t", "x", "", (), domain)) == expected
     for said in ("desktop", "web page", "phone"):
