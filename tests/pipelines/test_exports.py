@@ -261,6 +261,9 @@ def test_webdataset_loads_whatever_the_order_of_the_rows(
         assert example["txt"] == about["answer"]
 
 
+# the library leaves its files open
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_webdataset_opens_it(dataset: Path, tmp_path: Path) -> None:
     webdataset = pytest.importorskip("webdataset", reason="pip install webdataset")
     report = export(dataset, tmp_path / "out", to="webdataset")
