@@ -4,7 +4,10 @@ Sources write `"Google Chrome"`, `"chromium"` and `"google-chrome"` for the prog
 list calls `chrome`. All comparisons of applications use these normalised names.
 """
 
+import re
 from collections.abc import Iterable, Mapping
+
+from .platforms import find_platform
 
 ALIASES = {
     "vs_code": "vscode",
@@ -75,11 +78,40 @@ def normalize_app(name: str) -> str:
 def names_of(apps: Iterable[str], domain: str = "") -> frozenset[str]:
     """Return the applications that a recording names, normalised.
 
-    The domain counts if it is an application (`"gimp"`), not if it is a subject (`"travel"`).
+    The domain counts if it is an application (`"gimp"`), not if it is a subject (`"travel"`). The
+    name of a platform (`"windows"`) is not an application.
     """
-    named = {normalize_app(app) for app in apps} - NONE
+    named = {normalize_app(app) for app in apps if not _is_platform(app)} - NONE
     said = normalize_app(domain)
     return frozenset(named | {said} if said in KNOWN else named)
+
+
+def _is_platform(name: str) -> bool:
+    """Return whether a name is that of a platform; `web` stands for a browser."""
+    return normalize_app(name) != "browser" and find_platform(name) is not None
+
+
+def is_mentioned(name: str, text: str, *, by_kind: bool = True) -> bool:
+    """Return whether a text may mean an application.
+
+    Letters of other scripts do not join words: a Chinese text around `GIMP` names it.
+
+    Args:
+        name: a normalised name.
+        text: such as an instruction.
+        by_kind: whether the name of a kind (`browser`) may mean each of its members.
+    """
+    meant = {name, *(kind for kind, members in KINDS.items() if by_kind and name in members)}
+    named = meant.union(alias for alias, known in ALIASES.items() if known in meant)
+    words = "|".join(re.escape(word.replace("_", " ")) for word in sorted(named))
+    plain = text.lower().replace("_", " ").replace("-", " ")
+    return re.search(rf"(?<![a-z0-9])(?:{words})(?![a-z0-9])", plain) is not None
+
+
+def mentioned_programs(text: str) -> frozenset[str]:
+    """Return the known programs that a text may mean by their own names, normalised."""
+    programs = KNOWN - KINDS.keys()
+    return frozenset(name for name in programs if is_mentioned(name, text, by_kind=False))
 
 
 def is_browser(name: str) -> bool:

@@ -218,13 +218,18 @@ def check_versioned(
     return found
 
 
+def is_full(error: OSError) -> bool:
+    """Return whether a file cannot be written because the disk is full or fails."""
+    return error.errno in _STORAGE
+
+
 def unwritable(path: str | os.PathLike[str], error: OSError) -> HijackError:
     """Return the error to raise for a file that cannot be written.
 
     It is a `StorageError` if the disk is full, over its quota or broken, and a plain `HijackError`
     if the path is the problem.
     """
-    kind = StorageError if error.errno in _STORAGE else HijackError
+    kind = StorageError if is_full(error) else HijackError
     return kind(f"{path}: cannot be written ({error.strerror or error})")
 
 

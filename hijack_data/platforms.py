@@ -34,10 +34,16 @@ _ALIASES: dict[str, Platform] = {
 
 
 def find_platform(name: object) -> Platform | None:
-    """Return the platform that a name means, such as `"macos"` for `"Darwin"`, or `None`."""
+    """Return the platform that a name means, such as `"macos"` for `"Darwin"`, or `None`.
+
+    A version after the name is ignored: `"Windows 11"` is `"windows"`.
+    """
     if not isinstance(name, str):
         return None
-    plain = "-".join(name.strip().lower().replace("_", " ").replace("-", " ").split())
+    words = name.strip().lower().replace("_", " ").replace("-", " ").split()
+    while len(words) > 1 and words[-1][0].isdigit():
+        words.pop()  # a version, as in `Windows 11` and `Ubuntu 22.04`
+    plain = "-".join(words)
     return _ALIASES.get(plain) or next((known for known in PLATFORMS if known == plain), None)
 
 

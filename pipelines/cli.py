@@ -100,6 +100,11 @@ class Meter:
     "--boxes", type=click.Choice(BOXES), help="Form of the boxes, if it cannot be detected."
 )
 @click.option(
+    "--episode-key",
+    metavar="FIELD",
+    help="Field of a row that names its episode, for --splits of tables of single steps.",
+)
+@click.option(
     "--label-policy",
     type=click.Choice(LABEL_POLICIES),
     help="Treatment of samples with a hidden target.",
@@ -156,7 +161,7 @@ class Meter:
 @click.option(
     "--splits",
     metavar="SHARES",
-    help="Shares of the trajectories, such as train=0.9,test=0.1.  [default: all is train]",
+    help="Shares of the episodes, such as train=0.9,test=0.1.  [default: all is train]",
 )
 @click.option("--dry-run", is_flag=True, help="Write nothing; report what would be written.")
 @click.option(

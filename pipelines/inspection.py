@@ -24,7 +24,7 @@ from .readers import Rejected, get_reader
 from .readers.choices import ReaderOptions
 from .readers.files import size_of
 from .readers.pictures import picture_file, read_picture
-from .readers.screens import screen_of
+from .readers.screens import read_facts
 from .readers.survey import summary
 from .sources import SourceItem, Sources
 
@@ -45,15 +45,16 @@ class Inspection:
         sizes: pictures by size, `"1920x1080"` (width x height).
         actions: steps by type of action.
         apps: trajectories by application; `"not said"` counts those that name none.
-        screens: trajectories by what their pictures show: desktop, web page or phone.
+        screens: trajectories by what their pictures show: desktop, web page or phone; `"not said"`
+            counts those that do not say it, which no corruption of the machine is applied to.
         platforms: trajectories by operating system; `"not said"` counts those that name none.
         without_instruction: number of trajectories without an instruction.
         rejected: inputs that cannot be read, by field.
         examples: the first rejected inputs, each as one line of text.
         unread: files that may hold records but are of no known format.
         notes: remarks about the options of the build.
-        outlook: report of a trial build of a few trajectories of each format; `None` if none was
-            asked for.
+        outlook: report of a trial build of a few trajectories of each format and platform; `None`
+            if none was asked for.
         looked_at: trajectories and steps of the trial build.
     """
 
@@ -177,7 +178,7 @@ class Inspection:
         trajectories, steps = self.looked_at
         part = "all of them"
         if trajectories != self.trajectories:
-            part = f"the first of each format: {_content(trajectories, steps)}"
+            part = f"the first of each format and platform: {_content(trajectories, steps)}"
         yield f"[bold]What a build would give[/] ({part})"
         yield ""
         table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
@@ -224,15 +225,15 @@ def inspect(
 ) -> Inspection:
     """Return what one source or several contain, and which rows a build would make of them.
 
-    Nothing is built: for a few trajectories of each format, the corruptions are planned as a build
-    plans them. All options mean what they mean for `build`.
+    Nothing is built: for a few trajectories of each format and platform, the corruptions are
+    planned as a build plans them. All options mean what they mean for `build`.
 
     Args:
         source: a file or folder of recordings, or a list of them.
         format: name of the reader of all files; by default each file's reader is found.
         corruptions: planners by label, or text, as `build` takes them.
-        sample: number of trajectories of each source and format for which the corruptions are
-            planned, at least 0; 0 plans none.
+        sample: number of trajectories of each source, format and platform for which the
+            corruptions are planned, at least 0; 0 plans none.
         seed: seed of those plans.
         assets: folder of recorded pictures.
         coordinates: the space of the coordinates, if the recording does not state it.
@@ -255,17 +256,20 @@ def inspect(
     sources.refuse_nothing()
     found = Inspection(tuple(sources.given))
     taken: list[SourceItem] = []
-    counted: Counter[tuple[str, str]] = Counter()
+    counted: Counter[tuple[object, ...]] = Counter()
     for read in sources.read():
         if isinstance(read.item, Rejected):
             _reject(found, read.item)
             continue
         _count(found, read.item)
-        key = (os.fspath(read.root), read.item.source)
+        facts = read_facts(read.item)
+        # the kind of screen decides which corruptions apply
+        key = (os.fspath(read.root), read.item.source, facts.screen, facts.platform)
         counted[key] += 1
         if counted[key] <= sample:
             taken.append(read)
     found.unread = sources.unread
+    found.notes += [*sources.advice(), *sources.exclusions()]
     found.coordinates = {name: coordinates_of(name) for name in found.formats}
     if taken:
         _plan(found, taken, corruptions=corruptions, seed=seed, assets=assets, foreign=foreign)
@@ -300,7 +304,7 @@ def _plan(
         return shard_tasks(iter(taken), ONE_SHARD, settings.variants, reject)
 
     found.outlook = tried(tasks, settings)
-    found.notes += notes
+    found.notes += (*notes, *found.outlook.notes)
     items = [read.item for read in taken]
     steps = sum(len(item.steps) for item in items if isinstance(item, Trajectory))
     found.looked_at = len(items), steps
@@ -316,9 +320,10 @@ def _count(found: Inspection, trajectory: Trajectory) -> None:
     counts = found.formats.setdefault(trajectory.source, [0, 0])
     counts[0] += 1
     counts[1] += len(trajectory.steps)
-    found.apps.update(trajectory.apps or (UNKNOWN,))
-    found.screens[screen_of(trajectory)] += 1
-    found.platforms[getattr(trajectory, "platform", None) or UNKNOWN] += 1
+    facts = read_facts(trajectory)
+    found.apps.update(facts.apps or (UNKNOWN,))
+    found.screens[facts.screen or UNKNOWN] += 1
+    found.platforms[facts.platform or UNKNOWN] += 1
     found.without_instruction += not trajectory.instruction
     for step in trajectory:
         found.actions[step.action.type] += 1

@@ -1,8 +1,10 @@
 """Applications and platforms that recordings do not state, as given by the user.
 
 The options of a build (`apps`, `platform`) apply to every trajectory whose source does not state
-them. A file in the source, `agenthijack.yaml`, states them by trajectory, and overrides what the
-format records, since a person wrote it about these very recordings:
+them. `apps` speaks for a whole source: a trajectory that states other applications is an error, and
+one whose instruction names another program keeps its applications unknown. A file in the source,
+`agenthijack.yaml`, states them by trajectory, and overrides what the format records, since a person
+wrote it about these very recordings:
 
     recordings:
       - match: "chrome/*"            # a trajectory's id, or a pattern with * and ?
@@ -21,7 +23,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, cast
 
-from hijack_data.apps import KNOWN, names_of, normalize_app
+from hijack_data.apps import KNOWN, may_be_same, mentioned_programs, names_of, normalize_app
 from hijack_data.config.tree import (
     ConfigNode,
     MappingNode,
@@ -36,11 +38,11 @@ from hijack_data.errors import ParameterError, ParameterTypeError, suggest
 from hijack_data.platforms import OURS, PLATFORMS, as_platform, find_platform
 from hijack_data.types import Platform, Trajectory
 
-from .errors import SourceError
+from .errors import BuildError, SourceError
 from .readers import Rejected
 from .readers.fields import FieldError
 from .readers.files import inside, root_of
-from .readers.screens import platform_of
+from .readers.screens import SCREENS, platform_of, screen_of
 
 SIDECAR = "agenthijack.yaml"
 LIST = "recordings"
@@ -76,14 +78,26 @@ class Knowledge:
     entries: tuple[KnowledgeEntry, ...] = ()
     sha256: str | None = None
 
-    def told(self, items: Iterable[Trajectory | Rejected]) -> Iterator[Trajectory | Rejected]:
-        """Yield the items with completed trajectories, then a rejection for each unused entry."""
+    def told(
+        self, items: Iterable[Trajectory | Rejected], excluded: list[str] | None = None
+    ) -> Iterator[Trajectory | Rejected]:
+        """Yield the items with completed trajectories, then a rejection for each unused entry.
+
+        Args:
+            items: what the source contains.
+            excluded: takes up the ids of trajectories to which the option `apps` does not apply,
+                because their instruction names another program.
+
+        Raises:
+            BuildError: a trajectory states other applications than the option `apps`.
+        """
+        excluded = [] if excluded is None else excluded
         used: set[KnowledgeEntry] = set()
         for item in items:
             if isinstance(item, Rejected):
                 yield item
             else:
-                yield self._completed(item, used)
+                yield self._completed(item, used, excluded)
         for entry in self.entries:
             if entry not in used:
                 match = f"{entry.match!r} matches no trajectory"
@@ -96,21 +110,54 @@ class Knowledge:
         kept = {key: value for key, value in given.items() if value}
         return {LIST: kept} if kept else {}
 
-    def _completed(self, trajectory: Trajectory, used: set[KnowledgeEntry]) -> Trajectory:
+    def _completed(
+        self, trajectory: Trajectory, used: set[KnowledgeEntry], excluded: list[str]
+    ) -> Trajectory:
         fitting = [entry for entry in self.entries if fnmatchcase(trajectory.id, entry.match)]
         used.update(fitting)
         apps = next((entry.apps for entry in fitting if entry.apps), ())
         platform = next((entry.platform for entry in fitting if entry.platform), None)
-        if not apps and not names_of(trajectory.apps, trajectory.domain):
-            apps = self.apps
+        if not apps and self.apps:
+            apps = self._apps_for(trajectory, excluded)
         said = platform_of(trajectory)
         if platform is None and (said is None or (said == "linux" and self.platform == OURS)):
-            platform = self.platform  # `linux` does not say which desktop it is
+            platform = self._platform_for(trajectory)  # `linux` does not say which desktop it is
         if not apps and platform is None:
             return trajectory
         return replace(
             trajectory, apps=apps or trajectory.apps, platform=platform or trajectory.platform
         )
+
+    def _platform_for(self, trajectory: Trajectory) -> Platform | None:
+        """Return the platform of the option, unless the pictures are known to show another kind."""
+        shown = screen_of(trajectory)
+        if self.platform is None or shown in (None, SCREENS.get(self.platform, "desktop")):
+            return self.platform
+        return None
+
+    def _apps_for(self, trajectory: Trajectory, excluded: list[str]) -> tuple[str, ...]:
+        """Return the applications of the option for a trajectory; none if it has its own.
+
+        Raises:
+            BuildError: its own are others.
+        """
+        stated = names_of(trajectory.apps, trajectory.domain)
+        if stated and not any(self._covers(name) for name in stated):
+            raise BuildError(
+                f"apps {','.join(self.apps)}: trajectory {trajectory.id!r} states"
+                f" {', '.join(sorted(stated))}; the option speaks for every trajectory: leave it"
+                " out, and list the applications by trajectory in agenthijack.yaml"
+            )
+        if stated:
+            return ()
+        if not all(map(self._covers, mentioned_programs(trajectory.instruction))):
+            excluded.append(trajectory.id)
+            return ()
+        return self.apps
+
+    def _covers(self, name: str) -> bool:
+        """Return whether an application may be one of those of the option."""
+        return any(may_be_same(name, app) for app in self.apps)
 
 
 def knowledge_of(

@@ -2,11 +2,11 @@
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
-from hijack_data.errors import ParameterTypeError
+from hijack_data.errors import ParameterTypeError, counted
 from hijack_data.paths import PathLike
 from hijack_data.types import Trajectory
 
@@ -14,7 +14,7 @@ from .errors import SourceError
 from .knowledge import LIST, Knowledge, knowledge_of
 from .readers import Rejected, Survey, existing, get_reader, names, survey
 from .readers.choices import NO_CHOICES, ReaderOptions, with_choices
-from .readers.survey import summary
+from .readers.survey import advise, summary
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,8 @@ class Sources:
         choices: the user's choices of coordinates and boxes.
         told: applications and platform of each source, as the user stated them.
         renamed: number of trajectories so far whose id an earlier source or format has.
+        excluded: ids of the trajectories so far to which the option `apps` does not apply, because
+            their instruction names another program.
     """
 
     paths: tuple[Path, ...]
@@ -44,6 +46,7 @@ class Sources:
     choices: ReaderOptions = NO_CHOICES
     told: tuple[Knowledge, ...] = ()
     renamed: int = 0
+    excluded: list[str] = field(default_factory=list[str])
 
     @classmethod
     def of(
@@ -82,7 +85,9 @@ class Sources:
         cls, source: PathLike | Sequence[PathLike], parameters: Mapping[str, Any]
     ) -> "Sources":
         """Find the formats in the same way as the build whose manifest has these `parameters`."""
-        choices = ReaderOptions(parameters.get("coordinates"), parameters.get("boxes"))
+        choices = ReaderOptions(
+            parameters.get("coordinates"), parameters.get("boxes"), parameters.get("episode_key")
+        )
         told = parameters.get(LIST, {})
         return cls.of(
             source,
@@ -105,12 +110,23 @@ class Sources:
             names += [self._name(index, name) for name in found.unread]
         return names
 
+    def advice(self) -> Iterator[str]:
+        """Yield how to make files readable that no reader takes, the first of each kind."""
+        kinds: set[str] = set()
+        for index, found in enumerate(self.surveys):
+            for name in found.unread:
+                advice = advise(found.root / name)
+                if advice and Path(name).suffix not in kinds:
+                    kinds.add(Path(name).suffix)
+                    yield f"{self._name(index, name)}: {advice}"
+
     def read(self, limit: int | None = None) -> Iterator[SourceItem]:
         """Yield the content of the sources in a fixed order, up to `limit` trajectories."""
         taken: set[str] = set()
         self.renamed = 0
+        self.excluded.clear()
         for index, found in enumerate(self.surveys):
-            for item in self.told[index].told(found.read(self.choices)):
+            for item in self.told[index].told(found.read(self.choices), self.excluded):
                 if isinstance(item, Rejected):
                     named = replace(item, file=self._name(index, item.file))
                     yield SourceItem(found.root, named)
@@ -132,10 +148,21 @@ class Sources:
         """Yield remarks for the user about how the sources were read."""
         if self.unread:
             yield f"not read, of no known format: {summary(self.unread)}"
+        yield from self.advice()
+        yield from self.exclusions()
         if self.renamed:
             yield (
                 f"{self.renamed} trajectories have an id that an earlier one has; theirs begins"
                 " with the name of their source"
+            )
+
+    def exclusions(self) -> Iterator[str]:
+        """Yield the remark about trajectories that the option `apps` does not apply to."""
+        if self.excluded:
+            number = counted(len(self.excluded), "trajectory", "trajectories")
+            yield (
+                f"--apps is not applied to {number} whose instruction names another program, such"
+                f" as {self.excluded[0]}; list theirs in agenthijack.yaml"
             )
 
     def refuse_nothing(self) -> None:

@@ -11,7 +11,7 @@ from hijack_data.files import write_atomic
 from hijack_data.paths import PathLike
 
 from ..dataset.columns import pyarrow
-from ..dataset.manifest import make_manifest, total_counts, write_manifest
+from ..dataset.manifest import TRANSPARENT, make_manifest, total_counts, write_manifest
 from ..dataset.shard import ShardRecord
 from ..engines import Engine, get_engine
 from ..errors import BuildError
@@ -26,7 +26,7 @@ from .options import BuildKeywords, BuildOptions, Progress, with_options
 from .quarantine import Quarantine
 from .reading import read_items
 from .replacing import replaced
-from .report import BuildReport
+from .report import BuildReport, transparency_note
 from .rows import RowSettings
 from .settings import config_of, in_order, parameters_of, settings_of
 from .shards import ShardTask, shard_tasks
@@ -83,7 +83,7 @@ def build(
 
 def _planned(source: PathLike | Sequence[PathLike], out: Path, asked: BuildOptions) -> "_BuildPlan":
     """Open the sources and check everything that can be checked before records are read."""
-    choices = ReaderOptions(asked.coordinates, asked.boxes)
+    choices = ReaderOptions(asked.coordinates, asked.boxes, asked.episode_key)
     sources = Sources.of(source, asked.format, choices, apps=asked.apps, platform=asked.platform)
     options = asked.resolved()
     settings, notes = settings_of(options)
@@ -139,7 +139,7 @@ class _BuildPlan:
             strict=self.options.strict,
             tick=meter,
         )
-        notes = (*self.notes, *self.sources.notes())
+        notes = (*self.notes, *self.sources.notes(), *report.notes)
         return replace(report, out=os.fspath(self.out), notes=notes)
 
     def built(self, items: Iterator[SourceItem], meter: _Meter, engine: Engine) -> BuildReport:
@@ -205,7 +205,12 @@ class _Job:
             dropped=counts["dropped"],
             shards=len(shards),
             kept=self.kept,
-            notes=(*plan.notes, *plan.sources.notes(), *_empty_splits(shards, plan.splits)),
+            notes=(
+                *plan.notes,
+                *plan.sources.notes(),
+                *transparency_note(counts.get(TRANSPARENT, 0)),
+                *_empty_splits(shards, plan.splits),
+            ),
         )
 
     def _missing(self, tasks: Iterator[ShardTask]) -> Iterator[ShardTask]:

@@ -6,13 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from hijack_data import extras
 from hijack_data.errors import counted
 
-from ..dataset.columns import VISIBLE, stored
+from ..dataset.columns import VISIBLE, Kind, stored
 from ..dataset.manifest import is_lazy
 from ..fidelity import MEANINGS
 from ..knowledge import LIST
+from ..readers import get_reader
 from .loaded import LOADED
 from .options import ROWS_PER_SHARD
 from .settings import FOREIGN
@@ -44,7 +47,7 @@ def make_card(manifest: Mapping[str, Any]) -> str:
     assets = parameters.get("assets")
     return "\n".join(
         [
-            *_front_matter(),
+            *_front_matter(manifest),
             "# Computer-use trajectories with corrupted screens",
             "",
             (
@@ -75,11 +78,68 @@ def make_card(manifest: Mapping[str, Any]) -> str:
     )
 
 
-def _front_matter() -> list[str]:
+def _front_matter(manifest: Mapping[str, Any]) -> list[str]:
     # No `configs`: datasets names its cache by them alone, so two datasets in folders of one name
     # would share it. Without them it finds data/train-*.parquet by itself and names the cache by
     # the files.
-    return ["---", "license: other", "license_name: as-source-recordings", "---", ""]
+    lazy = is_lazy(manifest)
+    splits = _split_sizes(manifest)
+    data = {
+        "pretty_name": "Computer-use trajectories with corrupted screens",
+        "license": "other",
+        "license_name": "as-source-recordings",
+        "license_link": CARD,
+        "task_categories": ["image-text-to-text"],
+        "tags": ["computer-use", "gui-agents", "screenshots", "robustness", "agenthijack"],
+        "size_categories": [_size_category(manifest["rows"])],
+        "dataset_info": {
+            "features": [_feature(name, kind) for name, (kind, _) in stored(lazy).items()],
+            "splits": splits,
+            "download_size": sum(split["num_bytes"] for split in splits),
+            "dataset_size": sum(split["num_bytes"] for split in splits),
+        },
+    }
+    return ["---", *yaml.safe_dump(data, sort_keys=False).splitlines(), "---", ""]
+
+
+def _size_category(rows: int) -> str:
+    """Return the Hub's name for a number of rows."""
+    end = 3
+    while rows >= 10**end and end < 12:
+        end += 1
+    if end == 3:
+        return "n<1K"
+    return f"{_short(10 ** (end - 1))}<n<{_short(10**end)}"
+
+
+def _short(number: int) -> str:
+    thousands = 0
+    while number >= 1000:
+        number //= 1000
+        thousands += 1
+    return f"{number}{' KMBT'[thousands].strip()}"
+
+
+def _split_sizes(manifest: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the rows and the bytes of each split that has files."""
+    sizes: dict[str, dict[str, Any]] = {}
+    for shard in manifest["shards"]:
+        name = Path(shard["file"]).name.partition("-")[0]
+        size = sizes.setdefault(name, {"name": name, "num_bytes": 0, "num_examples": 0})
+        size["num_bytes"] += shard["bytes"]
+        size["num_examples"] += shard["rows"]
+    return list(sizes.values())
+
+
+def _feature(name: str, kind: Kind) -> dict[str, Any]:
+    """Return a column as the Hub writes features in YAML."""
+    if isinstance(kind, dict):
+        return {"name": name, "struct": [_feature(key, part) for key, part in kind.items()]}
+    if isinstance(kind, list):
+        return {"name": name, "sequence": kind[0]}
+    if kind == "image file":
+        return {"name": name, "dtype": {"image": {"decode": False}}}
+    return {"name": name, "dtype": kind}
 
 
 def _counts(manifest: Mapping[str, Any]) -> list[str]:
@@ -123,8 +183,8 @@ def _splits(manifest: Mapping[str, Any]) -> list[str]:
     return [
         *lines,
         (
-            "Split by a hash of `trajectory_id`: all rows of a trajectory are in one split,"
-            " whatever the seed."
+            "Split by a hash of the episode: all rows of an episode are in one split, whatever the"
+            f" seed. {_episodes(parameters)}"
         ),
         "",
         "| split | share | trajectories | steps | rows |",
@@ -135,6 +195,20 @@ def _splits(manifest: Mapping[str, Any]) -> list[str]:
         ),
         "",
     ]
+
+
+def _episodes(parameters: Mapping[str, Any]) -> str:
+    """Return what counts as an episode in each format."""
+    key = parameters.get("episode_key")
+    rules: dict[str, list[str]] = {}
+    for name in parameters["reader"].split(", "):
+        reader = get_reader(parameters.get("format", name))
+        rule = str(getattr(reader, "episodes", "a recorded trajectory"))
+        if key is not None and "episode_key" in getattr(reader, "takes", ()):
+            rule = f"the rows with the same `{key}`"
+        rules.setdefault(rule, []).append(name)
+    parts = [f"{', '.join(names)}: {rule}" for rule, names in rules.items()]
+    return f"An episode is, by format: {'; '.join(parts)}."
 
 
 def _reading(lazy: bool) -> list[str]:
@@ -231,9 +305,9 @@ def _stated_options(parameters: Mapping[str, Any]) -> list[str]:
     platform = ["--platform", told["platform"]] if told.get("platform") else []
     spaces = [
         word
-        for name in ("coordinates", "boxes")
+        for name in ("coordinates", "boxes", "episode_key")
         if name in parameters
-        for word in (f"--{name}", parameters[name])
+        for word in (f"--{name.replace('_', '-')}", parameters[name])
     ]
     return [*apps, *platform, *spaces, *(["--foreign"] if parameters.get(FOREIGN) else [])]
 

@@ -12,7 +12,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from hijack_data.files import write_atomic
+from hijack_data.errors import StorageError
+from hijack_data.files import is_full, unwritable, write_atomic
 from hijack_data.locking import Lock, LockedError, lock
 
 from ..dataset.manifest import FORMAT, MANIFEST, read_manifest
@@ -70,6 +71,7 @@ class OutFolder:
         Raises:
             BuildError: the folder cannot be written to, is in use, contains other files, or
                 contains a build although `resume` is false or the parameters differ.
+            StorageError: the disk is full.
         """
         made = not self.path.exists()
         held = self._lock()
@@ -83,7 +85,11 @@ class OutFolder:
             finally:
                 with suppress(OSError):
                     self._sweep()
+        except StorageError:
+            raise
         except OSError as error:
+            if is_full(error):
+                raise unwritable(self.path, error) from None
             raise BuildError(
                 f"{self.path}: cannot be written to ({error.strerror or error})"
             ) from None

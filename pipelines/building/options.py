@@ -49,6 +49,9 @@ class BuildOptions:
             picture). `BuildError` for another word.
         boxes: the form of the boxes if the recording does not show it: `xywh` or `xyxy`.
             `BuildError` for another word.
+        episode_key: the field of a row that names its episode, for `splits`, if the rows of the
+            source are single steps of longer recordings. `BuildError` if no format of the source
+            has such rows.
         config: a configuration with `corruptions`, `seed`, `clean`, `label_policy`, `output` and
             `splits`; options given here override it. `ConfigError` for a mistake in it.
         clean: whether to write the uncorrupted rows too; true by default.
@@ -94,6 +97,7 @@ class BuildOptions:
     format: str | None = None
     coordinates: str | None = None
     boxes: str | None = None
+    episode_key: str | None = None
     config: ConfigLike | None = None
     clean: bool | None = None
     label_policy: str | None = None
@@ -168,6 +172,7 @@ class BuildKeywords(TypedDict, total=False):
     format: str | None
     coordinates: str | None
     boxes: str | None
+    episode_key: str | None
     config: ConfigLike | None
     clean: bool | None
     label_policy: str | None

@@ -1,6 +1,6 @@
 """Reports of builds and of checks, as text and as exit codes."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -39,6 +39,15 @@ class Findings:
         if more > 0:
             text.append(f"  and {more} more")
         return text
+
+
+def transparency_note(count: int) -> Iterator[str]:
+    """Yield the remark about `count` pictures with transparent pixels, if there are any."""
+    if count:
+        yield (
+            f"{counted(count, 'picture')} with transparent pixels, which are read in the colours"
+            " that they hide; save screenshots without an alpha channel"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,7 +27,7 @@ from hijack_data.types import (
 )
 
 from ..dataset.columns import ACTION, BASE, VISIBLE
-from ..dataset.images import Base, decode, encode, touched
+from ..dataset.images import Base, decode, encode, is_transparent, touched
 from ..dataset.lazy import stored_plan
 from ..dataset.sample import Sample, position_of
 from ..edits.base import EditedStep
@@ -82,12 +82,16 @@ class RowSettings:
 
 @dataclass
 class RowCounts:
-    """The outcome of steps: rows by label, reasons for samples without a row, rejected inputs."""
+    """The outcome of steps: rows by label, reasons for samples without a row, rejected inputs.
+
+    `transparent` counts the pictures whose transparent pixels were read in their hidden colours.
+    """
 
     rows: Counter[str] = field(default_factory=Counter[str])
     dropped: Counter[str] = field(default_factory=Counter[str])
     not_applicable: dict[str, Counter[str]] = field(default_factory=dict[str, "Counter[str]"])
     rejected: list[Rejected] = field(default_factory=list[Rejected])
+    transparent: int = 0
 
     def skip(self, label: str, reason: str) -> None:
         """Count a sample on which a corruption cannot be placed.
@@ -157,6 +161,7 @@ def sample_of(
     try:
         image = decode(data, where)
         scene = _scene(trajectory, step, image, settings)
+        tally.transparent += is_transparent(data)
         return Sample(trajectory, step, Base(image), scene)
     except ImageError as error:
         tally.reject(where, place, "image", error)

@@ -16,6 +16,7 @@ from hijack_data.errors import ImageError
 from hijack_data.files import replace_atomic
 from hijack_data.types import Step, Trajectory
 
+from ..dataset.manifest import TRANSPARENT
 from ..dataset.shard import ShardRecord, file_sha256
 from ..readers import Rejected
 from ..readers.pictures import picture_file, picture_name, read_picture
@@ -111,7 +112,8 @@ def shard_tasks(
         rows_per_shard: the most rows in a shard.
         variants: rows that a step can have.
         reject: called with each input that could not be read.
-        splits: shares of the trajectories; all are `train` by default.
+        splits: shares of the episodes; all are `train` by default. `BuildError` if the episode of
+            a trajectory is not known.
     """
     splits = splits or Splits()
     batches = {name: _Batch(name) for name in splits.names}
@@ -121,7 +123,7 @@ def shard_tasks(
         if isinstance(item, Rejected):
             reject(item)
             continue
-        batch = batches[splits.of(item.id)]
+        batch = batches[splits.of(item)]
         more = len(item.steps) * variants
         if batch.is_full(read.root, more, rows_per_shard):
             yield batch.cut(index)
@@ -171,6 +173,7 @@ def build_shard(
             "rows": dict(tally.rows),
             "dropped": dict(tally.dropped),
             "not_applicable": reasons,
+            **({TRANSPARENT: tally.transparent} if tally.transparent else {}),
         },
         rejected=tuple(record.to_data() for record in tally.rejected),
         samples=_sample_keys(task),
@@ -236,6 +239,9 @@ def records_hash(trajectories: Iterable[Trajectory], root: Path) -> str:
     digest = hashlib.sha256()
     for trajectory in trajectories:
         data = asdict(replace(trajectory, steps=()))
+        data.pop("episode", None)  # it decides the file of a trajectory, not its rows
+        if data.get("screen", "") is None:
+            del data["screen"]
         data["steps"] = [
             asdict(replace(step, image=_image_name(step, root))) for step in trajectory
         ]

@@ -1,4 +1,8 @@
-"""Splits of whole trajectories by a hash of their id, independent of the rest of the source."""
+"""Splits of whole episodes by a hash of their id, independent of the rest of the source.
+
+A trajectory that holds a whole recording is an episode. Rows of tables are single steps: their
+reader says which rows belong together, see `readers.screens.RecordedTrajectory`.
+"""
 
 import hashlib
 from collections.abc import Mapping
@@ -6,8 +10,10 @@ from typing import Any
 
 from hijack_data.config.options import OPTIONS
 from hijack_data.errors import ParameterError, suggest
+from hijack_data.types import Trajectory
 
 from ..errors import BuildError
+from ..readers.screens import episode_id
 
 TRAIN = "train"
 # The names under which `load_dataset` finds files by itself.
@@ -15,7 +21,7 @@ NAMES = (TRAIN, "validation", "test")
 
 
 class Splits:
-    """Shares of the trajectories by split; without shares, all of them are in `train`."""
+    """Shares of the episodes by split; without shares, all of them are in `train`."""
 
     def __init__(self, shares: Mapping[str, float] | None = None) -> None:
         given = shares or {}
@@ -27,11 +33,23 @@ class Splits:
         """The splits in their fixed order."""
         return list(self.shares) or [TRAIN]
 
-    def of(self, trajectory: str) -> str:
-        """Return the split of a trajectory, which depends only on its id."""
+    def of(self, trajectory: Trajectory) -> str:
+        """Return the split of a trajectory, which depends only on its episode.
+
+        Raises:
+            BuildError: there are several splits, and the episode of the trajectory is not known.
+        """
         if len(self.shares) < 2:
             return self.names[0]
-        digest = hashlib.sha256(f"split:{trajectory}".encode()).digest()
+        episode = episode_id(trajectory)
+        if not episode:
+            raise BuildError(
+                f"splits: {trajectory.source} row {trajectory.id!r} may be one step of a recording,"
+                " and nothing says of which, so its steps could fall into several splits; name the"
+                " field that does with --episode-key FIELD (in Python: episode_key), or leave"
+                " splits out"
+            )
+        digest = hashlib.sha256(f"split:{episode}".encode()).digest()
         place = int.from_bytes(digest[:8], "big") / 2**64
         end = 0.0
         for name, share in self.shares.items():

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 from ..readers import Rejected
 from .quarantine import Quarantine
-from .report import BuildReport
+from .report import BuildReport, transparency_note
 from .rows import RowCounts, RowSettings
 from .settings import in_order
 from .shards import ShardTask, rows_in
@@ -54,5 +54,6 @@ def tried(
             dropped=dict(tally.dropped),
             shards=files,
             kept=0,
+            notes=tuple(transparency_note(tally.transparent)),
             dry_run=True,
         )

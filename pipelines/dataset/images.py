@@ -6,17 +6,21 @@ before the first row that differs: see `Base`.
 """
 
 import hashlib
+import io
 import struct
+import warnings
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import numpy as np
+from PIL import Image
 
 from hijack_data import extras
 from hijack_data.errors import ImageTypeError, MissingDependencyError
-from hijack_data.files import decode_image
+from hijack_data.files import FORMATS, decode_image
 from hijack_data.kernels import lower
 from hijack_data.plan import Paste, Plan
 from hijack_data.png import assemble, chunk, filtered
@@ -154,6 +158,20 @@ def decode(data: bytes, name: str) -> UInt8Array:
     except MissingDependencyError:
         image = None
     return decode_image(data, name)[0] if image is None else image
+
+
+def is_transparent(data: bytes) -> bool:
+    """Return whether pixels of a picture file are transparent, so that its colours are hidden.
+
+    The header answers for pictures without an alpha channel; others are decoded.
+    """
+    with suppress(Exception), warnings.catch_warnings():  # `decode` explains what is damaged
+        warnings.simplefilter("ignore")
+        image = Image.open(io.BytesIO(data), formats=FORMATS)
+        if image.has_transparency_data:
+            low, _ = cast("tuple[int, int]", image.convert("RGBA").getchannel("A").getextrema())
+            return low < 255
+    return False
 
 
 def _file(image: UInt8Array, bands: Sequence[_Band]) -> bytes:

@@ -24,6 +24,8 @@ OUTPUTS = ("materialised", LAZY)
 FILES = ("README.md", "config.yaml", "quarantine.jsonl")
 FILE_HASHES = "files"
 DIGEST = "digest"
+# The count of pictures with transparent pixels, of which older manifests know nothing.
+TRANSPARENT = "transparent"
 # The libraries that, in addition to our own code, decide the bytes of a row.
 LIBRARIES = ("agenthijack", "numpy", "pillow", "pyarrow", "isal")
 
@@ -41,9 +43,11 @@ def total_counts(shards: Iterable[ShardRecord]) -> dict[str, Any]:
     rows = Counter[str]()
     dropped = Counter[str]()
     reasons: dict[str, Counter[str]] = {}
+    transparent = 0
     for shard in shards:
         rows.update(shard.counts["rows"])
         dropped.update(shard.counts["dropped"])
+        transparent += shard.counts.get(TRANSPARENT, 0)
         for label, found in shard.counts["not_applicable"].items():
             reasons.setdefault(label, Counter()).update(found)
     return {
@@ -52,6 +56,7 @@ def total_counts(shards: Iterable[ShardRecord]) -> dict[str, Any]:
         "not_applicable": {
             label: dict(sorted(found.items())) for label, found in sorted(reasons.items())
         },
+        **({TRANSPARENT: transparent} if transparent else {}),
     }
 
 

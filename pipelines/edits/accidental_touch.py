@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from hijack_data.apps import may_be_same, normalize_app
+from hijack_data.apps import normalize_app
 from hijack_data.pack import Asset, AssetPack
 from hijack_data.plan import Effect, Paste
 from hijack_data.rng import Stream
@@ -23,6 +23,7 @@ from .base import (
     Frame,
     NotApplicable,
     between_bars,
+    name_programs,
     recorded_apps,
 )
 from .open_menus import menu_state
@@ -87,7 +88,7 @@ class TouchEdit(Edit):
         """
         frame.check_desktop()
         elements = _clickable(frame, effect)
-        notes = _check_menus(frame)
+        _check_menus(frame)
         opening = _opening(frame, elements)
         asset = opening.asset
         element = opening.element
@@ -99,7 +100,7 @@ class TouchEdit(Edit):
             fidelity="composited",
             response=asset.recover.moved(x, y),
             boxes=[_moved(target.box, x, y) for target in asset.targets],
-            notes=(f"the element at {list(element)} was clicked", *notes),
+            notes=(f"the element at {list(element)} was clicked",),
             shown="menu" if _touches_opener(asset) else "dialog",
         )
 
@@ -126,25 +127,22 @@ def _clickable(frame: Frame, effect: Effect) -> list[Box]:
     return elements
 
 
-def _check_menus(frame: Frame) -> tuple[str, ...]:
-    """Return notes for the reader; refuse a screen on which a menu is, or may be, open already.
+def _check_menus(frame: Frame) -> None:
+    """Refuse a screen on which a menu is, or may be, open already.
 
     Raises:
         NotApplicable: the event cannot be shown realistically; the message is the reason.
     """
     if frame.guess:
-        return ()
+        return
     state = menu_state(frame)
     if state == "open":
         raise NotApplicable("a menu is open on this screen already, which a click would close")
-    if state == "closed":
-        return ()
-    if frame.is_foreign:
-        return ("whether a menu was open already is not recorded",)
-    raise NotApplicable(
-        "a menu may be open on this screen: the action before it was a click, and the recording"
-        " holds no elements"
-    )
+    if state == "not known":
+        raise NotApplicable(
+            "a menu may be open on this screen: the action before it was a click, and the recording"
+            " holds no elements"
+        )
 
 
 def _opening(frame: Frame, elements: Sequence[Box]) -> _Opening:
@@ -174,7 +172,10 @@ def _why_nothing_opens(frame: Frame) -> str:
             "the recording uses several applications, and which one this step shows is not recorded"
         )
     (app,) = frame.apps
-    return f"no element of this screen is known to open a menu or dialog that was recorded of {app}"
+    return (
+        f"no element of this screen is known to open a menu or dialog that was recorded of {app}"
+        f"{name_programs(frame.apps)}"
+    )
 
 
 def _candidates(frame: Frame, effect: Effect) -> Iterator[Box]:
@@ -252,10 +253,7 @@ def _belongs_to_recording(asset: Asset, frame: Frame) -> bool:
         return not frame.is_foreign
     if len(frame.apps) != 1:
         return False
-    (app,) = frame.apps
-    if frame.is_foreign:
-        return may_be_same(app, name)
-    return app == name
+    return name in frame.apps
 
 
 def _opens(element: Box, asset: Asset, frame: Frame) -> bool:

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import ClassVar
 
-from hijack_data.apps import may_be_same, normalize_app
-from hijack_data.pack import Asset, AssetPack
+from hijack_data.apps import normalize_app
+from hijack_data.pack import AssetPack
 from hijack_data.plan import Effect
 from hijack_data.rng import Stream
 
@@ -22,8 +22,8 @@ from .base import (
     Frame,
     NotApplicable,
     between_bars,
+    name_programs,
     recorded_apps,
-    window_buttons,
 )
 from .screens import whole_screen
 
@@ -32,8 +32,7 @@ class MinimiseEdit(Edit):
     """Inserts a desktop with its windows minimised, and the click that brings one back.
 
     That window belongs to an application of the recording, because a model could not learn which
-    other window to bring back. On a foreign desktop, with `foreign`, it may also be the only
-    window.
+    other window to bring back. This holds on a foreign desktop, too.
     """
 
     kind: ClassVar[str] = "minimise"
@@ -83,13 +82,12 @@ def _allowed(frame: Frame) -> AssetPack:
         NotApplicable: the event cannot be shown realistically; the message is the reason.
     """
     desktops = frame.pack.pictures("desktop")
-    allowed = [asset for asset in desktops if _is_own(asset, frame)]
-    if not allowed and frame.is_foreign:
-        allowed = [asset for asset in desktops if _is_single(asset)]
+    allowed = [asset for asset in desktops if normalize_app(asset.app) in frame.apps]
     if not allowed and frame.apps:
         listed = ", ".join(sorted(frame.apps))
         raise NotApplicable(
-            f"no desktop was recorded with a minimised window of what the recording uses ({listed})"
+            "no desktop was recorded with a minimised window of what the recording uses"
+            f" ({listed}){name_programs(frame.apps)}"
         )
     if not allowed:
         raise NotApplicable(
@@ -99,16 +97,3 @@ def _allowed(frame: Frame) -> AssetPack:
         asset for asset in frame.pack.assets if asset.kind != "desktop" or asset in allowed
     )
     return replace(frame.pack, assets=kept)
-
-
-def _is_own(asset: Asset, frame: Frame) -> bool:
-    """Return whether the window that comes back is of an application of the recording."""
-    name = normalize_app(asset.app)
-    if frame.is_foreign:
-        return any(may_be_same(name, app) for app in frame.apps)
-    return name in frame.apps
-
-
-def _is_single(asset: Asset) -> bool:
-    """Return whether only one window could be brought back."""
-    return len(window_buttons(asset)) == 1

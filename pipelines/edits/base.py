@@ -7,13 +7,14 @@ attributes and implement `apply`; that class holds everything about the look of 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar, Literal, TypeAlias
 
-from hijack_data.apps import names_of
+from hijack_data.apps import KINDS
 from hijack_data.errors import HijackError
 from hijack_data.pack import Asset, AssetPack, AssetTarget, RecordedAction
 from hijack_data.plan import Effect, Op
-from hijack_data.platforms import OURS
+from hijack_data.platforms import OURS, PLATFORMS
 from hijack_data.rng import Stream
 from hijack_data.types import (
     Action,
@@ -27,7 +28,7 @@ from hijack_data.types import (
     UInt8Array,
 )
 
-from ..readers.screens import ScreenKind, platform_of, screen_of
+from ..readers.screens import RecordingFacts, ScreenKind, read_facts
 
 WAIT = RecordedAction(Action("wait"))
 NO_DESKTOP: dict[ScreenKind, str] = {
@@ -39,6 +40,10 @@ SAY_XFCE = "if it is one, say so with --platform linux-xfce"
 NO_PLATFORM = (
     "the recording does not say which desktop it shows, and the pictures are of an Xfce desktop; "
     f"{SAY_XFCE}; {SHOW_ANYWAY}"
+)
+NO_SCREEN = (
+    "the recording does not say whether its pictures show a desktop, a web page or a phone; say so"
+    f" with --platform ({', '.join(PLATFORMS)}), or by trajectory in agenthijack.yaml"
 )
 NAME_APPS = "name the applications that show with --apps, or by trajectory in agenthijack.yaml"
 
@@ -78,15 +83,20 @@ class Frame:
     foreign: bool = False
     guess: bool = False
 
+    @cached_property
+    def facts(self) -> RecordingFacts:
+        """What the recording states."""
+        return read_facts(self.trajectory)
+
     @property
     def apps(self) -> frozenset[str]:
         """Applications of the recording, as far as it names any; its domain often is one."""
-        return names_of(self.trajectory.apps, self.trajectory.domain)
+        return self.facts.apps
 
     @property
     def platform(self) -> Platform | None:
         """The platform of the recording's machine, or `None` if unknown."""
-        return platform_of(self.trajectory)
+        return self.facts.platform
 
     @property
     def is_foreign(self) -> bool:
@@ -96,17 +106,20 @@ class Frame:
     @property
     def is_page(self) -> bool:
         """Whether the pictures show a web page alone, without the browser and the desktop."""
-        return screen_of(self.trajectory) == "web page"
+        return self.facts.screen == "web page"
 
     def check_desktop(self) -> None:
         """Check that the recording shows a desktop like that of the pack.
 
-        Pages and phones are never accepted; other or unknown desktops are with `foreign`.
+        Pages, phones and pictures of unknown content are never accepted; other or unknown desktops
+        are with `foreign`.
 
         Raises:
             NotApplicable: it does not.
         """
-        other = NO_DESKTOP.get(screen_of(self.trajectory))
+        if self.facts.screen is None:
+            raise NotApplicable(NO_SCREEN)
+        other = NO_DESKTOP.get(self.facts.screen)
         if other is not None:
             raise NotApplicable(other)
         if not self.is_foreign or self.foreign:
@@ -248,3 +261,11 @@ def recorded_apps(
     names = sorted({asset.app for kind in kinds for asset in pack.pictures(kind)})
     while names:
         yield (names.pop(stream.integer(0, len(names) - 1)),)
+
+
+def name_programs(apps: frozenset[str]) -> str:
+    """Return the remedy for a recording that names a kind of application; `""` if it names none."""
+    kinds = sorted(apps & KINDS.keys())
+    if not kinds:
+        return ""
+    return f"; {', '.join(kinds)} may be any such program: name it in agenthijack.yaml"

@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from hijack_data.apps import is_browser, may_be_same, normalize_app
+from hijack_data.apps import is_browser, is_mentioned, may_be_same, normalize_app
 from hijack_data.geometry import intersection_area, largest_free_rectangle
 from hijack_data.pack import Asset
 from hijack_data.plan import Effect, Paste
@@ -97,7 +97,7 @@ def _check_step(frame: Frame, scene: Scene) -> None:
     Raises:
         NotApplicable: the event cannot be shown realistically; the message is the reason.
     """
-    if not frame.apps and not frame.foreign:
+    if not frame.apps and not frame.guess:
         raise NotApplicable(
             "the recording does not say which applications it uses, so none is known to be"
             f" another; {NAME_APPS}"
@@ -136,8 +136,9 @@ def _aimed(frame: Frame) -> Scene:
 def _windows(frame: Frame, wanted: Sequence[str]) -> Iterator[tuple[str, list[Asset]]]:
     """Yield recorded windows by application, those that the plan names first.
 
-    A window that may be the recording's own is never used; if the recording names no application,
-    it is assumed to be a browser.
+    A window that may be the recording's own is never used, nor is one of a program that the
+    instruction names: the task may be done in it. A screenshot without a recording is assumed to
+    show a browser.
     """
     found: dict[str, list[Asset]] = {}
     for asset in frame.pack.pictures("window"):
@@ -148,6 +149,8 @@ def _windows(frame: Frame, wanted: Sequence[str]) -> Iterator[tuple[str, list[As
 
 
 def _may_be_own(name: str, frame: Frame) -> bool:
+    if is_mentioned(name, frame.trajectory.instruction):
+        return True
     if not frame.apps:
         return is_browser(name)
     return any(may_be_same(name, app) for app in frame.apps)

@@ -40,6 +40,7 @@ class FirewallEdit(Edit):
     def apply(self, frame: Frame, effect: Effect) -> EditedStep:
         """Return the error page, alone or in a browser's window; see `Edit.apply`."""
         if frame.is_page:
+            _check_page(frame)
             page, asset = page_view(frame, "error_view", "error page")
             note = f"{asset.id} was cut or continued to the size of the page"
             return self.made(ops=page, fidelity="composited", notes=(note,))
@@ -129,11 +130,20 @@ def _check_browser(frame: Frame) -> None:
     Raises:
         NotApplicable: the event cannot be shown realistically; the message is the reason.
     """
-    browsers = sorted(app for app in frame.apps if is_browser(app))
-    if not browsers:
+    if not any(map(is_browser, frame.apps)):
         raise NotApplicable(NO_BROWSER if frame.apps else f"{NO_BROWSER}; {NAME_APPS}")
     frame.check_desktop()
-    if not RECORDED.intersection(browsers) and not frame.is_foreign:
+    _check_page(frame)
+
+
+def _check_page(frame: Frame) -> None:
+    """Check that the error page of a recording's browser, as far as it is named, was recorded.
+
+    Raises:
+        NotApplicable: it looks otherwise.
+    """
+    browsers = sorted(filter(is_browser, frame.apps))
+    if browsers and not RECORDED.intersection(browsers):
         raise NotApplicable(
             f"the recorded error page is Chromium's, and the recording shows {', '.join(browsers)}"
         )

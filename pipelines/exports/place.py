@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import HijackError
-from hijack_data.files import write_atomic
+from hijack_data.files import is_full, unwritable, write_atomic
 from hijack_data.locking import LockedError, lock
 
 from ..errors import BuildError
@@ -27,6 +27,7 @@ def new_folder(out: Path, source: Path) -> Iterator[Path]:
 
     Raises:
         BuildError: `out` exists already, is inside `source` (the dataset) or cannot be written.
+        StorageError: the disk is full.
     """
     out = Path(os.path.abspath(out))
     try:
@@ -44,6 +45,8 @@ def new_folder(out: Path, source: Path) -> Iterator[Path]:
     except HijackError:
         raise
     except (OSError, ValueError) as error:
+        if isinstance(error, OSError) and is_full(error):
+            raise unwritable(out, error) from None
         reason = getattr(error, "strerror", None) or error
         raise BuildError(f"{out}: cannot be written ({reason})") from None
 

@@ -16,6 +16,7 @@ from . import fields
 from .base import FileReader, Rejected, files_below, register
 from .fields import FieldError, JsonObject
 from .files import Part, Source, inside, lines, parse_file, relative_name, root_of, size_of
+from .screens import RecordedTrajectory
 
 # Beside the file, and as the Hub has them: unpacked there, or into a folder of their own.
 IMAGES = ("images", "ubuntu_images", "win_mac_images")
@@ -102,7 +103,9 @@ def _record(record: JsonObject, file: str, where: str, root: Path, seen: set[str
         raise FieldError("steps" if is_bench else "traj", "is empty")
     if steps:
         ordered = tuple(steps[index] for index in sorted(steps))
-        yield Trajectory(name, AgentNet.name, instruction, ordered, **about)
+        yield RecordedTrajectory(
+            name, AgentNet.name, instruction, ordered, **about, screen="desktop"
+        )
 
 
 def _instruction_key(record: JsonObject) -> str:

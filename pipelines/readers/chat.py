@@ -11,11 +11,12 @@ from hijack_data.types import Size, Trajectory
 from . import fields
 from .base import FileReader, Rejected, register
 from .choices import NO_CHOICES, ReaderOptions
-from .fields import FieldError, JsonObject, once
+from .fields import FieldError, JsonObject
 from .files import Source, relative_name, root_of
 from .heads import FileHead
 from .json_rows import JsonRow, json_rows, picture_at, picture_inside, read_tables
 from .parquet_rows import platform_of
+from .screens import ROW_EPISODES, RecordedTrajectory, stated_episode
 from .talk import Talk, messages_in
 
 CLEAN = "clean"
@@ -41,7 +42,9 @@ class Chat(FileReader):
     is a `.jsonl` file with a row a line, a `.json` file with a list of rows, or a folder with them
     anywhere below. A row has `messages` (`role`, `content`) or `conversations` (`from`, `value`),
     and `images` or `image`: paths seen from the file or the source, or from `images/` in either, or
-    base64. A row is a trajectory, whose id is its `id`, or else the file and its number. A picture
+    base64. A row is a trajectory, whose id is its `id`, or else the file and its number; an id that
+    an earlier file has comes after the name of its file. Its episode is its `trajectory_id` or
+    `episode_id`, or the field of the choice `episode_key`. A picture
     is shown by `<image>` in the text of the user; each reply that is an action (see `replies`) is a
     step on the picture shown last. The instruction is the first text of the user, or what the
     prompts of the recipes call the task.
@@ -54,7 +57,8 @@ class Chat(FileReader):
 
     choices: ReaderOptions = NO_CHOICES
     name = "chat"
-    takes = ("coordinates",)
+    takes = ("coordinates", "episode_key")
+    episodes = ROW_EPISODES
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether one of the first records is a chat row that names pictures."""
@@ -67,16 +71,17 @@ class Chat(FileReader):
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, rows in order."""
         root = root_of(path)
-        seen: set[str] = set()
-        yield from read_tables(path, lambda file: self._file(file, root, seen), _BESIDE)
+        ids = fields.RowIds()
+        yield from read_tables(path, lambda file: self._file(file, root, ids), _BESIDE)
 
-    def _file(self, file: Path, root: Path, seen: set[str]) -> Iterator[Trajectory | Rejected]:
+    def _file(self, file: Path, root: Path, ids: fields.RowIds) -> Iterator[Trajectory | Rejected]:
         name = relative_name(file, root)
+        ids.open(os.path.splitext(name)[0])
         is_empty = True
         for row in json_rows(file):
             is_empty = False
             found = _Row(file, root, self.choices, row)
-            for item in once(found.trajectory(), seen):
+            for item in ids.unique(found.trajectory()):
                 if isinstance(item, Trajectory):
                     yield item
                 else:
@@ -144,12 +149,13 @@ class _Row:
             box = fields.boxes([target], size, "target_box")[0]
             steps = [replace(step, target_box=box) for step in steps]
         domain = record.get("domain") or record.get("platform")
-        return Trajectory(
+        return RecordedTrajectory(
             fields.storable(name, "id"),
             Chat.name,
             talk.instruction,
             tuple(steps),
             platform_of(domain),
+            episode=stated_episode(record, self.choices.episode_key),
         )
 
 

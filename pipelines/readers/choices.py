@@ -1,4 +1,4 @@
-"""The user's choices of what a source does not state: the space of coordinates, and boxes.
+"""The user's choices of what a source does not state: coordinates, boxes and episodes.
 
 Coordinates are in one of these spaces:
 
@@ -42,6 +42,7 @@ class ReaderOptions:
     Args:
         coordinates: one of `COORDINATES`.
         boxes: one of `BOXES`: x, y, width, height, or the two corners.
+        episode_key: the field of a row that names its episode.
 
     Raises:
         BuildError: a choice is not known.
@@ -49,16 +50,21 @@ class ReaderOptions:
 
     coordinates: str | None = None
     boxes: str | None = None
+    episode_key: str | None = None
 
     def __post_init__(self) -> None:
         known = {"coordinates": COORDINATES, "boxes": BOXES}
         for name, value in self.to_data().items():
-            if value not in known[name]:
+            if name in known and value not in known[name]:
                 raise BuildError(f"{name} {value!r} is not known{suggest(value, known[name])}")
 
     def to_data(self) -> dict[str, str]:
         """Return the choices that are set, as JSON data."""
-        said = {"coordinates": self.coordinates, "boxes": self.boxes}
+        said = {
+            "coordinates": self.coordinates,
+            "boxes": self.boxes,
+            "episode_key": self.episode_key,
+        }
         return {name: value for name, value in said.items() if value is not None}
 
     def of(self, reader: Reader) -> "ReaderOptions":
@@ -85,8 +91,8 @@ def with_choices(reader: Reader, choices: ReaderOptions) -> Reader:
     for name, value in said.items():
         if name not in takes:
             raise BuildError(
-                f"{name} {value!r}: format {reader.name!r} says itself what its {name} are; leave"
-                " the choice out"
+                f"{name} {value!r}: format {reader.name!r} says itself what its"
+                f" {'episodes' if name == 'episode_key' else name} are; leave the choice out"
             )
     if not said:
         return reader

@@ -6,6 +6,7 @@ with hostile input rely on our messages and limits.
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias, cast
 
 from hijack_data.elements.labels import boxes_from_labels
@@ -14,6 +15,7 @@ from hijack_data.platforms import as_platform
 from hijack_data.surrogates import has_half
 from hijack_data.types import (
     ACTION_TYPES,
+    AIMING,
     Action,
     Box,
     Platform,
@@ -24,6 +26,7 @@ from hijack_data.types import (
 )
 
 from ..errors import SourceError
+from .keys import key_problem
 
 HALF = "holds half of a surrogate pair, which is not text"
 MAX_TEXT = 1 << 20
@@ -32,6 +35,28 @@ MAX_PIXEL = 2**24
 MAX_AMOUNT = 1e15
 ACTION_FIELDS = ("type", "x", "y", "x2", "y2", "text", "keys", "amount")
 _POINTS = (("x", "y"), ("x2", "y2"))
+MAX_ELEMENTS = 10_000
+# The fields without which an action of a type says nothing. Other fields of a type are optional:
+# the place of a scroll, the seconds of a wait, the answer of `done`.
+REQUIRED: Mapping[str, tuple[str, ...]] = {
+    **{kind: ("x", "y") for kind in ACTION_TYPES if kind in AIMING},
+    "drag": ("x", "y", "x2", "y2"),
+    "scroll": ("amount",),
+    "type": ("text",),
+    "hotkey": ("keys",),
+    "key_down": ("keys",),
+    "key_up": ("keys",),
+}
+# What other formats call the fields of an action.
+_OTHER_FIELDS = {
+    **dict.fromkeys(("point", "position", "coordinate", "coordinates", "location"), "x and y"),
+    **dict.fromkeys(("start", "from", "start_box", "startcoordinate"), "x and y"),
+    **dict.fromkeys(("end", "to", "end_box", "destination"), "x2 and y2"),
+    **dict.fromkeys(("key", "hotkey", "shortcut"), "keys"),
+    **dict.fromkeys(("value", "content", "string", "input"), "text"),
+    **dict.fromkeys(("clicks", "seconds", "duration", "time", "dy", "scroll", "delta"), "amount"),
+    **dict.fromkeys(("action", "name", "action_type", "button"), "type"),
+}
 # One parsed record, or an object inside one.
 JsonObject: TypeAlias = Mapping[str, Any]
 
@@ -146,13 +171,15 @@ def action(value: object, size: Size) -> Action:
     """Return an action given in pixels of a picture of `size`, (height, width).
 
     Raises:
-        FieldError: a field is unknown, broken or outside the picture, or half a point is given.
+        FieldError: a field is unknown, broken, outside the picture, or missing though the type
+            requires it, see `REQUIRED`; or half a point is given.
     """
     data = mapping(value, "action")
     for key in data:
         if key not in ACTION_FIELDS:
-            reason = f"is not a field of an action{suggest(key, ACTION_FIELDS)}"
-            raise FieldError(f"action.{key}", reason)
+            other = _OTHER_FIELDS.get(key.lower())
+            meant = f"; write {other}" if other else suggest(key, ACTION_FIELDS)
+            raise FieldError(f"action.{key}", f"is not a field of an action{meant}")
     kind = text(data, "type", "action.type")
     if kind not in ACTION_TYPES:
         reason = f"{kind!r} is not a type of action{suggest(kind, ACTION_TYPES)}"
@@ -162,7 +189,19 @@ def action(value: object, size: Size) -> Action:
     if data.get("text") is not None:
         typed = text(data, "text", "action.text", default="")
     keys = _keys(data.get("keys"))
-    return Action(kind, **pixels, text=typed, keys=keys, amount=_amount(data.get("amount")))
+    amount = _amount(data.get("amount"), kind)
+    _check_required(data, kind)
+    return Action(kind, **pixels, text=typed, keys=keys, amount=amount)
+
+
+def _check_required(data: JsonObject, kind: str) -> None:
+    for name in REQUIRED.get(kind, ()):
+        if data.get(name) is None or data[name] == "":
+            needs = " and ".join(", ".join(REQUIRED[kind]).rsplit(", ", 1))
+            raise FieldError(
+                f"action.{name}",
+                f"is missing: {kind} needs {needs}; if that was not recorded, write type 'other'",
+            )
 
 
 def boxes(labels: object, size: Size, field: str) -> tuple[Box, ...]:
@@ -171,6 +210,11 @@ def boxes(labels: object, size: Size, field: str) -> tuple[Box, ...]:
     Raises:
         FieldError: the labels are not boxes, or the field is `target_box` and a box is invisible.
     """
+    count = len(listed(labels))
+    if count > MAX_ELEMENTS:
+        raise FieldError(
+            field, f"has {count} boxes; the limit is {MAX_ELEMENTS}: leave out what does not show"
+        )
     try:
         found = clip_boxes(boxes_from_labels(labels, size=size).boxes, size)
     except HijackError as error:
@@ -224,24 +268,58 @@ def shown(value: object) -> str:
     return representation if len(representation) <= 60 else f"{representation[:57]}..."
 
 
-def once(
-    items: Iterable[Trajectory | FieldError], seen: set[str]
-) -> Iterator[Trajectory | FieldError]:
-    """Yield trajectories with unique ids.
+def qualified(name: str, place: str, taken: set[str]) -> str:
+    """Return the id of a trajectory, after the name of its file or folder if the id is taken.
 
-    A trajectory whose id is in `seen`, and an error that ends the reading, are yielded as
-    rejections; reading stops after either.
+    Args:
+        name: the id in its file.
+        place: the name of the file or folder.
+        taken: the ids of the files so far; the new one is added.
     """
-    try:
-        for item in items:
-            if isinstance(item, Trajectory) and item.id in seen:
-                yield FieldError("id", f"{item.id!r} was there before")
-                return
-            if isinstance(item, Trajectory):
-                seen.add(item.id)
-            yield item
-    except FieldError as error:
-        yield error
+    own = name if name not in taken else f"{place}/{name}"
+    number = 1
+    while own in taken:
+        number += 1
+        own = f"{place}/{name}~{number}"
+    taken.add(own)
+    return own
+
+
+@dataclass
+class RowIds:
+    """Makes the ids of the rows of several files unique.
+
+    An id is that of one row of its file. The same id in a later file is qualified by that file.
+    """
+
+    taken: set[str] = field(default_factory=set[str])
+    place: str = ""
+    own: set[str] = field(default_factory=set[str])
+
+    def open(self, place: str) -> None:
+        """Begin a file, named `place` in ids."""
+        self.place = place
+        self.own = set()
+
+    def unique(self, items: Iterable[Trajectory | FieldError]) -> Iterator[Trajectory | FieldError]:
+        """Yield the trajectories of a row with unique ids.
+
+        A trajectory whose id an earlier row of the file has, and an error that ends the reading,
+        are yielded as rejections; reading stops after either.
+        """
+        try:
+            for item in items:
+                if not isinstance(item, Trajectory):
+                    yield item
+                    continue
+                if item.id in self.own:
+                    reason = f"{item.id!r} is the id of an earlier row of this file; number them"
+                    yield FieldError("id", f"{reason} anew, or leave the ids out")
+                    return
+                self.own.add(item.id)
+                yield replace(item, id=qualified(item.id, self.place, self.taken))
+        except FieldError as error:
+            yield error
 
 
 def _required(record: JsonObject, key: str, field: str) -> object:
@@ -302,8 +380,16 @@ def _keys(value: object) -> tuple[str, ...] | None:
     keys = [key for key in listed(value) if isinstance(key, str)]
     if not isinstance(value, list) or len(keys) != len(listed(value)):
         raise FieldTypeError("action.keys", "a list of strings", value)
+    problem = key_problem(keys)
+    if problem:
+        raise FieldError("action.keys", problem)
     return tuple(storable(key, "action.keys") for key in keys)
 
 
-def _amount(value: object) -> float | None:
-    return None if value is None else _number(value, "action.amount", MAX_AMOUNT)
+def _amount(value: object, kind: str) -> float | None:
+    if value is None:
+        return None
+    amount = _number(value, "action.amount", MAX_AMOUNT)
+    if kind == "wait" and amount < 0:
+        raise FieldError("action.amount", f"{amount:g} is below 0; write the seconds of the wait")
+    return amount

@@ -38,6 +38,22 @@ PICKLES = (".pkl", ".pickle", ".pkl.xz", ".pkl.gz", ".pt", ".pth", ".joblib", ".
 PICKLE = (
     "a pickle (or a file that may hold one) is never opened: reading it would run what is in it"
 )
+# How an archive is unpacked, by the end of its name.
+UNPACKING = {
+    ".tar.zst": "tar --zstd -xf",
+    ".tar": "tar -xf",
+    ".tgz": "tar -xf",
+    ".tar.gz": "tar -xf",
+    ".tar.bz2": "tar -xf",
+    ".tar.xz": "tar -xf",
+    ".zip": "unzip",
+    ".7z": "7z x",
+    ".rar": "unrar x",
+    ".gz": "gunzip -k",
+    ".bz2": "bunzip2 -k",
+    ".xz": "unxz -k",
+    ".zst": "unzstd",
+}
 SCREENS = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".gif", ".tif", ".tiff")
 NOT_UTF8 = "its name is not UTF-8; rename it"
 CACHED = ("datasets--", "models--", "spaces--")
@@ -180,6 +196,26 @@ def parse_file(path: Path, *, unique: bool = True) -> JsonObject:
     return mapping(parse_any(path, unique=unique), "")
 
 
+def refuse_array(path: Path) -> None:
+    """Refuse a file of JSON lines that holds one JSON array.
+
+    Raises:
+        FieldError: it does; the message has the command that writes lines.
+    """
+    first = next(lines(path, limit=_CHUNK), None)
+    start = b"" if first is None or first.data is None else first.data
+    if first is not None and first.data is None:
+        with open_regular(path) as file:
+            start = file.read(_CHUNK)
+    if start.lstrip(b" \t\r\n\xef\xbb\xbf").startswith(b"["):
+        raise FieldError("", f"holds a JSON array, not an object a line: {lines_of(path)}")
+
+
+def lines_of(path: Path) -> str:
+    """Return the advice for a JSON array in a file that should have an object a line."""
+    return f"write one object a line, as jq -c '.[]' {path.name} does"
+
+
 def parse_any(path: Path, *, unique: bool = True) -> object:
     """Parse a whole file as JSON, see `parse`.
 
@@ -199,8 +235,13 @@ def parse_any(path: Path, *, unique: bool = True) -> object:
 
 
 def first_records(path: Path) -> list[JsonObject]:
-    """Return the first records of a file, without unreadable ones, to detect its format."""
+    """Return the first records of a file, without unreadable ones, to detect its format.
+
+    An archive has none, though the lines of a file in it may lie there uncompressed.
+    """
     found: list[JsonObject] = []
+    if unpacking(path):
+        return found
     try:
         for line in islice(lines(path), SNIFFED):
             if line.data is None or line.offset > MAX_RECORD:
@@ -212,6 +253,13 @@ def first_records(path: Path) -> list[JsonObject]:
     except OSError:
         return []
     return found
+
+
+def unpacking(path: Path) -> str:
+    """Return the command that unpacks an archive, by the end of its name; `""` for others."""
+    name = path.name.lower()
+    command = next((UNPACKING[end] for end in UNPACKING if name.endswith(end)), "")
+    return f"{command} {path.name}" if command else ""
 
 
 def root_of(source: Source) -> Path:
@@ -237,7 +285,7 @@ def inside(root: Path, name: str, field: str = "image") -> Path:
         below = _stays(path, root)
         is_file = path.is_file()
     except FileNotFoundError:
-        raise FieldError(field, _missing(root, name)) from None
+        raise FieldError(field, f"{_missing(root, name)}{_slashes(name)}") from None
     # loops of links, names too long, folders that cannot be entered
     except (OSError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or error
@@ -385,6 +433,13 @@ def relative_name(path: Path, root: Path) -> str:
     """Return the name of a file in reports: relative to the source, undecodable bytes escaped."""
     name = Path(os.path.relpath(path, root)).as_posix()
     return name.encode(errors="surrogateescape").decode(errors="backslashreplace")
+
+
+def _slashes(name: str) -> str:
+    """Return the fix for a path of Windows; `""` for any other."""
+    if "\\" not in name:
+        return ""
+    return f"; folders are separated by /, so write {name.replace(chr(92), '/')!r}"
 
 
 def _missing(root: Path, name: str) -> str:

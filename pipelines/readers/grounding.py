@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hijack_data.platforms import find_platform
 from hijack_data.types import Action, Box, Size, Step, Trajectory
 
 from . import fields
@@ -17,6 +18,7 @@ from .files import Source, relative_name, root_of
 from .heads import FileHead
 from .json_rows import FOLDERS, JsonRow, json_rows, picture_at, read_tables
 from .parquet_rows import platform_of
+from .screens import PICTURE_EPISODES, RecordedTrajectory, stated_episode
 
 PICTURES = ("img_filename", "image_path", "img_path")
 BOXES = ("bbox", "box_coordinates")
@@ -46,7 +48,8 @@ class Grounding(FileReader):
 
     choices: ReaderOptions = NO_CHOICES
     name = "grounding"
-    takes = ("coordinates", "boxes")
+    takes = ("coordinates", "boxes", "episode_key")
+    episodes = PICTURE_EPISODES
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether one of the first records names a picture and a box, or boxes in it."""
@@ -166,14 +169,19 @@ class _Table:
         text = fields.text(entry.part, _key(entry.part, TEXTS))
         step = Step(0, image, Action("click", x, y), target_box=box, elements=around)
         program, platform = machine_of(record)
-        return Trajectory(
+        return RecordedTrajectory(
             id=entry.name,
             source=Grounding.name,
             instruction=text,
             steps=(step,),
             domain=platform_of(platform),
             apps=fields.strings([program]),
+            episode=self._episode(record, image),
         )
+
+    def _episode(self, record: JsonObject, image: str) -> str:
+        key = self.choices.episode_key
+        return stated_episode(record, key) if key else relative_name(Path(image), self.root)
 
 
 def machine_of(record: JsonObject) -> tuple[object, object]:
@@ -182,7 +190,11 @@ def machine_of(record: JsonObject) -> tuple[object, object]:
     # UI-Vision and GroundCUA call the program a platform.
     if "prompt_to_evaluate" in record or "category" in record:
         return record.get("platform"), source
-    return record.get("application"), record.get("platform", source)
+    program = record.get("application")
+    # UI-Venus calls the platform an application.
+    if find_platform(program) is not None:
+        return None, record.get("platform", program)
+    return program, record.get("platform", source)
 
 
 def _entries_of(row: JsonRow, name: str) -> Iterator[_Entry]:

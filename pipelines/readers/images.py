@@ -12,6 +12,7 @@ from hijack_data.types import Action, Platform, Size, Step, Trajectory
 
 from . import fields
 from .base import Rejected, register
+from .choices import NO_CHOICES, ReaderOptions
 from .fields import FieldError, JsonObject
 from .files import (
     Part,
@@ -38,6 +39,7 @@ from .plain import (
     check_names,
     extra_of,
 )
+from .screens import RecordedTrajectory, stated_episode
 
 METADATA = "metadata.jsonl"
 FILE_NAME = "file_name"
@@ -51,6 +53,7 @@ RECORDS = (
 
 
 @register
+@dataclass(frozen=True)
 class Images:
     """Reads a folder of pictures, or one picture.
 
@@ -64,8 +67,11 @@ class Images:
     Coordinates: pixels of the picture, origin top-left.
     """
 
+    choices: ReaderOptions = NO_CHOICES
     name = "images"
     fallback = True
+    takes = ("episode_key",)
+    episodes = "one picture"
 
     def detect(self, path: Path) -> bool:
         """Return whether `path` is a picture, or a folder with no records but those of pictures."""
@@ -89,7 +95,7 @@ class Images:
             if not isinstance(item, Path):
                 yield Rejected(relative_name(item[0], root), "", "", item[1])
             elif is_picture(item):
-                yield from _picture(item, root, known)
+                yield from _picture(item, root, known, self.choices.episode_key)
         yield from known.unused()
 
 
@@ -156,15 +162,17 @@ class _Metadata:
             yield Rejected(relative_name(file, self.root), f"line {number}", FILE_NAME, reason)
 
 
-def _picture(file: Path, root: Path, known: _Metadata) -> Iterator[Trajectory | Rejected]:
+def _picture(
+    file: Path, root: Path, known: _Metadata, episode_key: str | None
+) -> Iterator[Trajectory | Rejected]:
     name = relative_name(file, root)
     try:
-        yield _trajectory(name, file, known.of(file))
+        yield _trajectory(name, file, known.of(file), episode_key)
     except FieldError as error:
         yield Rejected(name, "", error.field, error.reason)
 
 
-def _trajectory(name: str, file: Path, record: JsonObject) -> Trajectory:
+def _trajectory(name: str, file: Path, record: JsonObject, episode_key: str | None) -> Trajectory:
     problems = LineProblems()
     size = problems.of(lambda: size_of(file))
     problems.check()
@@ -178,6 +186,9 @@ def _trajectory(name: str, file: Path, record: JsonObject) -> Trajectory:
     apps = problems.of(lambda: apps_of(record))
     platform = problems.of(lambda: fields.platform(record.get("platform"), "platform"))
     extra = problems.of(lambda: extra_of(record, KNOWN))
+    episode = None
+    if episode_key is not None:
+        episode = problems.of(lambda: stated_episode(record, episode_key))
     problems.check()
     step = Step(
         index=0,
@@ -190,7 +201,9 @@ def _trajectory(name: str, file: Path, record: JsonObject) -> Trajectory:
         extra=extra or "",
     )
     about = texts["instruction"] or "", (step,), texts["domain"] or "", apps or ()
-    return Trajectory(name, Images.name, *about, platform=cast("Platform | None", platform))
+    return RecordedTrajectory(
+        name, Images.name, *about, platform=cast("Platform | None", platform), episode=episode
+    )
 
 
 def _action(record: JsonObject, code: str, size: Size | None, problems: LineProblems) -> Action:

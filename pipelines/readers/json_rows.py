@@ -10,7 +10,17 @@ from hijack_data.types import Size, Trajectory
 from . import fields
 from .base import Rejected, files_below
 from .fields import FieldError, FieldTypeError, JsonObject
-from .files import MAX_RECORD, Source, inside, lines, parse_any, relative_name, root_of, size_of
+from .files import (
+    MAX_RECORD,
+    Source,
+    inside,
+    lines,
+    parse_any,
+    refuse_array,
+    relative_name,
+    root_of,
+    size_of,
+)
 from .pictures import decoded, in_json
 
 SUFFIXES = (".json", ".jsonl")
@@ -56,6 +66,7 @@ def json_rows(file: Path) -> Iterator[JsonRow]:
         FieldError: the file is too large; other errors of the whole file are one, too.
     """
     if file.suffix == ".jsonl":
+        refuse_array(file)
         for number, line in enumerate(lines(file)):
             try:
                 values = line.record()

@@ -11,7 +11,18 @@ from hijack_data.types import Step, Trajectory
 from . import fields
 from .base import FileReader, Rejected, files_below, register
 from .fields import FieldError, JsonObject
-from .files import Part, RecordLine, Source, inside, line_at, lines, parse, relative_name, root_of
+from .files import (
+    Part,
+    RecordLine,
+    Source,
+    inside,
+    line_at,
+    lines,
+    parse,
+    refuse_array,
+    relative_name,
+    root_of,
+)
 from .heads import FileHead
 from .plain import LineProblems, apps_of, step_of
 
@@ -91,6 +102,7 @@ class Jsonl(FileReader):
             records = relative_name(file, root)
             try:
                 inside(root, records, "")
+                refuse_array(file)
                 yield from _file(file, records, root, taken)
             except FieldError as error:
                 yield Rejected(records, "", error.field, error.reason)
@@ -123,10 +135,7 @@ def _file(
 def _free(name: str, records: str, taken: set[str]) -> str:
     """Return the id of a trajectory: its name, after the file's folder if the name is taken."""
     folder = Path(records).parent.as_posix()
-    place = Path(records).stem if folder == "." else folder
-    own = name if name not in taken else f"{place}/{name}"
-    taken.add(own)
-    return own
+    return fields.qualified(name, Path(records).stem if folder == "." else folder, taken)
 
 
 def _index(records: Path, shown: str, index: _Index) -> Iterator[Rejected]:

@@ -12,6 +12,7 @@ from .dialects import PYAUTOGUI, RecordedStep, first_action
 from .fields import FieldError, JsonObject
 from .files import parsed
 from .parquet_rows import SOURCE, ParquetRow
+from .screens import RecordedTrajectory, stated_episode
 
 COLUMNS = (
     "annotation_id",
@@ -53,7 +54,16 @@ def mind2web(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
     step = RecordedStep(0, image, action, code, box)
     task = fields.text(record, "confirmed_task")
     site = fields.text(record, "website", default="")
-    yield Trajectory(name, SOURCE, task, (step,), domain=site or "web page", platform="web")
+    key = row.choices.episode_key
+    yield RecordedTrajectory(
+        name,
+        SOURCE,
+        task,
+        (step,),
+        domain=site or "web page",
+        platform="web",
+        episode=stated_episode(record, key) if key else annotation,
+    )
 
 
 def _code(kind: str, x: int, y: int, value: str) -> str:

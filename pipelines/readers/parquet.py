@@ -1,5 +1,6 @@
 """Hugging Face data sets in Parquet or Arrow, found by their columns."""
 
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from .base import FileReader, Rejected, files_below, register
 from .boxes import Form, form_of
 from .choices import FRACTIONS, NO_CHOICES, PIXELS, XYXY, ReaderOptions
 from .events import TESS, TESS_REST, TRACE, CuaBenchTrace, StepRows, TessEpisode
-from .fields import FieldError, JsonObject, once
+from .fields import FieldError, JsonObject
 from .files import Source, inside, relative_name, root_of
 from .heads import FileHead
 from .lerobot import in_lerobot
@@ -21,6 +22,7 @@ from .mind2web import COLUMNS as MIND2WEB
 from .mind2web import mind2web
 from .parquet_rows import ParquetRow, chat, grounding, trajectory
 from .pictures import GroupRows, open_parquet
+from .screens import EPISODES, PICTURE_EPISODES, ROW_EPISODES
 
 SUFFIXES = (".parquet", ARROW)
 # What `save_to_disk` writes beside its files.
@@ -49,7 +51,7 @@ class _Shape:
 SHAPES = (
     _Shape(("task_id", "instruction", "actions", "screenshots"), ("domain",), trajectory),
     *(
-        _Shape((messages, images), ("system", "metadata", "id"), chat)
+        _Shape((messages, images), ("system", "metadata", "id", *EPISODES), chat)
         for messages in ("messages", "conversations")
         for images in ("images", "image")
     ),
@@ -99,7 +101,11 @@ class Parquet(FileReader):
     choices: ReaderOptions = NO_CHOICES
     name = "parquet"
     suffixes = SUFFIXES
-    takes = ("coordinates", "boxes")
+    takes = ("coordinates", "boxes", "episode_key")
+    episodes = (
+        f"{ROW_EPISODES} (chat rows), {PICTURE_EPISODES} (grounding), an `annotation_id`"
+        " (Multimodal-Mind2Web) or a row that holds a whole recording"
+    )
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether a table is not a part of a LeRobot data set."""
@@ -112,32 +118,33 @@ class Parquet(FileReader):
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, rows in order."""
         root = root_of(path)
-        seen: set[str] = set()
+        ids = fields.RowIds()
         for file in files_below(path):
             if isinstance(file, Rejected):
                 yield file
             elif file.suffix in SUFFIXES:
                 try:
                     inside(root, relative_name(file, root), "")
-                    yield from _table(ParquetRow(file, root, 0, 0, 0, choices=self.choices), seen)
+                    yield from _table(ParquetRow(file, root, 0, 0, 0, choices=self.choices), ids)
                 except FieldError as error:
                     yield Rejected(relative_name(file, root), "", error.field, error.reason)
 
 
-def _table(first: ParquetRow, seen: set[str]) -> Iterator[Trajectory | Rejected]:
+def _table(first: ParquetRow, ids: fields.RowIds) -> Iterator[Trajectory | Rejected]:
     name = relative_name(first.file, first.root)
+    ids.open(os.path.splitext(name)[0])
     table = open_parquet(first.file)
     try:
-        shape, columns = _shape(table.schema_arrow.names)
+        shape, columns = _shape(table.schema_arrow.names, first.choices.episode_key)
         if shape.common:
-            yield from _grouped(table, first, shape, columns, seen)
+            yield from _grouped(table, first, shape, columns, ids)
             return
         form = _form(table, first) if shape.read is grounding else first.form
         count = 0
         for group in range(table.num_row_groups):
             for number, record in enumerate(GroupRows(table, group, columns)):
                 row = replace(first, group=group, number=number, count=count, form=form)
-                for item in _row(record, row, shape, seen):
+                for item in _row(record, row, shape, ids):
                     if isinstance(item, Trajectory):
                         yield item
                     else:
@@ -150,7 +157,7 @@ def _table(first: ParquetRow, seen: set[str]) -> Iterator[Trajectory | Rejected]
 
 
 def _grouped(
-    table: Any, first: ParquetRow, shape: _Shape, columns: list[str], seen: set[str]
+    table: Any, first: ParquetRow, shape: _Shape, columns: list[str], ids: fields.RowIds
 ) -> Iterator[Trajectory | Rejected]:
     """Yield the trajectories of a table whose rows are steps, and everything rejected of it."""
     name = relative_name(first.file, first.root)
@@ -158,7 +165,7 @@ def _grouped(
     common: object = None
 
     def ended() -> Iterator[Trajectory | Rejected]:
-        for item in once(episode.trajectory() if episode else (), seen):
+        for item in ids.unique(episode.trajectory() if episode else ()):
             if isinstance(item, Trajectory):
                 yield item
             else:
@@ -213,17 +220,19 @@ def _rows(table: Any, columns: list[str]) -> Iterator[tuple[int, int, Any]]:
 
 
 def _row(
-    record: JsonObject | FieldError, row: ParquetRow, shape: _Shape, seen: set[str]
+    record: JsonObject | FieldError, row: ParquetRow, shape: _Shape, ids: fields.RowIds
 ) -> Iterator[Trajectory | FieldError]:
     if isinstance(record, FieldError):
         yield record
         return
-    yield from once(shape.read(row.holding(record)), seen)
+    yield from ids.unique(shape.read(row.holding(record)))
 
 
-def _shape(columns: list[str]) -> tuple[_Shape, list[str]]:
+def _shape(columns: list[str], episode_key: str | None) -> tuple[_Shape, list[str]]:
+    more = () if episode_key is None else (episode_key,)
     for shape in SHAPES:
         if set(shape.needs) <= set(columns):
-            return shape, [*shape.needs, *(name for name in shape.takes if name in columns)]
+            taken = (name for name in (*shape.takes, *more) if name in columns)
+            return shape, list(dict.fromkeys([*shape.needs, *taken]))
     wanted = " or ".join(", ".join(shape.needs) for shape in SHAPES)
     raise FieldError("columns", f"has {fields.shown(', '.join(columns))}; expected {wanted}")

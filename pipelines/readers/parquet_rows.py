@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,6 +17,7 @@ from .dialects import COMPUTER_13, PYAUTOGUI, RecordedStep, recorded
 from .fields import FieldError, JsonObject
 from .files import inside, parse, parsed, relative_name, size_of
 from .pictures import as_bytes, in_parquet
+from .screens import RecordedTrajectory, stated_episode
 from .talk import Talk, TalkPicture, messages_in
 
 SOURCE = "parquet"
@@ -92,6 +94,14 @@ class ParquetRow:
             raise FieldError(field, error.reason) from None
         return in_parquet(self.file, self.group, self.number, column, item), size
 
+    def picture_key(self, column: str) -> str:
+        """Return a text that two rows share if they show the same picture file."""
+        value: Any = self.record.get(column)
+        entry = cast("dict[str, Any]", value) if isinstance(value, dict) else {"path": value}
+        if not entry.get("bytes") and isinstance(entry.get("path"), str):
+            return entry["path"]
+        return sha256(as_bytes(value)).hexdigest()
+
 
 def trajectory(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
     """Read a row of parallel lists `actions` and `screenshots`.
@@ -118,7 +128,9 @@ def trajectory(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
             yield FieldError(error.field or field, error.reason)
     if steps:
         domain = fields.text(record, "domain", default="")
-        yield Trajectory(name, SOURCE, instruction, tuple(steps), domain)
+        key = row.choices.episode_key
+        episode = stated_episode(record, key) if key else None
+        yield RecordedTrajectory(name, SOURCE, instruction, tuple(steps), domain, episode=episode)
 
 
 def _step(row: ParquetRow, index: int, given: object, field: str) -> Step:
@@ -145,7 +157,9 @@ def grounding(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
     step = Step(0, image, Action("click", x, y), target_box=box)
     domain = platform_of(record.get("data_source"))
     instruction = fields.text(record, "instruction")
-    yield Trajectory(row.name, SOURCE, instruction, (step,), domain)
+    key = row.choices.episode_key
+    episode = stated_episode(record, key) if key else row.picture_key("image")
+    yield RecordedTrajectory(row.name, SOURCE, instruction, (step,), domain, episode=episode)
 
 
 def chat(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
@@ -170,7 +184,14 @@ def chat(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
     name = fields.text(record, "id", default="") or row.name
     platform = platform_of(_metadata(record.get("metadata")).get("platform"))
     if talk.steps:
-        yield Trajectory(name, SOURCE, talk.instruction, tuple(talk.steps), platform)
+        yield RecordedTrajectory(
+            name,
+            SOURCE,
+            talk.instruction,
+            tuple(talk.steps),
+            platform,
+            episode=stated_episode(record, row.choices.episode_key),
+        )
 
 
 def _metadata(value: object) -> JsonObject:

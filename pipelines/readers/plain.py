@@ -56,6 +56,8 @@ OTHER_NAMES = {
 # letter.
 KEYBOARD = "keyboard"
 KEYBOARD_TYPES = ("type", "hotkey", "key_down", "key_up")
+# What stands for a wrong value while the other fields of an action are checked.
+_HARMLESS: dict[str, Any] = {"text": "x", "keys": ["a"], "amount": 0}
 SCHEMA = Path(__file__).with_name("trajectories.schema.json")
 # The size against which points are checked if the picture cannot be read.
 ANY_SIZE = (fields.MAX_PIXEL, fields.MAX_PIXEL)
@@ -285,6 +287,8 @@ def _without(action: dict[str, Any], field: str) -> bool:
     pairs = {"x": "y", "y": "x", "x2": "y2", "y2": "x2"}
     was_there = name in action or pairs.get(name) in action
     action.pop(name, None)
+    if was_there and name in _HARMLESS:
+        action[name] = _HARMLESS[name]
     # The other coordinate of the point is checked on its own, with the wrong one replaced.
     if name in pairs and action.get(pairs[name]) is not None:
         action[name] = 0

@@ -24,6 +24,7 @@ from .files import Source, inside, relative_name, root_of
 from .grounding import machine_of
 from .json_rows import JsonRow, json_rows, picture_at
 from .parquet_rows import platform_of
+from .screens import PICTURE_EPISODES, RecordedTrajectory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +66,7 @@ class PublishedSet(ABC):
     folder: str = ""
     stated: str = ""
     kept: tuple[str, ...] = ()
+    episodes: str = PICTURE_EPISODES
 
     @abstractmethod
     def is_table(self, file: Path) -> bool:
@@ -148,13 +150,14 @@ class PublishedSet(ABC):
             elements=around if len(around) > 1 else (),
             extra=fields.storable(text, "extra"),
         )
-        return Trajectory(
+        return RecordedTrajectory(
             id=f"{stem}/{shown.row.number:06d}",
             source=self.name,
             instruction=fields.text(record, "instruction"),
             steps=(step,),
             domain=platform_of(platform),
             apps=fields.strings([program]),
+            episode=Path(shown.image).name,
         )
 
 

@@ -17,6 +17,7 @@ from .fields import FieldError, JsonObject
 from .files import inside, parse_file, relative_name, size_of
 from .folders import EpisodeFolder, FolderReader
 from .heads import FileHead
+from .screens import RecordedTrajectory
 
 # By the class of the desktop, as the log names it.
 _PROVIDERS: dict[str, Platform] = {"EmbeddedDesktop": "linux-xfce", "OsworldDesktop": "linux"}
@@ -94,7 +95,9 @@ class _Episode(EpisodeFolder):
             )
             yield Rejected(self.records, "", "events", reason)
         if self.steps:
-            yield Trajectory(steps=tuple(self.steps), source=Runs.name, **about)
+            yield RecordedTrajectory(
+                steps=tuple(self.steps), source=Runs.name, **about, screen="desktop"
+            )
 
     def _record(self) -> JsonObject:
         if not (self.folder / EPISODE).is_file():

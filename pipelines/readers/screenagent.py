@@ -19,6 +19,7 @@ from .base import FileReader, Rejected, files_below, register
 from .dialects import RecordedStep, code_of
 from .fields import FieldError, JsonObject
 from .files import Source, inside, parse_file, relative_name, root_of, size_of
+from .screens import RecordedTrajectory
 
 IMAGES = "images"
 _BUTTONS = {"click": 1, "double_click": 2}
@@ -122,12 +123,13 @@ class _Session:
             )
         elif self.steps:
             seen.add(self.id)
-            yield Trajectory(
+            yield RecordedTrajectory(
                 self.id,
                 ScreenAgent.name,
                 self.instruction,
                 tuple(self.steps),
                 platform=find_platform(self.system),
+                screen="desktop",
             )
 
     def _step(self, record: JsonObject, name: str, index: int) -> Step:

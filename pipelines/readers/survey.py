@@ -11,7 +11,19 @@ from hijack_data.types import Trajectory
 from ..errors import SourceError
 from .base import FileReader, Reader, Rejected, existing, files_below, get_reader, names
 from .choices import NO_CHOICES, ReaderOptions, with_choices
-from .files import SCREENS, SNIFFED, Part, Source, relative_name, root_of
+from .files import (
+    SCREENS,
+    SNIFFED,
+    UNPACKING,
+    FieldError,
+    Part,
+    Source,
+    lines_of,
+    refuse_array,
+    relative_name,
+    root_of,
+    unpacking,
+)
 from .heads import FileHead
 from .not_recordings import explanation
 
@@ -27,14 +39,7 @@ TABLES = (
     ".csv",
     ".tsv",
     ".tfrecord",
-    ".tar",
-    ".tgz",
-    ".zip",
-    ".7z",
-    ".gz",
-    ".xz",
-    ".bz2",
-    ".zst",
+    *(f".{end.rpartition('.')[2]}" for end in UNPACKING),
     ".eval",
     ".lance",
     ".db",
@@ -213,7 +218,8 @@ def _examples(root: Path, left: list[Path], refused: list[Rejected]) -> Iterator
     """Yield an example of the files without a reader, and one of those that are not opened."""
     records = [file for file in left if file.suffix.lower() in TABLES]
     if records:
-        yield f"{relative_name(records[0], root)} is of none"
+        advice = advise(records[0])
+        yield f"{relative_name(records[0], root)} is of none{f': {advice}' if advice else ''}"
     if len(records) > 1:
         yield f"and {len(records) - 1} more"
     if refused:
@@ -253,6 +259,24 @@ def _is_beside(file: Path, taken: Mapping[str, list[Path]]) -> bool:
         if beside is not None and beside(file):
             return True
     return False
+
+
+def advise(file: Path) -> str:
+    """Return how to make a file that no reader takes readable; `""` if that is not known."""
+    command = unpacking(file)
+    if command:
+        return f"an archive, unpack it first: {command}"
+    if file.name == "trajectories.json":
+        return f"the plain format is trajectories.jsonl; {lines_of(file)}"
+    if file.suffix.lower() not in (".jsonl", ".ndjson"):
+        return ""
+    try:
+        refuse_array(file)
+    except FieldError as error:
+        return error.reason
+    except OSError:
+        return ""
+    return ""
 
 
 def summary(names: list[str], shown: int = 3) -> str:

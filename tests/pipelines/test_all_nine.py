@@ -70,10 +70,15 @@ PHONE = "the pictures show a phone, not the screen of a desktop"
 NO_ROOM = "no room beside the target"
 NO_PLACE = "the action names no place on the screen that a second window could leave free"
 
-NO_MENU = "no element of this screen is known to open a menu or dialog that was recorded of {}"
+NO_WINDOW = "no desktop was recorded with a minimised window of what the recording uses (gimp)"
+MAYBE_OPEN = (
+    "a menu may be open on this screen: the action before it was a click, and the recording holds"
+    " no elements"
+)
 # The pack's desktop is shown where that is asked for; these screens are of a Mac.
-FOREIGN: dict[str, Any] = {"foreign": True, "apps": "gimp"}
-BROWSING: dict[str, Any] = {"foreign": True, "apps": "chrome"}
+UNKNOWN: dict[str, Any] = {"foreign": True, "platform": "macos"}
+FOREIGN: dict[str, Any] = {**UNKNOWN, "apps": "gimp"}
+BROWSING: dict[str, Any] = {**UNKNOWN, "apps": "chrome"}
 
 Reasons = dict[str, dict[str, int]]
 
@@ -108,18 +113,19 @@ def session(data: Path) -> Shots:
 
 
 POINTS = tuple(session(Path()).pixels)
-WHOLE = {label: {"foreign": 1} for label in ("multi_apps", "app_minimization", "verification")}
-ONLINE = {**WHOLE, "network_error": {"foreign": 1}}
+WHOLE = {label: {"foreign": 1} for label in ("multi_apps", "verification")}
+ONLINE = {**WHOLE, "app_minimization": {"foreign": 1}, "network_error": {"foreign": 1}}
 
 
 def made(reader: str, maker: Callable[..., Path], **expected: Any) -> Case:
     """A recording that is made of the session's screens."""
     lacks: Reasons = {
-        "accidental_touch": {NO_MENU.format("gimp"): 1},
+        "accidental_touch": {MAYBE_OPEN: 1},
+        "app_minimization": {NO_WINDOW: 1},
         "network_error": {NO_BROWSER: 1},
     }
     if "shown" in expected:
-        lacks = {"accidental_touch": {NO_MENU.format("chrome"): 1}}
+        lacks = {"accidental_touch": {MAYBE_OPEN: 1}}
     about = {"steps": STEPS, "shown": WHOLE, "lacks": lacks, "points": POINTS, **expected}
     return Case(reader, lambda data, folder: maker(folder, shots=session(data)), **about)
 
@@ -164,6 +170,7 @@ CASES = {
         "gui_odyssey",
         FORMATS["gui_odyssey"],
         shown={},
+        options=UNKNOWN,
         lacks={label: {PHONE: 1} for label in MACHINE},
     ),
     "android_control": made(
@@ -183,8 +190,8 @@ CASES = {
             "network_error": {NO_BROWSER: 4},
         },
     ),
-    "parquet": made("parquet", FORMATS["parquet"], shown=ONLINE),
-    "runs": made("runs", FORMATS["runs"], shown=ONLINE),
+    "parquet": made("parquet", FORMATS["parquet"], shown=ONLINE, options=UNKNOWN),
+    "runs": made("runs", FORMATS["runs"], shown=ONLINE, options=UNKNOWN),
     "chat_code": made("parquet", TABLES["chat_code"]),
     "chat_calls": made("parquet", TABLES["chat_calls"]),
     "boxes": made(
@@ -204,7 +211,7 @@ CASES = {
         steps=4,
         shown=ONLINE,
         options=BROWSING,
-        lacks={"accidental_touch": {NO_MENU.format("chrome"): 1}},
+        lacks={"accidental_touch": {MAYBE_OPEN: 1}},
         points=((1241, 697), (1185, 380)),
     ),
     "agentnetbench": real(
@@ -214,12 +221,17 @@ CASES = {
         options=BROWSING,
         shown={
             "multi_apps": {"foreign": 3},
-            "accidental_touch": {"foreign": 2},
-            "app_minimization": {"foreign": 3},
+            "app_minimization": {"foreign": 2},
             "network_error": {"foreign": 3},
             "verification": {"foreign": 3},
         },
-        lacks={"accidental_touch": {NO_MENU.format("chrome"): 1}},
+        lacks={
+            "accidental_touch": {MAYBE_OPEN: 3},
+            "app_minimization": {
+                f"{NO_WINDOW.replace('gimp', 'browser')}; browser may be any such program: name it"
+                " in agenthijack.yaml": 1
+            },
+        },
         points=(
             (849, 715),
             (411, 478),
@@ -236,8 +248,8 @@ CASES = {
         "screenagent",
         steps=8,
         options=BROWSING,
-        shown={label: {"foreign": 2} for label in MACHINE},
-        lacks={},
+        shown={label: {"foreign": 2} for label in MACHINE if label != "accidental_touch"},
+        lacks={"accidental_touch": {MAYBE_OPEN: 2}},
         points=((487, 193), (368, 319)),
     ),
     "webvoyager": Case(
@@ -253,6 +265,7 @@ CASES = {
             "app_minimization": {PAGE: 1, NEVER: 1},
             "verification": {PAGE: 2},
         },
+        options=UNKNOWN,
     ),
 }
 
@@ -411,7 +424,8 @@ def test_chat_rows_say_the_labels(built: Built, tmp_path: Path) -> None:
 OF_PHONES: Reasons = {**{label: {PHONE: 3} for label in MACHINE}, "network_error": {NO_BROWSER: 3}}
 OF_PAGES: Reasons = {label: {PAGE: 3} for label in MACHINE if label != "network_error"}
 OF_DESKTOPS: Reasons = {
-    "accidental_touch": {NO_MENU.format("gimp"): 3},
+    "accidental_touch": {MAYBE_OPEN: 3},
+    "app_minimization": {NO_WINDOW: 3},
     "network_error": {NO_BROWSER: 3},
 }
 
@@ -493,7 +507,7 @@ def test_a_table_is_built_alike_by_one_worker_and_by_two(shared_data: Path, tmp_
             "workers": workers,
             "rows_per_shard": 25,
             "output": "lazy",
-            **FOREIGN,
+            **UNKNOWN,
         }
         build(folder, out, corruptions=",".join(MACHINE), **options)
         files.append({path.name: path.read_bytes() for path in (out / "data").iterdir()})

@@ -11,7 +11,8 @@ from PIL import Image
 
 import hijack_data as hj
 from hijack_data.files import load_image
-from pipelines import build, open_dataset, verify
+from pipelines import build, inspect, open_dataset, verify
+from pipelines.building.card import _size_category
 from pipelines.building.rows import RowSettings
 from pipelines.dataset.columns import COLUMNS
 from pipelines.errors import BuildError
@@ -500,6 +501,76 @@ def test_the_card_says_how_to_build_it_again(recording: Any, small: Any, tmp_pat
     assert all(f"| `{name}` |" in card for name in NAMES)
     assert "seed 4" in card
     assert "licence" in card
+
+
+@pytest.mark.parametrize("output", ["materialised", "lazy"])
+def test_the_hub_reads_the_card(
+    output: str, recording: Any, small: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its metadata is what the Hub filters by, and its features are those of the files; `datasets`
+    checks the numbers of rows."""
+    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
+    hub = pytest.importorskip("huggingface_hub")
+    datasets = pytest.importorskip("datasets")
+    out = tmp_path / "out"
+    report = build(recording(), out, corruptions=small, output=output)
+    data = hub.DatasetCard.load(out / "README.md").data
+    assert isinstance(data, hub.DatasetCardData)
+    assert (data.license, data.license_name, data.license_link) == (
+        "other",
+        "as-source-recordings",
+        "README.md",
+    )
+    assert (data.size_categories, data.task_categories) == (["n<1K"], ["image-text-to-text"])
+    assert "computer-use" in data.tags
+    assert "configs" not in data.to_dict()  # datasets names its cache by them alone
+    known = datasets.Features._from_yaml_list(data.dataset_info["features"])
+    schema = pq.read_schema(out / "data" / "train-00000.parquet")
+    assert known == datasets.Features.from_arrow_schema(schema)
+    (split,) = data.dataset_info["splits"]
+    size = (out / "data" / "train-00000.parquet").stat().st_size
+    assert split == {"name": "train", "num_bytes": size, "num_examples": report.total}
+    loaded = datasets.load_dataset(str(out), split="train", cache_dir=str(tmp_path / "cache"))
+    assert (len(loaded), loaded.features) == (report.total, known)
+
+
+@pytest.mark.parametrize(
+    ("rows", "name"),
+    [
+        (0, "n<1K"),
+        (999, "n<1K"),
+        (1000, "1K<n<10K"),
+        (99_999, "10K<n<100K"),
+        (10**6, "1M<n<10M"),
+        (10**9, "1B<n<10B"),
+    ],
+)
+def test_sizes_are_called_as_on_the_hub(rows: int, name: str) -> None:
+    assert _size_category(rows) == name
+
+
+def test_pictures_that_could_be_read_in_two_ways(
+    recording: Any, small: Any, tmp_path: Path
+) -> None:
+    """Transparent pixels are read in their hidden colours, and said to be; of several frames none
+    is chosen."""
+    folder = recording(trajectories=1, steps=4)
+    images = folder / "images"
+    clear = Image.open(images / "t0-0.png").convert("RGBA")
+    clear.save(images / "t0-1.png")  # an alpha channel that hides nothing
+    clear.putpixel((3, 3), (255, 0, 0, 0))
+    clear.save(images / "t0-2.png")
+    frames = [Image.new("RGB", (320, 200), colour) for colour in ("red", "green", "blue")]
+    frames[0].save(images / "t0-3.png", "GIF", save_all=True, append_images=frames[1:])
+    note = "1 picture with transparent pixels"
+    report = build(folder, tmp_path / "out", corruptions=small)
+    assert [text for text in report.notes if note in text]
+    assert (report.rejected, report.rows["clean"]) == (1, 3)
+    assert "animated, 3 frames; save the one frame" in report.examples[0]
+    tried = build(folder, tmp_path / "dry", corruptions=small, dry_run=True)
+    assert [text for text in tried.notes if note in text]
+    assert [text for text in inspect(folder, corruptions=small).notes if note in text]
+    assert verify(tmp_path / "out", source=folder).ok
 
 
 def test_the_real_recordings(shared_data: Path, tmp_path: Path) -> None:

@@ -4,17 +4,22 @@ place."""
 import json
 import shutil
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import hijack_data as hj
+from hijack_data.types import Trajectory
 from pipelines import build, open_dataset, verify
 from pipelines.building.replacing import replaced
 from pipelines.building.splits import Splits, choose_splits
 from pipelines.errors import BuildError, SourceError
 
+from support.formats import png, write_json, write_lines, write_table
+
+RECORDINGS = Path(__file__).resolve().parents[2] / "examples" / "recordings"
 HALF = {"half": hj.Resolution(scale=0.5)}
 
 
@@ -91,9 +96,91 @@ def test_splits_in_a_configuration_make_the_same_dataset_again(
 def test_shares_are_kept_and_the_order_of_their_names_means_nothing() -> None:
     one = choose_splits("test=0.2,train=0.8")
     other = Splits({"train": 0.8, "test": 0.2})
-    ids = [f"t{n}" for n in range(2000)]
+    ids = [Trajectory(f"t{n}", "jsonl", "", ()) for n in range(2000)]
     assert [one.of(name) for name in ids] == [other.of(name) for name in ids]
     assert 0.17 < sum(one.of(name) == "test" for name in ids) / len(ids) < 0.23
+
+
+def steps_in_rows(folder: Path, **fields: Callable[[int], Any]) -> Path:
+    """Chat rows of 24 steps, each a trajectory of its own, as OS-Atlas publishes them."""
+    folder.mkdir()
+    (folder / "0.png").write_bytes(png())
+    rows = [
+        {
+            "id": number,
+            "messages": [
+                {"role": "user", "content": "<image>go"},
+                {"role": "assistant", "content": "pyautogui.click(5, 5)"},
+            ],
+            "images": ["0.png"],
+            **{name: value(number) for name, value in fields.items()},
+        }
+        for number in range(24)
+    ]
+    write_lines(folder / "a.jsonl", rows)
+    return folder
+
+
+def test_rows_of_one_episode_are_in_one_split(tmp_path: Path) -> None:
+    """Of chat rows nobody knows the episode, unless a field names it."""
+    shares: dict[str, Any] = {"corruptions": HALF, "splits": {"train": 0.5, "test": 0.5}}
+    unknown = steps_in_rows(tmp_path / "unknown")
+    with pytest.raises(BuildError, match=r"chat row '0' may be one step.*--episode-key FIELD"):
+        build(unknown, tmp_path / "none", **shares)
+    assert not (tmp_path / "none").exists()
+    assert build(unknown, tmp_path / "one", corruptions=HALF).rows["clean"] == 24
+    named = {
+        "stated": steps_in_rows(tmp_path / "stated", episode_id=lambda number: number // 3),
+        "chosen": steps_in_rows(tmp_path / "chosen", trace=lambda number: f"e{number // 3}"),
+    }
+    for name, options in (("stated", {}), ("chosen", {"episode_key": "trace"})):
+        out = tmp_path / f"out-{name}"
+        build(named[name], out, **shares, **options)
+        found = split_of(out)
+        assert set(found.values()) == {"train", "test"}
+        for number in range(24):
+            assert found[str(number)] == found[str(3 * (number // 3))], number
+        assert verify(out, source=named[name]).ok
+        card = (out / "README.md").read_text()
+        key = "`trace`" if options else "`trajectory_id` or `episode_id`"
+        assert f"An episode is, by format: chat: the rows with the same {key}." in card
+    report = build(named["stated"], tmp_path / "lost", corruptions=HALF, episode_key="trace")
+    assert report.rejected == 24
+    with pytest.raises(BuildError, match="says itself what its episodes are"):
+        build(RECORDINGS, tmp_path / "plain", corruptions=HALF, episode_key="trace")
+
+
+def test_boxes_on_one_picture_are_in_one_split(tmp_path: Path) -> None:
+    """Of a table in JSON and of one in Parquet, where each row holds its own copy."""
+    from PIL import Image
+
+    json_folder, table = tmp_path / "json", tmp_path / "parquet"
+    json_folder.mkdir()
+    rows = []
+    for number in range(24):
+        picture = json_folder / f"{number // 3}.png"
+        Image.new("RGB", (40, 40), (number // 3 * 9, 0, 0)).save(picture)
+        box = [number, number, number + 5, number + 5]
+        rows.append({"img_filename": picture.name, "bbox": box, "instruction": f"press {number}"})
+    write_json(json_folder / "a.json", rows)
+    copies = [
+        {
+            "image": {"bytes": (json_folder / row["img_filename"]).read_bytes(), "path": None},
+            "bbox": row["bbox"],
+            "instruction": row["instruction"],
+        }
+        for row in rows
+    ]
+    write_table(table / "a.parquet", copies)
+    for source in (json_folder, table):
+        out = tmp_path / f"out-{source.name}"
+        options: dict[str, Any] = {"coordinates": "pixels", "boxes": "xyxy"}
+        build(source, out, corruptions={}, splits={"train": 0.5, "test": 0.5}, **options)
+        found = split_of(out)
+        assert set(found.values()) == {"train", "test"}
+        for number in range(24):
+            assert found[f"a/{number:06d}"] == found[f"a/{3 * (number // 3):06d}"], number
+        assert "the rows of one picture" in (out / "README.md").read_text()
 
 
 def test_only_the_first_trajectories(recording: Any, add_line: Any, tmp_path: Path) -> None:

@@ -138,29 +138,20 @@ def test_where_no_window_is_open_none_is_minimised(assets: Path) -> None:
     assert edit("minimise", assets, apps=("chrome",), boxes=[*panel, (50, 50, 90, 70)])[0].ops
 
 
-@pytest.mark.parametrize(("count", "applies"), [(0, False), (1, True), (2, False)])
-def test_on_a_foreign_desktop_the_only_window_is_brought_back(
-    count: int, applies: bool, tmp_path: Path
-) -> None:
-    made = PackMaker(tmp_path / "pack")
-    names = ["Applications", *[f"{k}.txt - Editor" for k in range(count)]]
-    made.add(
-        "desktop",
-        "desktop",
-        pixels(4, 320, 200),
-        app="mousepad",
-        recover={"type": "click", "x": 50, "y": 190},
-        targets=[
-            {"name": name, "role": "toggle-button", "box": [20 * k, 180, 20 * k + 20, 200]}
-            for k, name in enumerate(names)
-        ],
-    )
-    about: dict[str, Any] = {"platform": "windows", "foreign": True, "apps": ("excel",)}
-    if applies:
-        assert edit("minimise", made.write(), **about)[0].response.action.x == 50
-        return
-    with pytest.raises(NotApplicable, match="a minimised window of what the recording uses"):
-        edit("minimise", made.write(), **about)
+def test_on_a_foreign_desktop_the_application_must_be_known_all_the_same(several: Path) -> None:
+    """`foreign` changes the desktop, not the rule about the application."""
+    about: dict[str, Any] = {"platform": "windows", "foreign": True}
+    assert edit("minimise", several, apps=("Chromium",), **about)[0].response.action.type == "click"
+    for apps, reason in (
+        (("thunderbird",), r"what the recording uses \(thunderbird\)"),
+        (("firefox",), r"what the recording uses \(firefox\)"),
+        (("browser",), "browser may be any such program: name it in agenthijack.yaml"),
+        ((), "does not say whose window would be minimised"),
+    ):
+        with pytest.raises(NotApplicable, match=reason):
+            edit("minimise", several, apps=apps, **about)
+    with pytest.raises(NotApplicable, match="is Chromium's, and the recording shows firefox"):
+        edit("firewall", several, apps=("firefox",), **about)
 
 
 def test_a_desktop_that_nothing_undoes_is_no_step(tmp_path: Path) -> None:

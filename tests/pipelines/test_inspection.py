@@ -111,6 +111,27 @@ def test_a_sample_of_each_format_and_source(tmp_path: Path) -> None:
     assert inspect(tmp_path / "b", sample=0).outlook is None
 
 
+def test_facts_are_those_of_the_build_over_all_rows(
+    recording: Any, add_line: Any, good_line: Any, assets: Path, tmp_path: Path
+) -> None:
+    """A domain that names a platform is one, and the outlook has a sample of each kind of screen,
+    though they come last."""
+    source = with_apps(recording(trajectories=4, steps=1), ["Google Chrome"])
+    for name, domain in (("p", "android"), ("w", "web page"), ("x", "shop")):
+        more = {"domain": domain, "platform": None, "apps": ["chrome"]}
+        add_line(source, good_line(name, 0, image="images/t0-0.png", **more))
+    options: dict[str, Any] = {"corruptions": "verification", "assets": assets}
+    found = inspect(source, sample=1, **options)
+    assert found.platforms == {"linux-xfce": 4, "android": 1, "web": 1, UNKNOWN: 1}
+    assert found.screens == {"desktop": 4, "phone": 1, "web page": 1, UNKNOWN: 1}
+    assert found.apps == {"chrome": 7}
+    assert found.looked_at == (4, 4)
+    assert found.outlook is not None
+    report = build(source, tmp_path / "out", **options)
+    assert found.outlook.not_applicable == report.not_applicable
+    assert len(report.not_applicable["verification"]) == 3
+
+
 @pytest.mark.parametrize("name", names())
 def test_every_reader_says_what_its_coordinates_are(name: str) -> None:
     assert coordinates_of(name) not in ("", UNKNOWN)

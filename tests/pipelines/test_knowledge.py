@@ -9,11 +9,12 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
+from hijack_data.apps import names_of
 from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError, ParameterError, ParameterTypeError
 from hijack_data.platforms import as_platform, find_platform
 from hijack_data.types import Trajectory
-from pipelines import build, open_dataset, verify
+from pipelines import build, inspect, open_dataset, verify
 from pipelines.building.folder import parameters_in
 from pipelines.errors import BuildError, SourceError
 from pipelines.knowledge import SIDECAR, knowledge_of
@@ -23,7 +24,7 @@ from support.events import FIVE, with_apps
 from support.formats import FORMATS, osworld, write_json
 
 PAGE = "the pictures show a web page"
-UNSAID = "the recording does not say which desktop it shows"
+UNSAID = "the recording does not say whether its pictures show a desktop, a web page or a phone"
 
 
 @pytest.mark.parametrize(
@@ -205,7 +206,7 @@ def without(folder: Path) -> Path:
             r"shows windows, and the pictures are of an Xfce .* --foreign \(in Python",
         ),
         ({"platform": "windows", "foreign": True}, "foreign", ""),
-        ({"foreign": True}, "foreign", ""),
+        ({"foreign": True}, None, UNSAID),
         ({"platform": "xfce", "foreign": True}, "recorded", ""),
         ({"platform": "android", "foreign": True}, None, "show a phone"),
         ({"platform": "web", "foreign": True}, None, "show a web page"),
@@ -229,7 +230,7 @@ def test_options_hold_where_the_source_does_not_say(
     desktop it is."""
     options: dict[str, Any] = {"corruptions": ",".join(FIVE), "assets": assets, "clean": False}
     plain = build(browsing, tmp_path / "plain", **options)
-    told = build(browsing, tmp_path / "told", apps="gimp", platform="windows", **options)
+    told = build(browsing, tmp_path / "told", apps="chrome,gimp", platform="windows", **options)
     assert (told.rows, told.not_applicable) == (plain.rows, {}) == (dict.fromkeys(FIVE, 2), {})
     shard = Path("data", "train-00000.parquet")
     assert (tmp_path / "plain" / shard).read_bytes() == (tmp_path / "told" / shard).read_bytes()
@@ -238,6 +239,42 @@ def test_options_hold_where_the_source_does_not_say(
     assert {item.platform for item in known.told(get_reader("jsonl").read(browsing))} == {
         "linux-xfce"
     }  # type: ignore[union-attr]
+
+
+def test_apps_of_all_trajectories_are_checked_against_each(
+    recording: Any, add_line: Any, good_line: Any, tmp_path: Path
+) -> None:
+    """The option speaks for every trajectory: a stated fact against it is an error, and a program
+    that an instruction names leaves the applications of that trajectory unknown."""
+    source = without(recording(trajectories=1, steps=1))
+    for name, instruction in (("crop", "使用GIMP剪裁图像"), ("site", "open the site in Chromium")):
+        add_line(
+            source, good_line(name, 0, image="images/t0-0.png", instruction=instruction, apps=None)
+        )
+    found = inspect(source, apps="chrome", sample=0)
+    assert found.apps == {"chrome": 2, "not said": 1}
+    assert any("instruction names another program, such as crop" in note for note in found.notes)
+    add_line(source, good_line("mail", 0, image="images/t0-0.png", apps=["Thunderbird"]))
+    message = r"apps chrome: trajectory 'mail' states thunderbird; .*agenthijack\.yaml"
+    with pytest.raises(BuildError, match=message):
+        build(source, tmp_path / "out", apps="chrome")
+    entry = {"match": "mail", "apps": ["thunderbird"]}
+    (source / SIDECAR).write_text(json.dumps({"recordings": [entry]}))
+    assert inspect(source, apps="chrome", sample=0).apps["thunderbird"] == 1
+
+
+@pytest.mark.parametrize("name", ["windows", "Windows 11", "macOS", "Ubuntu 22.04"])
+def test_a_platform_is_no_application(name: str) -> None:
+    assert names_of([name, "VLC"]) == {"vlc"}
+
+
+def test_a_phone_stays_one_whatever_the_option_says(recording: Any, tmp_path: Path) -> None:
+    source = with_apps(recording(trajectories=1, steps=1), [], domain=lambda row: "mobile")
+    with_apps(source, [], platform=lambda row: None)
+    report = build(
+        source, tmp_path / "out", corruptions="verification", platform="linux-xfce", foreign=True
+    )
+    assert "show a phone" in str(report.not_applicable)
 
 
 def test_manifest_and_card_know_what_was_told(recording: Any, assets: Path, tmp_path: Path) -> None:

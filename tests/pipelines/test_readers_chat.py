@@ -363,3 +363,16 @@ def test_logs_of_ui_tars_are_not_taken(tmp_path: Path) -> None:
     ui_tars(tmp_path)
     assert not get_reader("chat").detect(tmp_path)
     assert detect_format(tmp_path) == "ui_tars"
+
+
+def test_an_id_is_that_of_its_file(tmp_path: Path) -> None:
+    """Files of one folder number their rows from 0 each; twice in one file is a mistake."""
+    (tmp_path / "0.png").write_bytes(png())
+    row = openai_row(CODES[:1], ["0.png"])
+    for name in ("a", "sub/b"):
+        write_lines(tmp_path / f"{name}.jsonl", [{**row, "id": 0}, {**row, "id": 1}])
+    write_lines(tmp_path / "c.jsonl", [{**row, "id": "b/1"}, {**row, "id": 7}, {**row, "id": 7}])
+    found, (rejected,) = read(tmp_path)
+    assert [item.id for item in found] == ["0", "1", "b/1", "7", "sub/b/0", "sub/b/1"]
+    assert (rejected.file, rejected.field) == ("c.jsonl", "id")
+    assert "'7' is the id of an earlier row of this file; number them anew" in rejected.reason

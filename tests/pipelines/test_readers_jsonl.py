@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from hijack_data.types import ACTION_TYPES, Action, Trajectory
-from pipelines.readers import Rejected, files, get_reader
-from pipelines.readers.fields import ACTION_FIELDS
+from pipelines.readers import Rejected, fields, files, get_reader
+from pipelines.readers.fields import ACTION_FIELDS, REQUIRED, FieldError
 from pipelines.readers.plain import FIELDS, SCHEMA
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -516,3 +516,105 @@ def test_the_schema_says_yes_and_no_as_the_reader_does(recording: Any, good_line
     for name, changes in form.items():
         if not any(part in name for part in outside):
             assert not check.is_valid({**record, **changes}), name
+
+
+FULL: dict[str, Any] = {
+    "x": 5,
+    "y": 6,
+    "x2": 7,
+    "y2": 8,
+    "text": "a",
+    "keys": ["ctrl", "Enter", "ä"],
+    "amount": 2,
+}
+
+
+@pytest.mark.parametrize("kind", ACTION_TYPES)
+def test_an_action_has_what_its_type_needs(kind: str, recording: Any, good_line: Any) -> None:
+    """With all of it the reader and the schema take it; without any one of it, neither does. What
+    is null or empty is absent."""
+    jsonschema = pytest.importorskip("jsonschema", reason="pip install jsonschema")
+    check = jsonschema.Draft202012Validator(
+        json.loads(SCHEMA.read_text())["$defs"]["action"]
+        | {"$defs": json.loads(SCHEMA.read_text())["$defs"]}
+    )
+    needs = {name: FULL[name] for name in REQUIRED.get(kind, ())}
+    assert check.is_valid(lowered({"type": kind, **needs}))
+    assert check.is_valid(lowered({**dict.fromkeys(FULL), "type": kind, **needs}))
+    assert fields.action({**dict.fromkeys(FULL), "type": kind, **needs}, (9, 9)).type == kind
+    for name, value in needs.items():
+        for absent in (None, *([type(value)()] if isinstance(value, str | list) else [])):
+            for action in (
+                {"type": kind, **needs, name: absent},
+                {"type": kind, **{key: v for key, v in needs.items() if key != name}},
+            ):
+                assert not check.is_valid(lowered(action)), action
+                with pytest.raises(FieldError) as error:
+                    fields.action(action, (9, 9))
+                assert error.value.field == f"action.{name}"
+
+
+def lowered(action: dict[str, Any]) -> dict[str, Any]:
+    """The schema knows the names of keys in lower case only."""
+    keys = action.get("keys")
+    return {**action, "keys": [key.lower() for key in keys]} if keys else action
+
+
+@pytest.mark.parametrize(
+    ("action", "field", "reason"),
+    [
+        (
+            {"type": "click"},
+            "x",
+            "click needs x and y; if that was not recorded, write type 'other'",
+        ),
+        ({"type": "drag", "x": 1, "y": 1}, "x2", "drag needs x, y, x2 and y2"),
+        ({"type": "wait", "amount": -5}, "amount", "below 0"),
+        ({"type": "key_down", "keys": ["nokey"]}, "keys", "'nokey' is not the name of a key"),
+        ({"type": "hotkey", "keys": ["Control", "s"]}, "keys", "write 'ctrl'"),
+        ({"type": "click", "point": [5, 5]}, "point", "not a field of an action; write x and y"),
+        ({"type": "scroll", "clicks": 3}, "clicks", "write amount"),
+    ],
+)
+def test_a_mistake_in_an_action_names_the_fix(
+    action: dict[str, Any], field: str, reason: str, recording: Any, add_line: Any, good_line: Any
+) -> None:
+    folder = recording()
+    add_line(folder, good_line("t0", 9, image="images/t0-0.png", action=action))
+    (rejected,) = read(folder)[1]
+    assert rejected.field == f"action.{field}"
+    assert reason in rejected.reason
+
+
+def test_more_elements_than_a_screen_shows_are_refused_at_once(
+    recording: Any, add_line: Any, good_line: Any
+) -> None:
+    folder = recording()
+    many = [[1, 1, 5, 5]] * (fields.MAX_ELEMENTS + 1)
+    add_line(folder, good_line("t0", 8, image="images/t0-0.png", elements=many))
+    add_line(folder, good_line("t0", 9, image="images/t0-0.png", elements=many[1:]))
+    trajectories, (rejected,) = read(folder)
+    assert (rejected.where, rejected.field) == ("line 7", "elements")
+    assert "has 10001 boxes; the limit is 10000" in rejected.reason
+    assert len(trajectories[0].steps[-1].elements) == fields.MAX_ELEMENTS
+
+
+@pytest.mark.parametrize("indent", [None, 1])
+def test_an_array_in_a_file_of_lines_is_one_mistake(indent: int | None, recording: Any) -> None:
+    folder = recording()
+    file = folder / "trajectories.jsonl"
+    file.write_text(
+        json.dumps([json.loads(line) for line in file.read_text().splitlines()], indent=indent)
+    )
+    trajectories, (rejected,) = read(folder)
+    assert not trajectories
+    assert "an object a line: write one object a line, as jq -c '.[]' trajectories.jsonl" in (
+        rejected.reason
+    )
+
+
+def test_a_path_of_windows_names_the_fix(recording: Any, add_line: Any, good_line: Any) -> None:
+    folder = recording()
+    add_line(folder, good_line("t0", 9, image="images\\t0-0.png"))
+    (rejected,) = read(folder)[1]
+    assert rejected.reason.endswith("folders are separated by /, so write 'images/t0-0.png'")

@@ -78,7 +78,7 @@ def test_actions_are_code_or_computer_13(tmp_path: Path) -> None:
     ("change", "field", "reason"),
     [
         ({"task_id": None}, "task_id", "missing"),
-        ({"task_id": "good"}, "id", "was there before"),
+        ({"task_id": "good"}, "id", "is the id of an earlier row of this file"),
         ({"instruction": " "}, "instruction", "empty"),
         ({"actions": [CLICK, CLICK]}, "screenshots", "1, but there are 2"),
         ({"actions": [], "screenshots": []}, "actions", "empty"),

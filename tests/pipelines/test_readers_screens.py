@@ -26,17 +26,22 @@ def test_formats_that_show_pages_or_phones_say_so(tmp_path: Path) -> None:
         first, *_ = get_reader(name).read(every[name](tmp_path / name))
         assert isinstance(first, Trajectory)
         found[name] = screen_of(first)
+    desktops = ("agentnet", "grounding", "osworld", "runs", "screenagent")
     pages = dict.fromkeys(("browser_use", "guiact", "webvoyager"), "web page")
     phones = dict.fromkeys(("aitz", "android_control", "gui_odyssey"), "phone")
-    assert found == {**dict.fromkeys(every, "desktop"), **pages, **phones}
+    others = {**dict.fromkeys(desktops, "desktop"), **pages, **phones}
+    assert found == {**dict.fromkeys(every), **others}
 
 
 @pytest.mark.parametrize(
     ("domain", "expected"),
     [
-        ("", "desktop"),
-        ("chrome", "desktop"),
-        ("web", "desktop"),
+        ("", None),
+        ("chrome", None),
+        ("web", None),
+        ("desktop", "desktop"),
+        ("Windows 11", "desktop"),
+        ("iOS 17.1", "phone"),
         ("web page", "web page"),
         ("Web-Page", "web page"),
         ("mobile", "phone"),
@@ -45,7 +50,7 @@ def test_formats_that_show_pages_or_phones_say_so(tmp_path: Path) -> None:
         ("windows", "desktop"),
     ],
 )
-def test_the_domain_says_it_where_the_reader_does_not(domain: str, expected: str) -> None:
+def test_the_domain_says_it_where_the_reader_does_not(domain: str, expected: str | None) -> None:
     assert screen_of(Trajectory("t", "webvoyager", "", (), domain)) == expected
     assert screen_of(RecordedTrajectory("t", "x", "", (), domain)) == expected
     for said in ("desktop", "web page", "phone"):

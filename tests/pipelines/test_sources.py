@@ -1,10 +1,13 @@
 """Sources as people have them: mixed folders, several at once, caches of the Hub, and what must not
 be opened."""
 
+import gzip
 import hashlib
 import json
 import os
+import re
 import shutil
+import tarfile
 from pathlib import Path
 from typing import Any
 
@@ -104,6 +107,37 @@ def test_record_files_that_no_reader_takes_are_named(recording: Any, tmp_path: P
     assert report.exit_code == 0
     (note,) = report.notes
     assert "notes.json, deep/table.csv (1 .json, 1 .csv)" in note
+
+
+def test_a_file_that_can_be_made_readable_is_named_with_the_way(
+    recording: Any, tmp_path: Path
+) -> None:
+    """An archive is never taken for what lies in it."""
+    folder = recording()
+    with tarfile.open(folder / "data.tar", "w") as archive:
+        archive.add(folder / "trajectories.jsonl", "trajectories.jsonl")
+    (folder / "more.jsonl.gz").write_bytes(
+        gzip.compress((folder / "trajectories.jsonl").read_bytes())
+    )
+    (folder / "array.jsonl").write_text('[{"a": 1}]')
+    report = build(folder, tmp_path / "out", corruptions={})
+    assert (report.rejected, report.total) == (0, 6)
+    notes = "\n".join(report.notes)
+    assert "data.tar: an archive, unpack it first: tar -xf data.tar" in notes
+    assert "more.jsonl.gz: an archive, unpack it first: gunzip -k more.jsonl.gz" in notes
+    assert "array.jsonl: holds a JSON array, not an object a line" in notes
+    for name, way in (
+        ("data.tar", "tar -xf data.tar"),
+        ("trajectories.json", "the plain format is trajectories.jsonl"),
+    ):
+        alone = tmp_path / name.replace(".", "-")
+        alone.mkdir()
+        if name.endswith(".tar"):
+            shutil.copy(folder / name, alone)
+        else:
+            (alone / name).write_text("[]")
+        with pytest.raises(SourceError, match=re.escape(way)):
+            build(alone, tmp_path / "none", corruptions={})
 
 
 def test_a_broken_file_among_its_kind_is_rejected_with_a_reason(tmp_path: Path) -> None:

@@ -76,7 +76,7 @@ def test_files_that_may_not_grow(whole: Any, config: Path, tmp_path: Path) -> No
         text=True,
         check=False,
     )
-    assert done.returncode == 2
+    assert done.returncode == 3
     assert "train-00000.parquet: cannot be written" in done.stderr
     assert "Traceback" not in done.stderr
     assert not out.exists()  # a failed attempt is not in the way of the next
@@ -105,7 +105,7 @@ def test_a_disk_that_is_full(small_disk: Path, whole: Any, config: Path) -> None
     out = small_disk / "out"
     command = [*COMMAND, str(source), "--out", str(out), "--config", str(config)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
+    assert done.returncode == 3
     assert "No space left on device" in done.stderr
     assert "Traceback" not in done.stderr
     assert rest(out) == set()

@@ -29,6 +29,7 @@ def frame_of(
     foreign: bool = False,
     before: tuple[hj.Action, ...] = (),
     recorded: bool = True,
+    instruction: str = "do it",
 ) -> Frame:
     """A frame whose recorded action is a click at (100, 50), or `action`, after those `before`.
 
@@ -39,7 +40,7 @@ def frame_of(
     step = hj.Step(len(before), "0.png", action, elements=elements)
     steps = (*(hj.Step(k, "0.png", done) for k, done in enumerate(before)), step)
     trajectory = RecordedTrajectory(
-        "t", "jsonl", "do it", steps, domain, apps, screen=screen, platform=platform
+        "t", "jsonl", instruction, steps, domain, apps, screen=screen, platform=platform
     )
     scene = hj.Scene(size, list(boxes) or None, apps, as_target(action.point))  # type: ignore[arg-type]
     image = np.zeros((*size, 3), np.uint8)

@@ -79,7 +79,9 @@ def test_the_page_loads_without_errors_or_outside_requests(browser: Browser, url
     assert text(browser, "#facts") == "32 rows, lazy dataset, 1 file"
     assert browser.of(*ERRORS) == []
     addresses = {request["request"]["url"] for request in browser.of("Network.requestWillBeSent")}
-    assert all(address.startswith((url.partition("?")[0], "data:", "about:")) for address in addresses)
+    assert all(
+        address.startswith((url.partition("?")[0], "data:", "about:")) for address in addresses
+    )
     fields = (
         "[...document.querySelectorAll('input, select, button, a')].filter(e => e.offsetParent)"
     )

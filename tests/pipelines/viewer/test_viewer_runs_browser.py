@@ -97,7 +97,9 @@ def test_the_table_leads_to_its_episodes(browser: Browser, url: str) -> None:
     assert browser.js("document.querySelectorAll('#table a[aria-current]').length") == 1
     assert browser.of(*ERRORS, *DIALOGS) == []
     addresses = {request["request"]["url"] for request in browser.of("Network.requestWillBeSent")}
-    assert all(address.startswith((url.partition("?")[0], "data:", "about:")) for address in addresses)
+    assert all(
+        address.startswith((url.partition("?")[0], "data:", "about:")) for address in addresses
+    )
 
 
 def test_filters_search_and_order_are_in_the_address(browser: Browser, url: str) -> None:
