@@ -18,7 +18,7 @@ from typing import Literal, TypeAlias
 from ..errors import ActionError
 from ..runs.run_log import REINIT
 from .program.names import Names
-from .program.signatures import KEYBOARD, POINTER
+from .program.signatures import AGENTNET_TRIPLE, KEYBOARD, POINTER
 from .program.source import ParsedSource, shallow
 
 ActionKind: TypeAlias = Literal["wait", "done", "fail", "reinit", "code"]
@@ -30,7 +30,9 @@ _FENCE = re.compile(
     r"^[ \t]*```(?:[\w+-]*[ \t]*\r?\n)?(.*?)(?:^[ \t]*```|```[ \t]*\r?$)", re.DOTALL | re.MULTILINE
 )
 _MODULES = {
-    "pyautogui": frozenset({*POINTER, *KEYBOARD, "sleep", "size", "position", "hold", "onScreen"}),
+    "pyautogui": frozenset(
+        {*POINTER, *KEYBOARD, "sleep", "size", "position", "hold", "onScreen"} - {AGENTNET_TRIPLE}
+    ),
     "time": frozenset({"sleep", "time", "monotonic", "perf_counter"}),
 }
 _CONSTANTS = frozenset(
@@ -136,13 +138,18 @@ def fenced_blocks(text: str) -> list[str]:
     Raises:
         ActionError: a fence has no partner, so code cannot be distinguished from prose.
     """
-    blocks = [block for block in _FENCE.findall(text) if block.strip()]
-    if blocks and _FENCE.sub("", text).count("```"):
+    return [text[start:end] for start, end in fenced_spans(text)]
+
+
+def fenced_spans(text: str) -> list[tuple[int, int]]:
+    """Return where the contents of the ``` fences begin and end, see `fenced_blocks`."""
+    spans = [found.span(1) for found in _FENCE.finditer(text) if found[1].strip()]
+    if spans and _FENCE.sub("", text).count("```"):
         raise ActionError(
-            f"the action holds {len(blocks)} blocks in ``` fences and a fence of no block, not one"
+            f"the action holds {len(spans)} blocks in ``` fences and a fence of no block, not one"
             " block; give one action at a time"
         )
-    return blocks
+    return spans
 
 
 def _unfenced(text: str) -> str:

@@ -9,10 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import cast
 
-from hijack_data.actions import RESIZED_DIALECTS, TEXT_PARSERS, Scaling, map_code, parse_pyautogui
-from hijack_data.actions.dialects.computer_13 import parse_computer_13
+from hijack_data.actions import RESIZED_DIALECTS, Scaling, map_code, parse_pyautogui, parse_with
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
-from hijack_data.actions.dialects.tool_calls import parse_anthropic, parse_openai
 from hijack_data.actions.recorded import map_recorded
 from hijack_data.coords import CoordMap
 from hijack_data.errors import ActionError, HijackError, ParameterError
@@ -191,12 +189,7 @@ def _parsed(raw: object, dialect: str, scaling: Scaling) -> Action:
         code = cast("str", raw)
         in_pixels = scaling == Scaling.pixels(None)
         return parse_pyautogui(code if in_pixels else map_code(code, scaling, None), None)
-    if dialect in TEXT_PARSERS:
-        return TEXT_PARSERS[dialect](raw, scaling)[0]
-    return _DICTS[dialect](raw, scaling)
-
-
-_DICTS = {COMPUTER_13: parse_computer_13, OPENAI: parse_openai, ANTHROPIC: parse_anthropic}
+    return parse_with(raw, dialect, scaling)[0]
 
 
 def _between_models(coords: CoordMap) -> Scaling:
