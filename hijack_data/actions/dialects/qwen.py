@@ -11,7 +11,6 @@ several calls, and text around them. Qwen2.5-VL points at pixels of the smart-re
 """
 
 import json
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any, cast
 
@@ -32,7 +31,7 @@ from .rules import (
     status,
     unsayable,
 )
-from .syntax import TOOL_CALL, json_calls, rewriter, tool_call_blocks, xml_functions
+from .syntax import TOOL_CALL, holds_json, json_calls, rewriter, tool_call_blocks, xml_functions
 
 TOOLS = ("computer_use", "mobile_use")
 EXAMPLE = (
@@ -40,7 +39,6 @@ EXAMPLE = (
     " [100, 200]}}</tool_call>"
 )
 _PHONE = "a desktop has no such key or gesture of a phone"
-_BARE = re.compile(r"\s*(?:```(?:json)?\s*)?\{")
 
 
 def _drag(given: Arguments) -> list[Meaning]:
@@ -138,7 +136,7 @@ def _calls(reply: object) -> list[Call]:
         return [Call(name, arguments, write=rebuild)]
     answer = answer_text(reply, "tool call")
     if TOOL_CALL.search(answer) is None:
-        if _BARE.match(answer):
+        if holds_json(answer):
             return json_calls(answer, "tool call", _read, EXAMPLE)
         raise ActionError(f"no whole tool call in {shown(answer.strip())}; write {EXAMPLE}")
     return [
@@ -156,7 +154,7 @@ def _block_calls(text: str, start: int) -> Iterator[Call]:
             values = {name: argument.value for name, argument in arguments.items()}
             kept = {name: part for name, part in arguments.items() if name != "action"}
             action = values.pop("action", None)
-            write = rewriter(text[begin - start : end - start], kept, begin, end)
+            write = rewriter(text[begin - start : end - start], kept, begin)
             yield Call(action, values, begin, end, write)
         return
     if not text.strip().startswith("{") or not text.rstrip().endswith("}"):

@@ -10,11 +10,11 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, NamedTuple, cast
 
 from ...errors import ActionError, shown
+from ..allowed import fenced_spans
 from ..program.source import TextEdit, spliced
 from .fields import as_fields
 from .rules import Call
 
-_FENCE = re.compile(r"```[ \t]*[\w+-]*[ \t]*\r?\n?")
 _JSON = json.JSONDecoder()
 _ESCAPE = re.compile(r"\\(.)", re.DOTALL)
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "'": "'", '"': '"', "\\": "\\"}
@@ -165,7 +165,7 @@ def json_calls(
     Raises:
         ActionError: the text is no JSON.
     """
-    bare = _FENCE.sub(lambda fence: " " * len(fence[0]), text)
+    bare = _outside_prose(text)
     calls: list[Call] = []
     position = _skip(bare, 0)
     while position < len(bare):
@@ -177,6 +177,24 @@ def json_calls(
     if not calls:
         raise ActionError(f"{dialect}: no action in {shown(text.strip())}; write {example}")
     return calls
+
+
+def holds_json(text: str) -> bool:
+    """Return whether a text begins with a JSON object, or has one in a ``` fence."""
+    return _outside_prose(text).lstrip().startswith("{")
+
+
+def _outside_prose(text: str) -> str:
+    """Return text of the same length with everything blank outside its ``` fences, if it has any."""
+    spans = fenced_spans(text)
+    if not spans:
+        return text
+    pieces: list[str] = []
+    done = 0
+    for start, end in spans:
+        pieces += [" " * (start - done), text[start:end]]
+        done = end
+    return "".join([*pieces, " " * (len(text) - done)])
 
 
 def _decoded(text: str, start: int, dialect: str, example: str, python: bool) -> tuple[Any, int]:

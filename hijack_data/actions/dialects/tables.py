@@ -44,7 +44,7 @@ from .rules import (
     unsayable,
     waiting,
 )
-from .syntax import beside_name, json_calls, python_calls
+from .syntax import beside_name, holds_json, json_calls, python_calls
 
 _PHONE = "a desktop has no such key or gesture of a phone"
 _BROWSER = "it needs a browser that is driven by addresses, not a pointer"
@@ -83,7 +83,6 @@ _GLM_PHONE: dict[str, Rule] = {
 _GLM_LABEL = re.compile(r"^[ \t]*Action:", re.MULTILINE)
 _GLM_MEMORY = re.compile(r"^[ \t]*Memory:", re.MULTILINE)
 _GLM_EXAMPLE = "left_click(start_box='[500,500]', element_info='OK')"
-_GLM_JSON = re.compile(r"\s*(?:```(?:json)?\s*)?\{")
 
 
 def _glm_calls(reply: object) -> list[Call]:
@@ -93,7 +92,7 @@ def _glm_calls(reply: object) -> list[Call]:
         start = label.end()
     memory = _GLM_MEMORY.search(answer, start)
     part = _only(answer, start, memory.start() if memory else len(answer))
-    if _GLM_JSON.match(part):
+    if holds_json(part):
         return json_calls(
             part, "glm", beside_name("action_type", "glm"), '{"action_type": "click", ...}'
         )
