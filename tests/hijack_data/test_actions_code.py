@@ -142,7 +142,7 @@ def test_the_models_own_size_of_the_picture_counts():
         ("openai", openai("click", x="1", y=2), "must be a number"),
         ("openai", openai("click", x=float("nan"), y=2), "finite"),
         ("openai", openai("click", x=1, y=2, button="sixth"), "cannot say"),
-        ("anthropic", anthropic("left_click", coordinate="[1, 2]"), "must be [x, y]"),
+        ("anthropic", anthropic("left_click", coordinate="[1, 2, 3]"), "must be [x, y]"),
         ("anthropic", anthropic("key", text="a", repeat=1000), "repeat must be"),
         ("anthropic", anthropic("key", text="a", repeat=True), "repeat must be"),
         ("anthropic", anthropic("hold_key", text="a", duration=1e6), "duration must be"),

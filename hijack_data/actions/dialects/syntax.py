@@ -185,7 +185,7 @@ def holds_json(text: str) -> bool:
 
 
 def _outside_prose(text: str) -> str:
-    """Return text of the same length with everything blank outside its ``` fences, if it has any."""
+    """Return a text with everything blank outside its ``` fences, if it has any."""
     spans = fenced_spans(text)
     if not spans:
         return text
