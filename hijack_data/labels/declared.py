@@ -18,7 +18,7 @@ from .rows import PROVENANCE, RECORDED, is_row, moved_code
 from .undeclared import explained, find_undeclared, how_to_declare
 
 SampleDict: TypeAlias = Mapping[str, Any]
-Declared: TypeAlias = Mapping[str, str | None]
+Declared: TypeAlias = Mapping[str, Any]
 
 # Entries with a fixed meaning in every sample, and their formats unless others are declared.
 OWN = ("target", "target_box", "elements", "action", "action_code")
@@ -32,9 +32,10 @@ class Labels:
     """Which entries of a sample are labels, and in which formats.
 
     Args:
-        declared: for each entry the name of its format (`hijack_data.labels.formats` lists them),
-            or `None` to leave it as it is. An entry inside another is named by a path, such as
-            `"objects.bbox"`; a path through a list applies to each item of the list.
+        declared: for each entry the name of its format (`hijack_data.labels.formats` lists them), a
+            function, `chat(...)`, or `None` to leave it as it is. An entry inside another is named
+            by a path, such as `"objects.bbox"`; a path through a list applies to each item of the
+            list.
         target: the declared entry at which the sample aims, which must stay visible under
             `label_policy="avoid"`. By default the first existing one of `target`, `target_box`, the
             point of the action, and the only declared point or box.
@@ -63,7 +64,7 @@ class Labels:
     def __reduce__(self) -> "tuple[type[Labels], tuple[Declared, str | None]]":
         # Formats hold functions, so workers and the fingerprints of `datasets` get their names
         # instead.
-        return Labels, ({key: form.name for key, form in self.declared.items()}, self.target)
+        return Labels, ({key: form.declared for key, form in self.declared.items()}, self.target)
 
     def __repr__(self) -> str:
         return repr({key: form.name for key, form in self.declared.items()})
