@@ -91,12 +91,10 @@ def each_text(value: Any, change: Any) -> Any:
 
 def could_be_point(text: str) -> bool:
     """Return whether a text has two numbers, of which one is above 1, in any notation."""
-    count = 0
     largest = 0.0
-    for found in _NUMBER.finditer(text):
-        count += 1
+    for count, found in enumerate(_NUMBER.finditer(text)):
         largest = max(largest, abs(float(found[0])))
-        if count > 1 and largest > 1:
+        if count and largest > 1:
             return True
     return False
 
