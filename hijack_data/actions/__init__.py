@@ -35,7 +35,7 @@ Inside, `dialects/` has one table of all dialects; most are a table of actions a
 coordinates at each call that moves the pointer.
 """
 
-from .allowed import fenced_blocks, read_action
+from .allowed import fenced_blocks, read_action, unreadable
 from .dialects import (
     DIALECTS,
     DICT_DIALECTS,
@@ -47,7 +47,7 @@ from .dialects import (
     parse_actions,
     parse_with,
 )
-from .dialects.pyautogui_code import calls_pyautogui, map_code, scale_normalized
+from .dialects.pyautogui_code import calls_pyautogui, count_points, map_code, scale_normalized
 from .dialects.pyautogui_parse import parse_pyautogui
 from .dialects.pyautogui_write import write_pyautogui
 from .recorded import map_recorded
@@ -62,6 +62,7 @@ __all__ = [
     "Scaling",
     "calls_pyautogui",
     "code_of",
+    "count_points",
     "fenced_blocks",
     "map_code",
     "map_recorded",
@@ -71,5 +72,6 @@ __all__ = [
     "parse_with",
     "read_action",
     "scale_normalized",
+    "unreadable",
     "write_pyautogui",
 ]

@@ -25,6 +25,10 @@ ActionKind: TypeAlias = Literal["wait", "done", "fail", "reinit", "code"]
 WORDS: dict[str, ActionKind] = {"WAIT": "wait", "DONE": "done", "FAIL": "fail", REINIT: "reinit"}
 MAX_CODE = 32_000  # characters; an argument of a command may have 128 KiB
 
+# Begins the text that stands for an answer which its own parser refused; the reason follows.
+UNREADABLE = "unreadable action: "
+_REPLY = "; the reply: "
+
 # Only fences at the start or the end of a line count: an agent may also type ``` as text.
 _FENCE = re.compile(
     r"^[ \t]*```(?:[\w+-]*[ \t]*\r?\n)?(.*?)(?:^[ \t]*```|```[ \t]*\r?$)", re.DOTALL | re.MULTILINE
@@ -117,6 +121,8 @@ def read_action(text: object, allow_code: bool = False) -> Request:
     if not isinstance(text, str):
         kind = type(text).__name__
         raise ActionError(f"an action must be a string, got {kind}; give pyautogui code or a word")
+    if text.startswith(UNREADABLE):
+        raise ActionError(text.removeprefix(UNREADABLE).partition(_REPLY)[0])
     inner = _unfenced(text)
     if inner in WORDS:
         return Request(WORDS[inner], inner)
@@ -130,6 +136,17 @@ def read_action(text: object, allow_code: bool = False) -> Request:
     if not allow_code:
         check_code(inner)
     return Request("code", inner)
+
+
+def unreadable(error: Exception, reply: str = "") -> str:
+    """Return a text that `read_action` refuses with the reason why an answer cannot be read.
+
+    Args:
+        error: the reason, in the words of the dialect.
+        reply: the answer, or its beginning, which the text keeps for the log.
+    """
+    reason = " ".join(str(error).split())
+    return f"{UNREADABLE}{reason}{_REPLY}{reply}" if reply else f"{UNREADABLE}{reason}"
 
 
 def fenced_blocks(text: str) -> list[str]:

@@ -103,7 +103,7 @@ def check_picklable(function: Any) -> None:
     """
     try:
         pickle.dumps(function)
-    except Exception as error:
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise ParameterError(
             f"the format {function!r} cannot be sent to the workers of a loader ({error}); define"
             " it with def at the top level of a module"

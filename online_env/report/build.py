@@ -15,7 +15,7 @@ from .by_task import by_task_note
 from .cells import cells_of, compared, feasible_and_not
 from .identity import identity_of
 from .model import ReportError, RunReport, from_data
-from .notes import notes_of, recovery_note
+from .notes import fraction_note, notes_of, recovery_note
 from .summaries import summaries_of
 
 
@@ -98,6 +98,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
     )
     notes = (
         *recovery_note(run),
+        *fraction_note(run),
         *notes_of(report, scores.partial(run.records)),
         *by_task_note(compared(cells, groups), run.is_scored),
     )

@@ -150,7 +150,7 @@ def test_the_addressed_messages_follow_and_all_others_stay(declared, before, aft
         ),
         (chat("pyautogui"), [{"role": "user", "content": "1920x1080"}], "size of the screen"),
         (chat("pyautogui"), talk("I press (100, 200)."), r"message 2 \(assistant\)"),
-        (chat("qwen2.5_vl"), talk(BEFORE[:-24]), "message 2"),
+        (chat("qwen2.5_vl"), talk(BEFORE[:-21]), "message 2"),
         (chat("qwen2.5_vl"), talk(CALL % (5000, 5)), "outside the picture"),
         (chat("qwen2.5_vl", roles="user"), talk(BEFORE), r"\(assistant\)"),
         (chat("pyautogui", indices=[7]), talk("pyautogui.click(1, 2)"), "7"),
