@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import cast
 
+from hijack_data.actions import FRACTIONS as DIALECT_FRACTIONS
 from hijack_data.actions import RESIZED_DIALECTS, Scaling, map_code, parse_pyautogui, parse_with
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
 from hijack_data.actions.recorded import map_recorded
@@ -18,7 +19,7 @@ from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Action, Size, Step
 
 from . import fields
-from .choices import COORDINATES, PIXELS, RESIZED, THOUSAND, Space, scaling_of
+from .choices import COORDINATES, FRACTIONS, PIXELS, RESIZED, THOUSAND, Space, scaling_of
 from .fields import FieldError
 
 PYAUTOGUI = "pyautogui"
@@ -30,10 +31,18 @@ ANTHROPIC = "anthropic"
 QWEN_25 = "qwen2.5_vl"
 QWEN_3 = "qwen3_vl"
 # The spaces of dialects that are not in pixels.
-OWN_SPACES = {UI_TARS: THOUSAND, UI_TARS_15: RESIZED, QWEN_25: RESIZED, QWEN_3: THOUSAND}
+OWN_SPACES: Mapping[str, Space] = {
+    **dict.fromkeys([name for name, unit in DIALECT_FRACTIONS.items() if unit == 1000], THOUSAND),
+    **dict.fromkeys([name for name, unit in DIALECT_FRACTIONS.items() if unit == 1], FRACTIONS),
+    **dict.fromkeys(RESIZED_DIALECTS, RESIZED),
+}
 _VERSIONS: Mapping[str, Mapping[Space, str]] = {
     UI_TARS: {THOUSAND: UI_TARS, RESIZED: UI_TARS_15},
     QWEN_3: {THOUSAND: QWEN_3, RESIZED: QWEN_25},
+    **{
+        dialect: {OWN_SPACES[dialect]: dialect}
+        for dialect in ("glm", "cogagent", "autoglm", "showui")
+    },
 }
 
 
