@@ -191,12 +191,13 @@ class _Walker:
     def _message(self, message: Any, index: int, count: int) -> Any:
         if not isinstance(message, Mapping):
             raise LabelError(f"message {index} must be a dictionary, got {shown(message)}")
-        fields: dict[str, Any] = dict(cast("Mapping[str, Any]", message))
+        whole = cast("Mapping[str, Any]", message)
+        fields = dict(whole)
         keys = next((pair for pair in _CONTENT if pair[0] in fields), None)
         if keys is None or not isinstance(fields[keys[0]], str):
             raise LabelError(
                 f"message {index} has neither a role and content nor a from and value:"
-                f" {shown(message)}"
+                f" {shown(whole)}"
             )
         role = _ROLES.get(fields[keys[0]], fields[keys[0]])
         indices = self.declared.indices
@@ -230,17 +231,18 @@ class _Walker:
             return self._text(part, is_addressed)
         if not isinstance(part, Mapping):
             raise LabelError(f"has a part that is neither text nor a dictionary: {shown(part)}")
-        fields: dict[str, Any] = dict(cast("Mapping[str, Any]", part))
+        block = cast("Mapping[str, Any]", part)
+        fields = dict(block)
         kind: Any = fields.get("type")
         # Columns of datasets have every field in every part, None where it has none.
         if isinstance(fields.get("text"), str) and (kind is None or kind in _TEXTS):
             return {**fields, "text": self._text(fields["text"], is_addressed)}
         if kind in _PICTURES:
-            return part
+            return block
         if is_addressed:
-            return self.change(self.form, part)
-        self._pass(part)
-        return part
+            return self.change(self.form, block)
+        self._pass(block)
+        return block
 
     def _text(self, text: str, is_addressed: bool) -> str:
         if not is_addressed:

@@ -14,6 +14,7 @@ quoted texts in JSON, such as a label, are no numbers.
 """
 
 import re
+from collections.abc import Callable
 from typing import Any, cast
 
 import numpy as np
@@ -43,11 +44,19 @@ def grounding_format(unit: int) -> Format:
     """Return the format of text with marks; `unit` is 0, 1, 1000 or `RESIZED`."""
 
     def moved(value: Any, move: Move) -> Any:
-        return each_text(value, lambda text: _moved(text, unit, move))
+        def change(text: str) -> str:
+            return _moved(text, unit, move)
+
+        return each_text(value, change)
 
     def places(value: Any, size: Size) -> list[Location]:
         found: list[Location] = []
-        each_text(value, lambda text: found.extend(_places(text, unit, size)) or text)
+
+        def collect(text: str) -> str:
+            found.extend(_places(text, unit, size))
+            return text
+
+        each_text(value, collect)
         return found
 
     return Format(f"grounding{_UNITS[unit]}", moved, places)
@@ -71,7 +80,7 @@ def grounding_aliases() -> dict[str, str]:
     return {**names, "<loc>": "loc"}
 
 
-def each_text(value: Any, change: Any) -> Any:
+def each_text(value: Any, change: Callable[[str], str]) -> Any:
     """Return a text, or a list or tuple of texts, each changed; bytes stay bytes.
 
     Raises:

@@ -8,7 +8,7 @@ rules (`rules`) and a syntax (`syntax`): `tables`, `qwen`, `ui_tars`. `answers` 
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 from ...errors import ActionError, ParameterError, UnknownNameError, suggest
 from ...smart_resize import smart_resize
@@ -214,4 +214,4 @@ def _dialect(name: object) -> Dialect:
     found = _TABLE.get(name) if isinstance(name, str) else None
     if found is None:
         raise UnknownNameError(f"unknown dialect {name!r}{suggest(name, DIALECTS)}")
-    return cast("Dialect", found)
+    return found

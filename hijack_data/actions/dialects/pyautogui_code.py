@@ -65,17 +65,17 @@ def count_points(code: str) -> tuple[int, int]:
     noted = _PointNotes((1, 1), (1, 1), clamp=False)
     with contextlib.suppress(ActionError):
         map_code(code, noted, (1, 1))
-    return len(noted.points), sum(are_fractions(point) for point in noted.points)
+    return len(noted.named), sum(are_fractions(point) for point in noted.named)
 
 
 @dataclass(frozen=True)
 class _PointNotes(Scaling):
     """A scaling that notes the points it is asked about."""
 
-    points: list[tuple[float, ...]] = field(default_factory=list[tuple[float, ...]])
+    named: list[tuple[float, ...]] = field(default_factory=list[tuple[float, ...]])
 
     def check_point(self, *numbers: float) -> None:
-        self.points.append(numbers)
+        self.named.append(numbers)
 
 
 def calls_pyautogui(code: str) -> bool:

@@ -31,7 +31,16 @@ from .rules import (
     status,
     unsayable,
 )
-from .syntax import TOOL_CALL, holds_json, json_calls, rewriter, tool_call_blocks, xml_functions
+from .syntax import (
+    TOOL_CALL,
+    Rebuild,
+    beside_name,
+    holds_json,
+    json_calls,
+    rewriter,
+    tool_call_blocks,
+    xml_functions,
+)
 
 TOOLS = ("computer_use", "mobile_use")
 EXAMPLE = (
@@ -168,12 +177,11 @@ def _block_calls(text: str, start: int) -> Iterator[Call]:
         raise ActionError(f"the tool call is not JSON: {error}") from None
 
 
-def _read(value: Any) -> Any:
+def _read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
     """Return the action of a call, its fields, and a function that writes it with other fields."""
     whole = as_fields(value, "tool call")
     if "arguments" not in whole and "action" in whole:
-        action = whole.pop("action")
-        return action, whole, lambda fields: {**whole, "action": action, **fields}
+        return beside_name("action", "tool call")(whole)
     if whole.get("name") not in TOOLS:
         unknown("tool_call", whole.get("name"), TOOLS)
     given: object = whole.get("arguments")

@@ -193,11 +193,12 @@ def coordinates(value: object, what: str) -> list[float]:
     elif isinstance(value, list | tuple):
         parts = cast("list[Any]", value)
         if len(parts) == 1 and isinstance(parts[0], list | tuple):
-            return coordinates(parts[0], what)
+            return coordinates(cast("object", parts[0]), what)
         if len(parts) in (2, 4):
             found = [_coordinate(part, what) for part in parts]
     if not found:
-        raise ActionError(f"{what} must be [x, y] or [x1, y1, x2, y2], got {shown(value)}")
+        got = shown(cast("object", value))
+        raise ActionError(f"{what} must be [x, y] or [x1, y1, x2, y2], got {got}")
     return found
 
 

@@ -7,7 +7,7 @@ import ast
 import json
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, TypeAlias, cast
 
 from ...errors import ActionError, shown
 from ..allowed import fenced_spans
@@ -23,6 +23,12 @@ _SPACE = re.compile(r"[\s,;]*")
 _BARE = re.compile(r"[^\s,()\[\]'\"]+")
 _MOST_NESTED = 20
 TOOL_CALL = re.compile(r"<(seed:)?tool_call>")
+
+
+# Returns a value with other arguments; and of a value the name of its action, its arguments, and
+# such a function.
+Rebuild: TypeAlias = Callable[[dict[str, Any]], Any]
+Reader: TypeAlias = Callable[[Any], tuple[object, Mapping[str, Any], Rebuild]]
 
 
 class Argument(NamedTuple):
@@ -146,11 +152,7 @@ def _skip(text: str, position: int) -> int:
 
 
 def json_calls(
-    text: str,
-    dialect: str,
-    read: Callable[[Any], tuple[object, Mapping[str, Any], Callable[[dict[str, Any]], Any]]],
-    example: str,
-    python: bool = False,
+    text: str, dialect: str, read: Reader, example: str, python: bool = False
 ) -> list[Call]:
     """Return the actions of a text that is JSON: one value or several, also in a ``` fence.
 
@@ -234,7 +236,7 @@ def _is_list_of_dicts(value: object) -> bool:
 
 
 def _dumped(
-    rebuild: Callable[[dict[str, Any]], Any], whole: Any, part: Any, python: bool
+    rebuild: Rebuild, whole: Any, part: Any, python: bool
 ) -> Callable[[dict[str, Any]], str]:
     """Return a function that writes a value again, when one of its actions has other arguments."""
 
@@ -247,16 +249,18 @@ def _dumped(
     return write
 
 
-def beside_name(field: str, dialect: str) -> Callable[[Any], Any]:
+def beside_name(field: str, dialect: str) -> Reader:
     """Return the reader of dicts whose arguments stand beside the name of the action."""
 
-    def read(value: Any) -> Any:
+    def read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
         fields = as_fields(value, dialect)
+        start = {key: part for key, part in fields.items() if key == field}
         name = fields.pop(field, None)
-        return name, fields, lambda arguments: {**_start(value, field), **arguments}
 
-    def _start(value: Any, field: str) -> dict[str, Any]:
-        return {key: part for key, part in value.items() if key == field}
+        def rebuild(arguments: dict[str, Any]) -> dict[str, Any]:
+            return {**start, **arguments}
+
+        return name, fields, rebuild
 
     return read
 

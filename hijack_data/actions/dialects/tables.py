@@ -44,7 +44,7 @@ from .rules import (
     unsayable,
     waiting,
 )
-from .syntax import beside_name, holds_json, json_calls, python_calls
+from .syntax import Rebuild, beside_name, holds_json, json_calls, python_calls
 
 _PHONE = "a desktop has no such key or gesture of a phone"
 _BROWSER = "it needs a browser that is driven by addresses, not a pointer"
@@ -220,14 +220,12 @@ def _showui_type(given: Arguments) -> list[Meaning]:
 
 
 def _both_ends(given: Arguments) -> list[Meaning]:
-    pair = given.value("position")
-    if not isinstance(pair, list | tuple) or len(cast("list[Any]", pair)) != 2:
-        raise ActionError(f"{given.what} needs a position [[x1, y1], [x2, y2]], got {shown(pair)}")
-    start, end = cast("list[Any]", pair)
-    for corner in (start, end):
-        if len(coordinates(corner, f"{given.what} position")) != 2:
-            raise ActionError(f"{given.what} position must hold two points, got {shown(pair)}")
-    flat = [*coordinates(start, given.what), *coordinates(end, given.what)]
+    pair: Any = given.value("position")
+    corners = cast("list[Any]", pair) if isinstance(pair, list | tuple) else []
+    flat = [number for corner in corners for number in coordinates(corner, given.what)]
+    if len(corners) != 2 or len(flat) != 4:
+        got = shown(cast("object", pair))
+        raise ActionError(f"{given.what} needs a position [[x1, y1], [x2, y2]], got {got}")
     inner = Arguments(given.what, {"start": flat[:2], "end": flat[2:]}, given.scaling)
     return dragging(["start"], ["end"])(inner)
 
@@ -249,12 +247,11 @@ _SHOWUI: dict[str, Rule] = {
 _SHOWUI_EXAMPLE = "{'action': 'CLICK', 'value': None, 'position': [0.5, 0.5]}"
 
 
-def _showui_read(value: Any) -> Any:
-    if isinstance(value, list | tuple):
-        # "where you want to click": [0.73, 0.21]
-        place = list(cast("list[Any]", value))
-        return "CLICK", {"position": place}, lambda fields: fields["position"]
-    return beside_name("action", "showui")(value)
+def _showui_read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
+    if not isinstance(value, list | tuple):
+        return beside_name("action", "showui")(value)
+    # "where you want to click": [0.73, 0.21]
+    return "CLICK", {"position": list(cast("list[Any]", value))}, _unchanged
 
 
 def _showui_calls(reply: object) -> list[Call]:
@@ -301,14 +298,18 @@ _HOLO_CLICK = re.compile(r"\s*Click\(\s*(-?\d+)\s*,\s*(-?\d+)\s*\)\s*\Z")
 _HOLO_EXAMPLE = '{"action": "click_element", "element": "OK", "x": 100, "y": 200}'
 
 
-def _holo_read(value: Any) -> Any:
+def _holo_read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
     fields = as_fields(value, "holo")
     inner = fields.get("action")
     if isinstance(inner, Mapping):  # beside the note and the thought of a step
-        name, arguments, rebuild = beside_name("action", "holo")(inner)
-        return name, arguments, lambda given: {**fields, "action": rebuild(given)}
+        name, arguments, rebuild_inner = beside_name("action", "holo")(inner)
+
+        def rebuild(given: dict[str, Any]) -> dict[str, Any]:
+            return {**fields, "action": rebuild_inner(given)}
+
+        return name, arguments, rebuild
     if set(fields) == {"x", "y"}:
-        return "click", fields, lambda given: given
+        return "click", fields, _unchanged
     return beside_name("action", "holo")(value)
 
 
@@ -396,7 +397,7 @@ _GEMINI_EXAMPLE = '{"name": "click_at", "args": {"x": 500, "y": 500}}'
 _CALL_FIELDS = ("function_call", "functionCall")
 
 
-def _gemini_read(value: Any) -> Any:
+def _gemini_read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
     fields = as_fields(value, "gemini")
     for wrapper in (*_CALL_FIELDS, "function"):
         if isinstance(fields.get(wrapper), Mapping):
@@ -408,7 +409,7 @@ def _gemini_read(value: Any) -> Any:
             given = json.loads(given)
         except (ValueError, RecursionError) as error:
             raise ActionError(f"gemini: the arguments are not JSON ({error})") from None
-    return fields.get("name"), as_fields(given, "gemini"), None
+    return fields.get("name"), as_fields(given, "gemini"), _unchanged
 
 
 def _gemini_calls(reply: object) -> list[Call]:
@@ -419,6 +420,10 @@ def _gemini_calls(reply: object) -> list[Call]:
 
 
 GEMINI = CallReader("gemini", _GEMINI, _gemini_calls, notes=("intent", "safety_decision"))
+
+
+def _unchanged(arguments: dict[str, Any]) -> dict[str, Any]:
+    return arguments
 
 
 def _only(text: str, start: int, end: int) -> str:

@@ -95,7 +95,9 @@ def openai_actions(action: object) -> list[object]:
     if several is None:
         several = [fields.get("action")]
     if not isinstance(several, list | tuple) or not several:
-        raise ActionError(f"{CALL} needs an action or a list of actions, got {shown(several)}")
+        raise ActionError(
+            f"{CALL} needs an action or a list of actions, got {shown(cast('object', several))}"
+        )
     return list(cast("list[object]", several))
 
 
@@ -184,7 +186,7 @@ def anthropic_action(action: object) -> tuple[object, Callable[[dict[str, Any]],
         ActionError: the block has no input, or has fields that may hold coordinates.
     """
     if not isinstance(action, dict) or cast("dict[str, Any]", action).get("type") != TOOL_USE:
-        return action, lambda made: made
+        return cast("object", action), lambda made: made
     block = as_fields(cast("object", action), ANTHROPIC)
     check_fields(block, _BLOCK_FIELDS, f"{ANTHROPIC} {TOOL_USE}")
     given = as_fields(block.get("input"), f"{ANTHROPIC} {TOOL_USE}")
