@@ -188,13 +188,19 @@ FORMS = [
         "opencua",
         "## Action:\nClick.\n\n## Code:\n```python\npyautogui.click(x=0, y=0)\n```",
         [Action("click", 0, 0)],
-        ["pyautogui.click(0, 0)"],
+        ["pyautogui.click(x=0, y=0)"],
+    ),
+    (
+        "opencua",
+        "```\ncomputer.triple_click(x=0, y=0)\npyautogui.press('down', presses=3)\n```",
+        None,
+        ["pyautogui.tripleClick(x=0, y=0)\npyautogui.press('down', presses=3)"],
     ),
     (
         "opencua",
         "```code\ncomputer.triple_click(x=0, y=0)\n```",
         [Action("triple_click", 0, 0)],
-        ["pyautogui.tripleClick(0, 0)"],
+        ["pyautogui.tripleClick(x=0, y=0)"],
     ),
     ("opencua", "```\ncomputer.terminate(status='failure')\n```", [Action("fail")], ["FAIL"]),
     # GLM-4.5V
@@ -269,6 +275,7 @@ FORMS = [
     # ShowUI
     ("showui", "{'action': 'CLICK', 'value': None, 'position': [0.25, 0.25]}", CLICK, CLICK_CODE),
     ("showui", "[0.25, 0.25]", CLICK, CLICK_CODE),
+    ("showui", '{"action": "CLICK", "value": null, "position": [0.25, 0.25]}', CLICK, CLICK_CODE),
     (
         "showui",
         "{'action': 'CLICK', 'value': None, 'position': [0.25, 0.25]},\n"

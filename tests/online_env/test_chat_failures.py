@@ -298,7 +298,9 @@ def test_the_middle_of_the_screen_in_every_dialect_of_2026(tmp_path, dialect):
     with serving(CLICKS[dialect]) as endpoint:
         got = ask(agent_of(tmp_path, endpoint.url, parser=dialect))
     # OpenCUA points at 84 x 56 pixels: (42.5, 27.5) of them is (48.57, 26.52) of 96 x 54.
-    assert got == ["pyautogui.click(48, 26)" if dialect == "opencua" else "pyautogui.click(48, 27)"]
+    assert got == [
+        "pyautogui.click(x=48, y=26)" if dialect == "opencua" else "pyautogui.click(48, 27)"
+    ]
 
 
 @pytest.mark.parametrize(
@@ -386,7 +388,7 @@ def test_points_outside_are_where_a_pointer_stops(tmp_path):
         ("thousandths", "pyautogui.click(500, 500)", ["pyautogui.click(960, 540)"]),
         ("resized", "computer.terminate(status='success')", ["DONE"]),
         ("resized", "computer.wait()", ["WAIT"]),
-        ("resized", "computer.tripleClick(x=966, y=546)", ["pyautogui.tripleClick(960, 540)"]),
+        ("resized", "computer.tripleClick(x=966, y=546)", ["pyautogui.tripleClick(x=960, y=540)"]),
         ("pixels", "computer.terminate(status='failure')", ["FAIL"]),
     ],
 )

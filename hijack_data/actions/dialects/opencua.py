@@ -5,15 +5,19 @@ OpenCUA thinks in prose and ends with a fence of pyautogui code, in which `compu
 points are pixels of the smart-resized picture.
 """
 
+import ast
+import re
 import textwrap
 from typing import cast
 
+from ...errors import ActionError, shown
 from ...types import Action
 from ..allowed import fenced_spans
-from ..program.source import TextEdit, spliced
+from ..program.signatures import AGENTNET_TRIPLE
+from ..program.source import ParsedSource, TextEdit, shallow, spliced
 from ..scaling import Scaling
 from .answers import answer_text
-from .pyautogui_code import map_code
+from .pyautogui_code import calls_pyautogui, map_code
 from .pyautogui_parse import parse_pyautogui
 from .pyautogui_write import write_pyautogui
 
@@ -45,7 +49,44 @@ def parse_fenced(reply: object, scaling: Scaling) -> list[Action]:
 
 def fenced_code(reply: object, scaling: Scaling) -> list[str]:
     """Return the action of each fence as code in pixels. Raises `ActionError` as `map_fenced`."""
-    return [write_pyautogui(action) for action in parse_fenced(reply, scaling)]
+    answer = answer_text(reply, "opencua")
+    spans = fenced_spans(answer) or [(0, len(answer))]
+    blocks = [textwrap.dedent(answer[start:end]).strip() for start, end in spans]
+    codes = [plain_code(map_code(block, scaling, scaling.source), scaling) for block in blocks]
+    for code in codes:
+        if not calls_pyautogui(code) and parse_pyautogui(code, None).type == "other":
+            raise ActionError(
+                f"opencua: {shown(code)} is no action; write pyautogui code in a fence"
+            )
+    return codes
+
+
+def plain_code(code: str, scaling: Scaling) -> str:
+    """Return code without AgentNet's `computer`, which a desktop does not have.
+
+    Args:
+        code: the code, in pixels of `scaling.target`.
+        scaling: names the size of the picture.
+
+    Raises:
+        ActionError: `computer` waits or terminates beside other calls.
+    """
+    if "computer" not in code:
+        return code
+    with shallow():
+        source = ParsedSource(code)
+        edits = [
+            TextEdit(*source.span(node), "pyautogui.tripleClick")
+            for node in ast.walk(source.tree)
+            if isinstance(node, ast.Attribute)
+            and isinstance(node.value, ast.Name)
+            and node.value.id == "computer"
+            and node.attr in ("tripleClick", AGENTNET_TRIPLE)
+        ]
+        plain = source.edited(edits)
+    if not re.search(r"\bcomputer\s*\.\s*\w+\s*\(", plain):
+        return plain
+    return write_pyautogui(parse_pyautogui(plain, scaling.target if scaling.clamp else None))
 
 
 def _map_block(block: str, scaling: Scaling) -> str:

@@ -20,8 +20,8 @@ from .answers import answer_text
 from .fields import as_fields, at, shown, unknown
 from .rules import (
     PIXELS_PER_NOTCH,
+    ActionCall,
     Arguments,
-    Call,
     CallReader,
     Meaning,
     Rule,
@@ -139,10 +139,10 @@ def holds_tool_call(reply: str) -> bool:
     return "<tool_call>" in reply and any(tool in reply for tool in TOOLS)
 
 
-def _calls(reply: object) -> list[Call]:
+def _calls(reply: object) -> list[ActionCall]:
     if isinstance(reply, Mapping):
         name, arguments, rebuild = _read(cast("Mapping[str, Any]", reply))
-        return [Call(name, arguments, write=rebuild)]
+        return [ActionCall(name, arguments, write=rebuild)]
     answer = answer_text(reply, "tool call")
     if TOOL_CALL.search(answer) is None:
         if holds_json(answer):
@@ -155,7 +155,7 @@ def _calls(reply: object) -> list[Call]:
     ]
 
 
-def _block_calls(text: str, start: int) -> Iterator[Call]:
+def _block_calls(text: str, start: int) -> Iterator[ActionCall]:
     if text.lstrip().startswith("<function"):
         for tool, arguments, begin, end in xml_functions(text, start):
             if tool not in TOOLS:
@@ -164,13 +164,15 @@ def _block_calls(text: str, start: int) -> Iterator[Call]:
             kept = {name: part for name, part in arguments.items() if name != "action"}
             action = values.pop("action", None)
             write = rewriter(text[begin - start : end - start], kept, begin)
-            yield Call(action, values, begin, end, write)
+            yield ActionCall(action, values, begin, end, write)
         return
     if not text.strip().startswith("{") or not text.rstrip().endswith("}"):
         raise ActionError(f"no whole tool call in {shown(text.strip())}; write {EXAMPLE}")
     try:
         for call in json_calls(text, "tool call", _read, EXAMPLE):
-            yield Call(call.name, call.arguments, start + call.start, start + call.end, call.write)
+            yield ActionCall(
+                call.name, call.arguments, start + call.start, start + call.end, call.write
+            )
     except ActionError as error:
         if "is no action (" not in str(error):
             raise

@@ -380,7 +380,7 @@ def unsayable(reason: str, *place: str, end: Sequence[str] = ()) -> Rule:
 
 
 @dataclass(frozen=True)
-class Call:
+class ActionCall:
     """One call as it stands in a reply.
 
     Args:
@@ -411,16 +411,18 @@ class CallReader:
 
     dialect: str
     rules: Mapping[str, Rule]
-    find: Callable[[object], list[Call]]
+    find: Callable[[object], list[ActionCall]]
     notes: tuple[str, ...] = ()
 
-    def read(self, reply: object, scaling: Scaling) -> list[tuple[Call, Arguments, list[Meaning]]]:
+    def read(
+        self, reply: object, scaling: Scaling
+    ) -> list[tuple[ActionCall, Arguments, list[Meaning]]]:
         """Return the calls of a reply with their arguments and what they mean.
 
         Raises:
             ActionError: there is no call, or one that the dialect does not have or that is broken.
         """
-        found: list[tuple[Call, Arguments, list[Meaning]]] = []
+        found: list[tuple[ActionCall, Arguments, list[Meaning]]] = []
         for call in self.find(reply):
             rule = self.rules.get(call.name) if isinstance(call.name, str) else None
             if rule is None:
@@ -464,7 +466,7 @@ class CallReader:
         """Return each call as code; raises `ActionError` as `read`, and for what cannot be done."""
         return [self._code(call, meanings) for call, _, meanings in self.read(reply, scaling)]
 
-    def _code(self, call: Call, meanings: Sequence[Meaning]) -> str:
+    def _code(self, call: ActionCall, meanings: Sequence[Meaning]) -> str:
         lines: list[str] = []
         for meaning in meanings:
             if meaning.refusal:

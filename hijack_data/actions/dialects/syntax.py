@@ -4,6 +4,7 @@ Every function works in one pass over the text, and returns calls that know wher
 """
 
 import ast
+import contextlib
 import json
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -13,7 +14,7 @@ from ...errors import ActionError, shown
 from ..allowed import fenced_spans
 from ..program.source import TextEdit, spliced
 from .fields import as_fields
-from .rules import Call
+from .rules import ActionCall
 
 _JSON = json.JSONDecoder()
 _ESCAPE = re.compile(r"\\(.)", re.DOTALL)
@@ -28,10 +29,10 @@ TOOL_CALL = re.compile(r"<(seed:)?tool_call>")
 # Returns a value with other arguments; and of a value the name of its action, its arguments, and
 # such a function.
 Rebuild: TypeAlias = Callable[[dict[str, Any]], Any]
-Reader: TypeAlias = Callable[[Any], tuple[object, Mapping[str, Any], Rebuild]]
+CallDecoder: TypeAlias = Callable[[Any], tuple[object, Mapping[str, Any], Rebuild]]
 
 
-class Argument(NamedTuple):
+class WrittenArgument(NamedTuple):
     """An argument as written: its value, and where it stands in the text."""
 
     value: Any
@@ -47,7 +48,7 @@ def unescaped(text: str) -> str:
 # --- Calls as in Python
 
 
-def python_calls(text: str, dialect: str, names: Collection[str], example: str) -> list[Call]:
+def python_calls(text: str, dialect: str, names: Collection[str], example: str) -> list[ActionCall]:
     """Return the run of calls in a text: `click(box=[[1,2,3,4]], info='OK')`.
 
     Args:
@@ -61,7 +62,7 @@ def python_calls(text: str, dialect: str, names: Collection[str], example: str) 
             that one of them may only be mentioned.
     """
     begins = re.compile(rf"(?<![\w.])({'|'.join(map(re.escape, names))})\s*\(")
-    calls: list[Call] = []
+    calls: list[ActionCall] = []
     position = 0
     end = -1
     while found := begins.search(text, position):
@@ -73,7 +74,7 @@ def python_calls(text: str, dialect: str, names: Collection[str], example: str) 
                 f" mentioned; write the action alone, such as {example}"
             )
         values = {name: argument.value for name, argument in arguments.items()}
-        calls.append(Call(found[1], values, found.start(), position))
+        calls.append(ActionCall(found[1], values, found.start(), position))
         end = position
     if not calls:
         raise ActionError(
@@ -83,9 +84,9 @@ def python_calls(text: str, dialect: str, names: Collection[str], example: str) 
     return calls
 
 
-def _python_arguments(text: str, start: int, name: str) -> tuple[dict[str, Argument], int]:
+def _python_arguments(text: str, start: int, name: str) -> tuple[dict[str, WrittenArgument], int]:
     """Return the arguments of a call, and where the call ends."""
-    found: dict[str, Argument] = {}
+    found: dict[str, WrittenArgument] = {}
     position = start
     while True:
         position = _skip(text, position)
@@ -98,7 +99,7 @@ def _python_arguments(text: str, start: int, name: str) -> tuple[dict[str, Argum
         if match[1] in found:
             raise ActionError(f"{name}: {match[1]} is given twice; give one action for each point")
         value, end = _python_value(text, match.end(), name)
-        found[match[1]] = Argument(value, match.end(), end)
+        found[match[1]] = WrittenArgument(value, match.end(), end)
         position = end
 
 
@@ -152,8 +153,8 @@ def _skip(text: str, position: int) -> int:
 
 
 def json_calls(
-    text: str, dialect: str, read: Reader, example: str, python: bool = False
-) -> list[Call]:
+    text: str, dialect: str, read: CallDecoder, example: str, python: bool = False
+) -> list[ActionCall]:
     """Return the actions of a text that is JSON: one value or several, also in a ``` fence.
 
     Args:
@@ -168,13 +169,15 @@ def json_calls(
         ActionError: the text is no JSON.
     """
     bare = _outside_prose(text)
-    calls: list[Call] = []
+    calls: list[ActionCall] = []
     position = _skip(bare, 0)
     while position < len(bare):
         value, end = _decoded(bare, position, dialect, example, python)
         for one in cast("list[Any]", value) if _is_list_of_dicts(value) else [value]:
             name, arguments, rebuild = read(one)
-            calls.append(Call(name, arguments, position, end, _dumped(rebuild, value, one, python)))
+            calls.append(
+                ActionCall(name, arguments, position, end, _dumped(rebuild, value, one, python))
+            )
         position = _skip(bare, end)
     if not calls:
         raise ActionError(f"{dialect}: no action in {shown(text.strip())}; write {example}")
@@ -201,7 +204,10 @@ def _outside_prose(text: str) -> str:
 
 def _decoded(text: str, start: int, dialect: str, example: str, python: bool) -> tuple[Any, int]:
     try:
-        if not python:
+        if python:
+            with contextlib.suppress(ValueError, RecursionError):  # JSON is welcome, too
+                return _JSON.raw_decode(text, start)
+        else:
             return _JSON.raw_decode(text, start)
         end = _bracket_end_of_value(text, start, dialect)
         return ast.literal_eval(text[start:end]), end
@@ -249,7 +255,7 @@ def _dumped(
     return write
 
 
-def beside_name(field: str, dialect: str) -> Reader:
+def beside_name(field: str, dialect: str) -> CallDecoder:
     """Return the reader of dicts whose arguments stand beside the name of the action."""
 
     def read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
@@ -297,7 +303,7 @@ _PARAMETER = re.compile(r"\s*<parameter(?:=|\s+name=[\"']?)([\w.-]+)[\"']?>[ \t]
 
 def xml_functions(
     text: str, offset: int = 0
-) -> Iterator[tuple[str, dict[str, Argument], int, int]]:
+) -> Iterator[tuple[str, dict[str, WrittenArgument], int, int]]:
     """Yield the `<function=NAME>` of a text: name, arguments, and where it begins and ends.
 
     Raises:
@@ -308,7 +314,7 @@ def xml_functions(
         end = text.find("</function>", found.end())
         if end < 0:
             raise ActionError(f"{found[1]}: the function does not end; close it with </function>")
-        arguments: dict[str, Argument] = {}
+        arguments: dict[str, WrittenArgument] = {}
         inner = found.end()
         while parameter := _PARAMETER.match(text, inner, end):
             close = text.find("</parameter>", parameter.end(), end)
@@ -319,7 +325,7 @@ def xml_functions(
             stop = close
             if text[stop - 1 : stop] == "\n" and stop > parameter.end():
                 stop -= 2 if text[stop - 2 : stop] == "\r\n" else 1
-            arguments[parameter[1]] = Argument(
+            arguments[parameter[1]] = WrittenArgument(
                 text[parameter.end() : stop], offset + parameter.end(), offset + stop
             )
             inner = close + len("</parameter>")
@@ -330,7 +336,7 @@ def xml_functions(
 
 
 def rewriter(
-    part: str, arguments: Mapping[str, Argument], start: int
+    part: str, arguments: Mapping[str, WrittenArgument], start: int
 ) -> Callable[[dict[str, Any]], str]:
     """Return a function that writes a part of a text with other values of its arguments.
 

@@ -25,8 +25,8 @@ from .answers import answer_text
 from .fields import as_fields, at
 from .rules import (
     PIXELS_PER_NOTCH,
+    ActionCall,
     Arguments,
-    Call,
     CallReader,
     Meaning,
     Rule,
@@ -85,7 +85,7 @@ _GLM_MEMORY = re.compile(r"^[ \t]*Memory:", re.MULTILINE)
 _GLM_EXAMPLE = "left_click(start_box='[500,500]', element_info='OK')"
 
 
-def _glm_calls(reply: object) -> list[Call]:
+def _glm_calls(reply: object) -> list[ActionCall]:
     answer = answer_text(reply, "glm")
     start = 0
     for label in _GLM_LABEL.finditer(answer):
@@ -156,13 +156,13 @@ _COG_END = re.compile(r"\s*END(?:\(\))?\s*(?:<<[^<>]*>>)?\s*")
 _COG_EXAMPLE = "CLICK(box=[[387,248,727,317]], element_info='OK')"
 
 
-def _cogagent_calls(reply: object) -> list[Call]:
+def _cogagent_calls(reply: object) -> list[ActionCall]:
     answer = answer_text(reply, "cogagent")
     start = 0
     for label in _COG_LABEL.finditer(answer):
         start = label.end()
     if _COG_END.fullmatch(answer, start):
-        return [Call("END", {})]
+        return [ActionCall("END", {})]
     return python_calls(_only(answer, start, len(answer)), "cogagent", (*_COGAGENT,), _COG_EXAMPLE)
 
 
@@ -188,7 +188,7 @@ _ANSWER = re.compile(r"<answer>")
 _AUTOGLM_EXAMPLE = 'do(action="Tap", element=[500,500])'
 
 
-def _autoglm_calls(reply: object) -> list[Call]:
+def _autoglm_calls(reply: object) -> list[ActionCall]:
     answer = answer_text(reply, "autoglm")
     start = 0
     for tag in _ANSWER.finditer(answer):
@@ -199,11 +199,11 @@ def _autoglm_calls(reply: object) -> list[Call]:
     return [_autoglm_call(call) for call in calls]
 
 
-def _autoglm_call(call: Call) -> Call:
+def _autoglm_call(call: ActionCall) -> ActionCall:
     if call.name == "finish":
         return call
     arguments = dict(call.arguments)
-    return Call(arguments.pop("action", None), arguments, call.start, call.end)
+    return ActionCall(arguments.pop("action", None), arguments, call.start, call.end)
 
 
 AUTOGLM = CallReader("autoglm", _AUTOGLM, _autoglm_calls, notes=("message",))
@@ -254,7 +254,7 @@ def _showui_read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
     return "CLICK", {"position": list(cast("list[Any]", value))}, _unchanged
 
 
-def _showui_calls(reply: object) -> list[Call]:
+def _showui_calls(reply: object) -> list[ActionCall]:
     answer = answer_text(reply, "showui")
     return json_calls(answer, "showui", _showui_read, _SHOWUI_EXAMPLE, python=True)
 
@@ -266,7 +266,7 @@ SHOWUI = CallReader("showui", _SHOWUI, _showui_calls, notes=("value", "position"
 _BOX = re.compile(r"<box>([^<]*)</box>")
 
 
-def _internvl_calls(reply: object) -> list[Call]:
+def _internvl_calls(reply: object) -> list[ActionCall]:
     answer = answer_text(reply, "internvl")
     boxes = list(_BOX.finditer(answer))
     if len(boxes) != 1 or answer.count("<box>") != 1:
@@ -274,7 +274,7 @@ def _internvl_calls(reply: object) -> list[Call]:
             f"internvl: a click is one box, and {shown(answer.strip())} has {len(boxes)}; write"
             " <ref>OK</ref><box>[[100,200,300,400]]</box>"
         )
-    return [Call("click", {"box": boxes[0][1]}, *boxes[0].span(1))]
+    return [ActionCall("click", {"box": boxes[0][1]}, *boxes[0].span(1))]
 
 
 INTERNVL = CallReader("internvl", {"click": pointing("click", "box")}, _internvl_calls)
@@ -313,7 +313,7 @@ def _holo_read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
     return beside_name("action", "holo")(value)
 
 
-def _holo_calls(reply: object) -> list[Call]:
+def _holo_calls(reply: object) -> list[ActionCall]:
     answer = answer_text(reply, "holo")
     click = _HOLO_CLICK.match(answer)
     if click is None:
@@ -321,7 +321,7 @@ def _holo_calls(reply: object) -> list[Call]:
     arguments = {"x": int(click[1]), "y": int(click[2])}
     start, end = click.span(1)[0], click.span(2)[1]
     between = answer[click.end(1) : click.start(2)]
-    return [Call("click", arguments, start, end, lambda a: f"{a['x']}{between}{a['y']}")]
+    return [ActionCall("click", arguments, start, end, lambda a: f"{a['x']}{between}{a['y']}")]
 
 
 HOLO = CallReader("holo", _HOLO, _holo_calls, notes=("element",))
@@ -412,10 +412,12 @@ def _gemini_read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
     return fields.get("name"), as_fields(given, "gemini"), _unchanged
 
 
-def _gemini_calls(reply: object) -> list[Call]:
+def _gemini_calls(reply: object) -> list[ActionCall]:
     if isinstance(reply, Mapping):
         name, arguments, _ = _gemini_read(reply)
-        return [Call(name, arguments)]
+        return [ActionCall(name, arguments)]
+    if isinstance(reply, list) and reply:
+        return [call for part in cast("list[Any]", reply) for call in _gemini_calls(part)]
     return json_calls(answer_text(reply, "gemini"), "gemini", _gemini_read, _GEMINI_EXAMPLE)
 
 

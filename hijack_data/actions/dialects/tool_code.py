@@ -64,6 +64,11 @@ def anthropic_code(action: object, scaling: Scaling) -> list[str]:
     match fields["action"]:
         case "screenshot" | "zoom" | "cursor_position":
             return [_WAIT]
+        case "scroll_to":
+            raise ActionError(
+                "anthropic scroll_to names an element of a page, which a desktop does not know; use"
+                " scroll"
+            )
         case "scroll":
             return [_anthropic_scroll(fields, parsed)]
         case "key":

@@ -19,8 +19,8 @@ from .answers import answer_text
 from .fields import at
 from .rules import (
     DEFAULT_NOTCHES,
+    ActionCall,
     Arguments,
-    Call,
     CallReader,
     Meaning,
     Rule,
@@ -30,7 +30,7 @@ from .rules import (
     unsayable,
     waiting,
 )
-from .syntax import TOOL_CALL, Argument, rewriter, tool_call_blocks, unescaped, xml_functions
+from .syntax import TOOL_CALL, WrittenArgument, rewriter, tool_call_blocks, unescaped, xml_functions
 from .ui_tars_text import Call as TextCall
 from .ui_tars_text import sections
 
@@ -106,7 +106,7 @@ RULES: dict[str, Rule] = {
 }
 
 
-def _all_calls(reply: object) -> list[Call]:
+def _all_calls(reply: object) -> list[ActionCall]:
     """Return the calls of every `Action:`, which are mapped although only the last ones count."""
     answer = answer_text(reply, DIALECT)
     if _is_xml(answer):
@@ -114,7 +114,7 @@ def _all_calls(reply: object) -> list[Call]:
     return [_call(call) for section in sections(answer) for call in section]
 
 
-def _last_calls(reply: object) -> list[Call]:
+def _last_calls(reply: object) -> list[ActionCall]:
     """Return the calls of the last `Action:`."""
     answer = answer_text(reply, DIALECT)
     if _is_xml(answer):
@@ -126,7 +126,7 @@ def _is_xml(answer: str) -> bool:
     return TOOL_CALL.search(answer) is not None or answer.lstrip().startswith(_XML)
 
 
-def _xml_calls(answer: str) -> Iterator[Call]:
+def _xml_calls(answer: str) -> Iterator[ActionCall]:
     blocks = [(answer, 0, len(answer))]
     if TOOL_CALL.search(answer):
         blocks = tool_call_blocks(answer, "<function=click><parameter=point>1 2</parameter>")
@@ -136,7 +136,7 @@ def _xml_calls(answer: str) -> Iterator[Call]:
             found += 1
             known = _renamed(arguments, name)
             values = {key: argument.value for key, argument in known.items()}
-            yield Call(name, values, start, end, rewriter(answer[start:end], known, start))
+            yield ActionCall(name, values, start, end, rewriter(answer[start:end], known, start))
     if not found:
         raise ActionError(
             f"UI-TARS: no action in {shown(answer.strip())}; write for example"
@@ -144,26 +144,26 @@ def _xml_calls(answer: str) -> Iterator[Call]:
         )
 
 
-def _call(call: TextCall) -> Call:
+def _call(call: TextCall) -> ActionCall:
     end = call.start + len(call.inside)
     if call.name in ("type", "finished"):
         _check_boxless(call)
         has_content = call.name == "type" or call.inside.strip()
         content = {"content": _content(call)} if has_content else {}
-        return Call(call.name, content)
+        return ActionCall(call.name, content)
     if call.name in _WITHOUT_POINT:
         _check_boxless(call)
         if not call.inside.strip():
-            return Call(call.name, {})
+            return ActionCall(call.name, {})
     arguments = _renamed(_arguments(call), call.name)
     values: dict[str, Any] = {key: argument.value for key, argument in arguments.items()}
     write = rewriter(call.inside, arguments, 0)
-    return Call(call.name, values, call.start, end, write)
+    return ActionCall(call.name, values, call.start, end, write)
 
 
-def _arguments(call: TextCall) -> dict[str, Argument]:
+def _arguments(call: TextCall) -> dict[str, WrittenArgument]:
     """Return the arguments of a call; they stand in `call.inside`."""
-    found: dict[str, Argument] = {}
+    found: dict[str, WrittenArgument] = {}
     position = 0
     end = len(call.inside.rstrip())
     while position < end:
@@ -175,14 +175,14 @@ def _arguments(call: TextCall) -> dict[str, Argument]:
         if name in found:
             raise ActionError(f"{call.name}: {name} is given twice; give one action for each point")
         group = "a" if match["a"] is not None else "b"
-        found[name] = Argument(match[group], match.start(group), match.end(group))
+        found[name] = WrittenArgument(match[group], match.start(group), match.end(group))
         position = match.end()
     return found
 
 
-def _renamed(arguments: dict[str, Argument], action: str) -> dict[str, Argument]:
+def _renamed(arguments: dict[str, WrittenArgument], action: str) -> dict[str, WrittenArgument]:
     """Return arguments under the names of UI-TARS 1.0: `point` is `start_box`, and so on."""
-    found: dict[str, Argument] = {}
+    found: dict[str, WrittenArgument] = {}
     for name, argument in arguments.items():
         known = _ALIASES.get(name, name)
         if known in found:

@@ -14,16 +14,14 @@ from typing import Any
 from hijack_data.actions import (
     RESIZED_DIALECTS,
     Scaling,
-    calls_pyautogui,
     code_of,
     fenced_blocks,
     map_code,
-    parse_pyautogui,
     read_action,
     unreadable,
-    write_pyautogui,
 )
 from hijack_data.actions.dialects.answers import answer_text
+from hijack_data.actions.dialects.opencua import plain_code
 from hijack_data.actions.dialects.qwen import tool_call_text
 from hijack_data.errors import ActionError, HijackError
 from hijack_data.smart_resize import MAX_PIXELS, MIN_PIXELS, smart_resize
@@ -157,10 +155,8 @@ class ReplyParser:
             code = map_code(code, Scaling.fractions(size, 1000), (1000, 1000))
         elif self.coordinates == "fractions":
             code = map_code(code, Scaling.fractions(size), None)
-        if not _AGENTNET.search(code) or calls_pyautogui(code):
-            return code
         # AgentNet's `computer.wait()`, `.terminate(status='success')` and `.tripleClick(x, y)`
-        return write_pyautogui(parse_pyautogui(code, size))
+        return plain_code(code, Scaling.pixels(size)) if _AGENTNET.search(code) else code
 
     def _malformed(self, text: str) -> str:
         """Return an action that counts as malformed: the text itself unless that would be valid."""
