@@ -418,7 +418,9 @@ def _gemini_calls(reply: object) -> list[ActionCall]:
         return [ActionCall(name, arguments)]
     if isinstance(reply, list) and reply:
         return [call for part in cast("list[Any]", reply) for call in _gemini_calls(part)]
-    return json_calls(answer_text(reply, "gemini"), "gemini", _gemini_read, _GEMINI_EXAMPLE)
+    return json_calls(
+        answer_text(cast("object", reply), "gemini"), "gemini", _gemini_read, _GEMINI_EXAMPLE
+    )
 
 
 GEMINI = CallReader("gemini", _GEMINI, _gemini_calls, notes=("intent", "safety_decision"))
