@@ -18,19 +18,25 @@ from typing import Literal, TypeAlias
 from ..errors import ActionError
 from ..runs.run_log import REINIT
 from .program.names import Names
-from .program.signatures import KEYBOARD, POINTER
+from .program.signatures import AGENTNET_TRIPLE, KEYBOARD, POINTER
 from .program.source import ParsedSource, shallow
 
 ActionKind: TypeAlias = Literal["wait", "done", "fail", "reinit", "code"]
 WORDS: dict[str, ActionKind] = {"WAIT": "wait", "DONE": "done", "FAIL": "fail", REINIT: "reinit"}
 MAX_CODE = 32_000  # characters; an argument of a command may have 128 KiB
 
+# Begins the text that stands for an answer which its own parser refused; the reason follows.
+UNREADABLE = "unreadable action: "
+_REPLY = "; the reply: "
+
 # Only fences at the start or the end of a line count: an agent may also type ``` as text.
 _FENCE = re.compile(
     r"^[ \t]*```(?:[\w+-]*[ \t]*\r?\n)?(.*?)(?:^[ \t]*```|```[ \t]*\r?$)", re.DOTALL | re.MULTILINE
 )
 _MODULES = {
-    "pyautogui": frozenset({*POINTER, *KEYBOARD, "sleep", "size", "position", "hold", "onScreen"}),
+    "pyautogui": frozenset(
+        {*POINTER, *KEYBOARD, "sleep", "size", "position", "hold", "onScreen"} - {AGENTNET_TRIPLE}
+    ),
     "time": frozenset({"sleep", "time", "monotonic", "perf_counter"}),
 }
 _CONSTANTS = frozenset(
@@ -115,6 +121,8 @@ def read_action(text: object, allow_code: bool = False) -> Request:
     if not isinstance(text, str):
         kind = type(text).__name__
         raise ActionError(f"an action must be a string, got {kind}; give pyautogui code or a word")
+    if text.startswith(UNREADABLE):
+        raise ActionError(text.removeprefix(UNREADABLE).partition(_REPLY)[0])
     inner = _unfenced(text)
     if inner in WORDS:
         return Request(WORDS[inner], inner)
@@ -130,19 +138,35 @@ def read_action(text: object, allow_code: bool = False) -> Request:
     return Request("code", inner)
 
 
+def unreadable(error: Exception, reply: str = "") -> str:
+    """Return a text that `read_action` refuses with the reason why an answer cannot be read.
+
+    Args:
+        error: the reason, in the words of the dialect.
+        reply: the answer, or its beginning, which the text keeps for the log.
+    """
+    reason = " ".join(str(error).split())
+    return f"{UNREADABLE}{reason}{_REPLY}{reply}" if reply else f"{UNREADABLE}{reason}"
+
+
 def fenced_blocks(text: str) -> list[str]:
     """Return the contents of the ``` fences of a text, without empty blocks.
 
     Raises:
         ActionError: a fence has no partner, so code cannot be distinguished from prose.
     """
-    blocks = [block for block in _FENCE.findall(text) if block.strip()]
-    if blocks and _FENCE.sub("", text).count("```"):
+    return [text[start:end] for start, end in fenced_spans(text)]
+
+
+def fenced_spans(text: str) -> list[tuple[int, int]]:
+    """Return where the contents of the ``` fences begin and end, see `fenced_blocks`."""
+    spans = [found.span(1) for found in _FENCE.finditer(text) if found[1].strip()]
+    if spans and _FENCE.sub("", text).count("```"):
         raise ActionError(
-            f"the action holds {len(blocks)} blocks in ``` fences and a fence of no block, not one"
+            f"the action holds {len(spans)} blocks in ``` fences and a fence of no block, not one"
             " block; give one action at a time"
         )
-    return blocks
+    return spans
 
 
 def _unfenced(text: str) -> str:

@@ -4,13 +4,12 @@ import json
 from collections.abc import Mapping
 from typing import Any, cast
 
-from .dialects import map_typed
+from .dialects import DICT_DIALECTS, FRACTIONS, RESIZED_DIALECTS, map_typed
 from .scaling import Scaling
 
-# Nothing in the text depends on the size of the picture: no coordinates at all, or 0..1000 of it.
+# Nothing in the text depends on the size of the picture: no coordinates at all, or fractions of it.
 SIZELESS = "sizeless"
 SCREENAGENT = "screenagent"
-DICTS = ("computer_13", "openai", "anthropic")
 
 
 def map_recorded(code: str, dialect: str, scaling: Scaling, model: Scaling) -> str:
@@ -20,16 +19,16 @@ def map_recorded(code: str, dialect: str, scaling: Scaling, model: Scaling) -> s
         code: text of a dialect; dictionaries are JSON, alone or in a list.
         dialect: one of `hijack_data.actions.DIALECTS`, `SCREENAGENT` or `SIZELESS`.
         scaling: maps from the picture for which the code was written to the resized picture.
-        model: maps between the two smart-resized pictures, to which the coordinates of UI-TARS 1.5
-            and Qwen2.5-VL refer.
+        model: maps between the two smart-resized pictures, to which the coordinates of
+            `RESIZED_DIALECTS` refer.
 
     Raises `ActionError` for what cannot be mapped.
     """
-    if not code or dialect in (SIZELESS, "ui_tars", "qwen3_vl"):
+    if not code or dialect == SIZELESS or dialect in FRACTIONS:
         return code
     if dialect == "pyautogui":
         return map_typed(code, dialect, scaling)
-    if dialect in ("ui_tars_1.5", "qwen2.5_vl"):
+    if dialect in RESIZED_DIALECTS:
         return map_typed(code, dialect, model)
     data: object = json.loads(code)
     if isinstance(data, list):
@@ -39,7 +38,7 @@ def map_recorded(code: str, dialect: str, scaling: Scaling, model: Scaling) -> s
 
 
 def _mapped(data: object, dialect: str, scaling: Scaling) -> object:
-    if dialect in DICTS:
+    if dialect in DICT_DIALECTS:
         return map_typed(data, dialect, scaling)
     fields: dict[str, Any] = dict(cast("Mapping[str, Any]", data))
     place: Any = fields.get("mouse_position")

@@ -8,7 +8,19 @@
 """  # noqa: E501
 
 from .base import Format, Location, Move
+from .chat import ChatLabels, chat
 from .declared import Declared, Labels
 from .formats import ALIASES, FORMATS, format_of
 
-__all__ = ["ALIASES", "FORMATS", "Declared", "Format", "Labels", "Location", "Move", "format_of"]
+__all__ = [
+    "ALIASES",
+    "FORMATS",
+    "ChatLabels",
+    "Declared",
+    "Format",
+    "Labels",
+    "Location",
+    "Move",
+    "chat",
+    "format_of",
+]

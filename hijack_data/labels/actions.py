@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from typing import Any, cast
 
-from ..actions import RESIZED_DIALECTS, Scaling, map_typed, parse_actions
+from ..actions import DICT_DIALECTS, RESIZED_DIALECTS, Scaling, map_typed, parse_actions
 from ..coords import CoordMap
 from ..errors import LabelError, shown
 from ..smart_resize import smart_resize
@@ -129,7 +129,7 @@ def _each_action(value: Any, dialect: str, change: Callable[[Any], Any]) -> Any:
         return text.encode("utf-8")
     if isinstance(value, list | tuple):
         return _map_parts(value, lambda part: _each_action(part, dialect, change))
-    written_as_json = isinstance(value, str) and dialect in ("openai", "anthropic", "computer_13")
+    written_as_json = isinstance(value, str) and dialect in DICT_DIALECTS
     if not written_as_json or value.strip() in ("WAIT", "FAIL", "DONE"):
         return change(value)
     try:

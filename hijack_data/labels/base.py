@@ -59,11 +59,18 @@ class Format:
         name: the name under which it is declared.
         moved: returns a value after a `Move`, without modifying the given value.
         places: returns where a value points on a picture of a size (height, width).
+        declaration: what is declared to get this format, if that is not its name.
     """
 
     name: str
     moved: Mapper
     places: Locator = lambda value, size: []
+    declaration: Any = None
+
+    @property
+    def declared(self) -> Any:
+        """What a user declares to get this format: its name, a function, or `chat(...)`."""
+        return self.name if self.declaration is None else self.declaration
 
 
 def with_unit(order: str, unit: int) -> str:

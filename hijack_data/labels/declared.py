@@ -21,7 +21,7 @@ from .rows import COLUMNS, is_row, moved_code
 from .undeclared import Undeclared, declarations, undeclared_error
 
 SampleDict: TypeAlias = Mapping[str, Any]
-Declared: TypeAlias = Mapping[str, str | None]
+Declared: TypeAlias = Mapping[str, Any]
 
 # Entries with a fixed meaning in every sample, and their formats unless others are declared.
 OWN = ("target", "target_box", "elements", "action", "action_code")
@@ -35,11 +35,11 @@ class Labels:
     """Which entries of a sample are labels, and in which formats.
 
     Args:
-        declared: for each entry the name of its format (`hijack_data.labels.formats` lists them),
-            or `None` to leave it as it is. An entry inside another is named by a path, such as
-            `"objects.bbox"`; a path through a list applies to each item of the list. Every path
-            must match something in every sample, unless it ends in `?` (`"bbox?"`) or its entry is
-            left.
+        declared: for each entry the name of its format (`hijack_data.labels.formats` lists them), a
+            function, `chat(...)`, or `None` to leave it as it is. An entry inside another is named
+            by a path, such as `"objects.bbox"`; a path through a list applies to each item of the
+            list. Every path must match something in every sample, unless it ends in `?`
+            (`"bbox?"`) or its entry is left.
         target: the declared entry at which the sample aims, which must stay visible under
             `label_policy="avoid"`. By default the first existing one of `target`, `target_box`, the
             point of the action, and the only declared point or box.
@@ -72,14 +72,15 @@ class Labels:
     def __reduce__(self) -> "tuple[type[Labels], tuple[Declared, str | None]]":
         # Formats hold functions, so workers and the fingerprints of `datasets` get their names
         # instead.
-        return Labels, (self._names(), self.target)
+        declared = {self._path(key): form.declared for key, form in self.declared.items()}
+        return Labels, (declared, self.target)
 
     def __repr__(self) -> str:
-        return repr(self._names())
+        return repr({self._path(key): form.name for key, form in self.declared.items()})
 
-    def _names(self) -> dict[str, str]:
-        marks = {path: "?" if path in self.optional else "" for path in self.declared}
-        return {path + marks[path]: form.name for path, form in self.declared.items()}
+    def _path(self, key: str) -> str:
+        """Return a path as it was declared."""
+        return f"{key}?" if key in self.optional else key
 
     @property
     def left(self) -> frozenset[str]:

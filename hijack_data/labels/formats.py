@@ -16,8 +16,13 @@ picture |
 | `width`, `height`, `hw`, `wh` | | the size of the picture |
 | `mask` | | one value a pixel, `[..., H, W]` |
 | `action` | | an `Action`, or a dictionary as the rows of a dataset have it |
-| `pyautogui`, `computer_13`, `ui_tars`, `ui_tars_1.5` | | actions, see `hijack_data.actions` |
-| `qwen2.5_vl`, `qwen3_vl`, `openai`, `anthropic` | | actions, see `hijack_data.actions` |
+| a dialect such as `qwen3_vl` | | actions, see `hijack_data.actions.DIALECTS` |
+| `grounding`, `grounding_resized` | `bbox_2d`, `<box>`; `bbox_2d_resized` | text with marks in
+pixels of the picture, of the smart-resized one, see `grounding` |
+| `grounding01`, `grounding1000` | `bbox_2d01`, `<box>1000` | the same in fractions |
+| `loc` | `<loc>` | text with `<loc...>` tokens |
+| `chat(...)` | | a conversation, see `chat` |
+| a function | | maps `(value, move)` to the value after the move |
 | `picture` | | pictures that follow the plan as the main one does, `hijack_data.pictures` |
 | `leave` | `None` | passes as it is |
 
@@ -34,6 +39,8 @@ from ..types import Size
 from .actions import dialect_format, moved_own, own_places
 from .base import Format, Location, Move
 from .boxes import ORDERS, box_format
+from .chat import ChatLabels, chat_format, function_format
+from .grounding import RESIZED, grounding_aliases, grounding_format, loc_format
 from .plain import coordinate_format, moved_mask, size_format
 from .points import point_format
 
@@ -49,6 +56,7 @@ def _formats() -> dict[str, Format]:
     made += [size_format(name) for name in ("width", "height", "hw", "wh")]
     made += [Format("mask", moved_mask), Format("action", moved_own, own_places)]
     made += [dialect_format(dialect) for dialect in DIALECTS]
+    made += [*(grounding_format(unit) for unit in (0, 1, 1000, RESIZED)), loc_format()]
     made += [Format(name, lambda value, _: value) for name in (PICTURE, LEAVE)]
     return {one.name: one for one in made}
 
@@ -71,18 +79,24 @@ ALIASES: Mapping[str, str] = {
     "points1000": "xy1000",
     "box01": "xyxy01",
     "box1000": "xyxy1000",
+    **grounding_aliases(),
 }
 
 
 def format_of(name: object) -> Format:
-    """Return the format of that name; `None` is `leave`.
+    """Return the format of that name, of a function or of `chat(...)`; `None` is `leave`.
 
     Raises:
-        ParameterTypeError: the name is not a text.
+        ParameterError: a function cannot be pickled.
+        ParameterTypeError: it is none of these.
         UnknownNameError: there is no such format.
     """
     if name is None:
         return FORMATS[LEAVE]
+    if isinstance(name, ChatLabels):
+        return chat_format(name)
+    if callable(name):
+        return function_format(name)
     if not isinstance(name, str):
         raise ParameterTypeError(
             f"the format of a label must be a name such as 'xyxy', got {name!r}"

@@ -14,9 +14,16 @@ from typing import Any, cast
 import numpy as np
 from PIL import Image
 
-from ..actions import RESIZED_DIALECTS, TEXT_PARSERS, THOUSANDTHS, Scaling, parse_actions
+from ..actions import (
+    DICT_DIALECTS,
+    FRACTIONS,
+    RESIZED_DIALECTS,
+    TEXT_PARSERS,
+    Scaling,
+    parse_actions,
+)
 from ..actions.dialects.pyautogui_code import calls_pyautogui
-from ..actions.recorded import DICTS, SCREENAGENT, SIZELESS, map_recorded
+from ..actions.recorded import SCREENAGENT, SIZELESS, map_recorded
 from ..backends import to_numpy
 from ..corruption import find
 from ..errors import HijackError, LabelError
@@ -266,9 +273,12 @@ def dialect_of(code: str, action: Action, size: Size) -> str:
     entries = cast("list[Any]", data) if isinstance(data, list) else [data]
     if any(isinstance(entry, dict) and "mouse_position" in entry for entry in entries):
         return SCREENAGENT
-    candidates = (*RESIZED_DIALECTS, *THOUSANDTHS) if data is None else DICTS
+    candidates = (*RESIZED_DIALECTS, *FRACTIONS)
+    if data is not None:
+        candidates = (*DICT_DIALECTS, *candidates)
     for dialect in candidates:
-        if _says(code if data is None else entries[0], dialect, action, size):
+        raw = entries[0] if dialect in DICT_DIALECTS else code
+        if _says(raw, dialect, action, size):
             return dialect
     if _in_thousandths(code, action, size):
         return SIZELESS

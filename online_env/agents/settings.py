@@ -7,7 +7,7 @@ from typing import Any
 from ..errors import AgentSetupError
 
 CLIENTS = ("openai", "anthropic", "openai_computer")
-COORDINATES = ("pixels", "resized", "thousandths")
+COORDINATES = ("pixels", "resized", "thousandths", "fractions")
 # The computer tools by client; the first is the default.
 TOOLS: Mapping[str, tuple[str, ...]] = {
     "openai_computer": ("computer", "computer_use_preview"),

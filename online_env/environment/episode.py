@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
+from hijack_data.actions import count_points
 from hijack_data.actions.allowed import Request, read_action
 from hijack_data.errors import ActionError
 from hijack_data.runs.run_log import CUT, MAX_TEXT, slug_of
@@ -272,6 +273,9 @@ class Episode:
         try:
             request = read_action(text, self._settings.allow_code)
             if request.kind == "code":
+                points, fractions = count_points(request.code)
+                self._counts.points += points
+                self._counts.fractions += fractions
                 request = Request("code", view.plan.coords.code_to_screen(request.code))
         except ActionError as error:
             self._counts.malformed += 1

@@ -54,6 +54,8 @@ class EpisodeCounts:
     attempt: int = 0
     steps: int = 0
     malformed: int = 0
+    points: int = 0  # points that the agent's code named
+    fractions: int = 0  # of those, points that can only be fractions of the picture
     requests: int = 0
     false_alarms: int = 0
     repaired: int = 0
@@ -136,6 +138,7 @@ def make_record(
             "repaired": counts.repaired,
         },
         "malformed": counts.malformed,
+        "points": {"named": counts.points, "fractions": counts.fractions},
         "last_action": counts.history[-1] if counts.history else None,
         "said": counts.said,
         "usage": counts.usage,

@@ -14,7 +14,7 @@ from .by_app import app_successes
 from .cells import cells_of, feasible_and_not
 from .identity import identity_of
 from .model import ReportError, RunReport, from_data
-from .notes import notes_of, recovery_note
+from .notes import fraction_note, notes_of, recovery_note
 from .summaries import summaries_of
 
 
@@ -95,7 +95,11 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
         parts=tuple(_parts(run)),
         reference=reference,
     )
-    notes = (*recovery_note(run), *notes_of(report, scores.partial(run.records)))
+    notes = (
+        *recovery_note(run),
+        *fraction_note(run),
+        *notes_of(report, scores.partial(run.records)),
+    )
     return RunReport(**{**vars(report), "notes": notes})
 
 

@@ -37,6 +37,22 @@ def recovery_note(run: Run) -> Iterator[str]:
     yield f"Recovery policy {run.config.get('recovery', 'unknown')}: {said}."
 
 
+def fraction_note(run: Run) -> Iterator[str]:
+    """Yield which agents named points in fractions of the picture, which were read as pixels."""
+    named: dict[str, Counter[str]] = {}
+    for record in scores.latest(run.records).values():
+        points = record.get("points")
+        if isinstance(points, dict):
+            numbers = {key: n for key, n in points.items() if isinstance(n, int)}
+            named.setdefault(record["agent"], Counter()).update(numbers)
+    for agent, count in named.items():
+        if count["fractions"]:
+            yield (
+                f"{agent}: {count['fractions']} of {count['named']} points were below 1, and were"
+                " read as pixels of the top left corner: is coordinates: fractions meant?"
+            )
+
+
 def partial_note(partial: int) -> Iterator[str]:
     """Yield what the test makes of scores that are neither 0 nor 1, if there are any."""
     if partial:

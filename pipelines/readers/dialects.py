@@ -9,10 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import cast
 
-from hijack_data.actions import RESIZED_DIALECTS, TEXT_PARSERS, Scaling, map_code, parse_pyautogui
-from hijack_data.actions.dialects.computer_13 import parse_computer_13
+from hijack_data.actions import FRACTIONS as DIALECT_FRACTIONS
+from hijack_data.actions import RESIZED_DIALECTS, Scaling, map_code, parse_pyautogui, parse_with
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
-from hijack_data.actions.dialects.tool_calls import parse_anthropic, parse_openai
 from hijack_data.actions.recorded import map_recorded
 from hijack_data.coords import CoordMap
 from hijack_data.errors import ActionError, HijackError, ParameterError
@@ -20,7 +19,7 @@ from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Action, Size, Step
 
 from . import fields
-from .choices import COORDINATES, PIXELS, RESIZED, THOUSAND, Space, scaling_of
+from .choices import COORDINATES, FRACTIONS, PIXELS, RESIZED, THOUSAND, Space, scaling_of
 from .fields import FieldError
 
 PYAUTOGUI = "pyautogui"
@@ -32,10 +31,18 @@ ANTHROPIC = "anthropic"
 QWEN_25 = "qwen2.5_vl"
 QWEN_3 = "qwen3_vl"
 # The spaces of dialects that are not in pixels.
-OWN_SPACES = {UI_TARS: THOUSAND, UI_TARS_15: RESIZED, QWEN_25: RESIZED, QWEN_3: THOUSAND}
+OWN_SPACES: Mapping[str, Space] = {
+    **dict.fromkeys([name for name, unit in DIALECT_FRACTIONS.items() if unit == 1000], THOUSAND),
+    **dict.fromkeys([name for name, unit in DIALECT_FRACTIONS.items() if unit == 1], FRACTIONS),
+    **dict.fromkeys(RESIZED_DIALECTS, RESIZED),
+}
 _VERSIONS: Mapping[str, Mapping[Space, str]] = {
     UI_TARS: {THOUSAND: UI_TARS, RESIZED: UI_TARS_15},
     QWEN_3: {THOUSAND: QWEN_3, RESIZED: QWEN_25},
+    **{
+        dialect: {OWN_SPACES[dialect]: dialect}
+        for dialect in ("glm", "cogagent", "autoglm", "showui")
+    },
 }
 
 
@@ -191,12 +198,7 @@ def _parsed(raw: object, dialect: str, scaling: Scaling) -> Action:
         code = cast("str", raw)
         in_pixels = scaling == Scaling.pixels(None)
         return parse_pyautogui(code if in_pixels else map_code(code, scaling, None), None)
-    if dialect in TEXT_PARSERS:
-        return TEXT_PARSERS[dialect](raw, scaling)[0]
-    return _DICTS[dialect](raw, scaling)
-
-
-_DICTS = {COMPUTER_13: parse_computer_13, OPENAI: parse_openai, ANTHROPIC: parse_anthropic}
+    return parse_with(raw, dialect, scaling)[0]
 
 
 def _between_models(coords: CoordMap) -> Scaling:

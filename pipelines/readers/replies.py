@@ -3,7 +3,12 @@
 | family | form | coordinates |
 |---|---|---|
 | Qwen-VL | `<tool_call>{"name": "computer_use", ...}</tool_call>`, `mobile_use` | prompt, choice |
-| UI-TARS | `Action: click(start_box='(x,y)')` | chosen |
+| UI-TARS | `Action: click(start_box='(x,y)')`, `point='<point>x y</point>'` | chosen |
+| Seed | `<function=click><parameter=point>x y</parameter></function>` | 0..1000, or chosen |
+| GLM-4.5V | `left_click(start_box='[x,y]')` | 0..1000, or chosen |
+| CogAgent | `Grounded Operation: CLICK(box=[[x1,y1,x2,y2]])` | 0..1000, or chosen |
+| AutoGLM | `do(action="Tap", element=[x,y])`, `finish(message="...")` | 0..1000, or chosen |
+| ShowUI | `{'action': 'CLICK', 'value': None, 'position': [x, y]}` | 0..1, or chosen |
 | ScaleCUA | `<action>click(x=..., y=...)</action>` | pixels, or chosen |
 | code | a reply that is, or ends in, a block of pyautogui code | pixels, or chosen |
 | OS-Atlas | `CLICK <point>[[x,y]]</point>`, `<box>[[x1,y1,x2,y2]]</box>` | 0..1000, or chosen |
@@ -13,6 +18,7 @@ import ast
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 from hijack_data.actions.dialects.pyautogui_code import calls_pyautogui
 from hijack_data.actions.dialects.qwen import holds_tool_call
@@ -23,16 +29,36 @@ from hijack_data.types import Action, Box, Size
 
 from . import fields
 from .boxes import box_in, middle_of
-from .choices import PIXELS, THOUSAND, XYXY, Space, scaling_of
+from .choices import FRACTIONS, PIXELS, THOUSAND, XYXY, Space, scaling_of
 from .dialects import PYAUTOGUI, QWEN_3, UI_TARS, Recorded, recorded
 from .fields import FieldError
 
 SCROLL_NOTCHES = 5  # the distance of a scroll without one, as in UI-TARS's own code
 _CODE = re.compile(r"```(?:python|py)?\s*\n?(.*?)```\s*\Z", re.DOTALL)
 _UI_TARS = re.compile(
-    r"\b(?:click|left_double|right_single|drag|scroll)\(start_box\s*=|\bhotkey\(key\s*="
+    r"\b(?:click|left_double|right_single|drag|scroll|hover|move_to|mouse_down|mouse_up)"
+    r"\((?:start_box|point|start_point)\s*=|\bhotkey\(key\s*="
     r"|\btype\(content\s*=|^Action:\s*(?:wait|finished|call_user)\(",
     re.MULTILINE,
+)
+_SEED = re.compile(r"<(?:seed:)?tool_call>\s*<function=(?!computer_use|mobile_use)")
+# Forms that only one model writes, with the space that its maker defines.
+_DEFINED: tuple[tuple[str, Space, re.Pattern[str]], ...] = (
+    (
+        "glm",
+        THOUSAND,
+        re.compile(
+            r"\b(?:left_click|right_click|middle_click|left_double_click|left_drag)"
+            r"\(start_box='\[|\bscroll\(start_box='\[[^']*', direction='\w*', step="
+        ),
+    ),
+    ("cogagent", THOUSAND, re.compile(r"^[ \t]*Grounded Operation:", re.MULTILINE)),
+    ("autoglm", THOUSAND, re.compile(r"\bdo\(action=[\"']|\bfinish\(message=[\"']")),
+    (
+        "showui",
+        FRACTIONS,
+        re.compile(r"\A\s*\{'action': '[A-Z_]+', 'value': .*'position': ", re.DOTALL),
+    ),
 )
 _LAST_CALLS = re.compile(r"^(?:pyautogui|computer)\.\w+\(.*\Z", re.DOTALL | re.MULTILINE)
 _ACTION = re.compile(r"<action>\s*(.*?)\s*</action>", re.DOTALL)
@@ -119,6 +145,11 @@ def _family(text: str) -> Callable[[str, str, Asked], ModelReply] | None:
     """Return the function that reads replies such as this one, if it is an action."""
     if holds_tool_call(text):
         return lambda text, field, asked: asked.reply(text, QWEN_3, field)
+    if _SEED.search(text):
+        return lambda text, field, asked: asked.reply(text, UI_TARS, field, THOUSAND)
+    for dialect, space, form in _DEFINED:
+        if form.search(text):
+            return partial(_defined, dialect, space)
     if _UI_TARS.search(text):
         return lambda text, field, asked: asked.reply(text, UI_TARS, field)
     if _ACTION.search(text):
@@ -129,6 +160,11 @@ def _family(text: str) -> Callable[[str, str, Asked], ModelReply] | None:
     if _ATLAS_BOX.search(text):
         return _atlas_box
     return _atlas if _is_atlas(_atlas_body(text)) else None
+
+
+def _defined(dialect: str, space: Space, text: str, field: str, asked: Asked) -> ModelReply:
+    # What the prompt says of the size of the screen does not change the space of these models.
+    return ModelReply(recorded(text, dialect, asked.size, field, asked.choice, space))
 
 
 def _is_atlas(body: str) -> bool:

@@ -16,7 +16,8 @@ from .heads import FileHead
 from .logs import Conversation, LogEntry, WrongFile, parts_of, read_logs
 
 _ACTION = re.compile(
-    r"\b(?:click|left_double|right_single|drag|scroll)\(start_box=|\b(?:hotkey\(key=|type\(content=|wait\(\)|finished\()"
+    r"\b(?:click|left_double|right_single|drag|scroll)\((?:start_box|point|start_point)="
+    r"|\b(?:hotkey\(key=|type\(content=|wait\(\)|finished\()|<function=\w+>"
 )
 # The prompt that UI-TARS was trained with puts the task under this heading.
 _TASK = "## User Instruction"

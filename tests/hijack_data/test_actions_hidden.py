@@ -316,7 +316,7 @@ pyautogui.pyscreeze.pixel(10, 20)
 
 pyautogui.clickAt(10, 20)
 
-computer.triple_click(x=10, y=20)
+computer.quadruple_click(x=10, y=20)
 
 subprocess.run(['xdotool', 'mousemove', '10', '20'])
 

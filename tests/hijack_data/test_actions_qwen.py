@@ -70,7 +70,7 @@ def test_actions_in_thousandths(reply, expected):
         (call("left_click", tool="bash"), "computer_use"),
         (call("left_click", coordinate=[1]), r"\[x, y\]"),
         (call("left_click", coordinate=[1, 1], bbox=[1, 2, 3, 4]), "bbox"),
-        (call("mouse_move"), "needs a coordinate"),
+        (call("mouse_move"), "needs coordinate"),
         (call("swipe", "mobile_use", coordinate=[1, 1]), "coordinate2"),
         (call("left_click", coordinate=[1200, 5]), "1200"),
         (call("left_click", coordinate=[0.5, 0.5]), "fractions"),

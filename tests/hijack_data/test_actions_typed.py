@@ -348,7 +348,7 @@ def test_only_the_last_action_label_counts():
         ("anthropic", {"action": ["left_click"]}, "no action"),
         ("anthropic", {"action": "mouse_move"}, "coordinate must be"),
         ("anthropic", {"action": "left_click", "coordinate": [1, "2"]}, "number"),
-        ("anthropic", {"action": "left_click", "coordinate": "1,2"}, "must be"),
+        ("anthropic", {"action": "left_click", "coordinate": "1,2,3"}, "must be"),
         ("anthropic", {"action": "zoom"}, "region must be"),
         ("anthropic", {"action": "zoom", "region": [9, 9, 1, 1]}, "region"),
     ],

@@ -2,12 +2,14 @@
 
 import json
 import traceback
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hijack_data.actions import DIALECTS
+from hijack_data.actions import DIALECTS, read_action
+from hijack_data.errors import ActionError
 
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("openai", reason="needs the extra [agents]")
@@ -22,6 +24,7 @@ from online_env.agents.settings import COORDINATES
 from online_env.bench.episodes import play
 from online_env.bench.jobs import Job
 from online_env.errors import EndpointError
+from online_env.report.notes import fraction_note
 
 from support.chatting import SIZE, agent_of, picture
 from support.endpoints import Call, Raw, Refusal, chat, messages, serving
@@ -227,7 +230,13 @@ def test_an_answer_may_begin_with_a_mark_and_hold_what_json_does_not_have(tmp_pa
         ("```python\nimport os\nos.remove('/')\n```", ["import os\nos.remove('/')"]),
         (f"{GOOD}\n```DONE```", [*CLICK, "DONE"]),
         ("```python\npyautogui.click(1, 2)\nDONE\n```", [*CLICK, "DONE"]),
-        (f"{GOOD}\nand then\n```", [f"{GOOD}\nand then\n```"]),
+        (
+            f"{GOOD}\nand then\n```",
+            [
+                "unreadable action: the action holds 1 blocks in ``` fences and a fence of no block,"
+                f" not one block; give one action at a time; the reply: {GOOD}\nand then\n```"
+            ],
+        ),
         ("```python\npyautogui.click('1', '2')\n```", ["pyautogui.click('1', '2')"]),
         ("```python\npyautogui.click(float('nan'), 2)\n```", ["pyautogui.click(float('nan'), 2)"]),
         (Call("click", {"x": 1}), ['{"name": "click", "arguments": {"x": 1}}']),
@@ -257,7 +266,19 @@ TYPED = [
         call(qwen(**CLICK_QWEN)) + call(qwen(action="terminate", status="success")),
         ["pyautogui.click(48, 27)", "DONE"],
     ),
-    ("qwen3_vl", call(qwen(action="left_click", coordinate=["500", "500"])), None),
+    (
+        "qwen3_vl",
+        call(qwen(action="left_click", coordinate=["500", "500"])),
+        ["pyautogui.click(48, 27)"],
+    ),
+    ("qwen3_vl", call(qwen(action="left_click", coordinate=["x", "500"])), None),
+    ("qwen3_vl", call(qwen(action="left_click", coordinate=[-1, -1])), ["WAIT"]),
+    ("qwen3_vl", "<think>" + call(qwen(**CLICK_QWEN)), None),
+    (
+        "qwen3_vl",
+        "<think><tool_call></think>" + call(qwen(**CLICK_QWEN)),
+        ["pyautogui.click(48, 27)"],
+    ),
     ("qwen3_vl", call(qwen(action="left_click", coordinate=[5000, 5])), None),
     ("qwen3_vl", call(qwen(action="left_click", coordinate=[float("nan"), 5])), None),
     ("qwen3_vl", call(qwen(**CLICK_QWEN))[:-20], None),
@@ -300,6 +321,73 @@ def test_what_is_said_in_a_typed_dialect(tmp_path, dialect, answer, actions):
     assert (env.record["malformed"], env.record["steps"]) == (1, 2)
 
 
+CLICKS = {
+    "ui_tars": "Action: click(point='<point>500 500</point>')",
+    "seed": "<seed:tool_call><function=click><parameter=point><point>500 500</point></parameter>"
+    "</function></seed:tool_call>",
+    "qwen3_vl": "<tool_call><function=computer_use><parameter=action>left_click</parameter>"
+    "<parameter=coordinate>[500, 500]</parameter></function></tool_call>",
+    "gui_owl": qwen(**CLICK_QWEN),
+    "glm": "<|begin_of_box|>left_click(start_box='[500,500]', element_info='OK')<|end_of_box|>",
+    "cogagent": "Grounded Operation: CLICK(box=[[490,490,510,510]], element_info='OK')",
+    "autoglm": '<think>x</think><answer>do(action="Tap", element=[500,500])</answer>',
+    "showui": "{'action': 'CLICK', 'value': None, 'position': [0.5, 0.5]}",
+    "internvl": "<ref>OK</ref><box>[[490, 490, 510, 510]]</box>",
+    "holo2": '{"x": 500, "y": 500}',
+    "gemini": Call("click_at", {"x": 500, "y": 500}),
+    "opencua": "## Code:\n```python\npyautogui.click(x=42, y=27)\n```",
+}
+
+
+@pytest.mark.parametrize("dialect", CLICKS)
+def test_the_middle_of_the_screen_in_every_dialect_of_2026(tmp_path, dialect):
+    with serving(CLICKS[dialect]) as endpoint:
+        got = ask(agent_of(tmp_path, endpoint.url, parser=dialect))
+    # OpenCUA points at 84 x 56 pixels: (42.5, 27.5) of them is (48.57, 26.52) of 96 x 54.
+    assert got == [
+        "pyautogui.click(x=48, y=26)" if dialect == "opencua" else "pyautogui.click(48, 27)"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("dialect", "answer", "reason"),
+    [
+        ("ui_tars_1.5", "Action: press(key='a')", "UI-TARS has no action 'press'"),
+        ("computer_13", '{"action_type": "done"}', "did you mean 'DONE'"),
+        ("glm", "tap(start_box='[1,2]')", "the actions are left_click"),
+        ("qwen3_vl", "<think>" + call(qwen(**CLICK_QWEN)), "<think> does not end"),
+        ("pyautogui", "<think>\n" + GOOD, "<think> does not end"),
+    ],
+)
+def test_a_malformed_answer_is_explained_in_the_words_of_its_dialect(
+    tmp_path, dialect, answer, reason
+):
+    with serving(answer) as endpoint:
+        [malformed] = ask(agent_of(tmp_path, endpoint.url, parser=dialect))
+    with pytest.raises(ActionError, match=reason) as refused:
+        read_action(malformed)
+    assert "Python" not in str(refused.value)
+    assert answer[:20] in malformed
+
+
+def test_points_below_one_are_counted_and_told_in_the_report(tmp_path):
+    with serving("```python\npyautogui.click(0.31, 0.42)\n```") as endpoint:
+        agent = agent_of(tmp_path, endpoint.url)
+        fractions = agent_of(tmp_path, endpoint.url, coordinates="fractions")
+        env, _ = make_env()
+        env.reset(seed=0)
+        env.step(ask(agent)[0])
+        assert ask(fractions) == ["pyautogui.click(30, 23)"]
+    env.step("pyautogui.click(30, 20)")
+    env.step("DONE")
+    assert env.record["points"] == {"named": 2, "fractions": 1}
+    told = list(fraction_note(SimpleNamespace(records=[env.record], is_scored=False)))
+    assert told == [
+        f"{env.record['agent']}: 1 of 2 points were below 1, and were read as pixels of the top"
+        " left corner: is coordinates: fractions meant?"
+    ]
+
+
 @pytest.mark.parametrize(
     ("client", "parser", "answer", "actions"),
     [
@@ -319,7 +407,7 @@ def test_a_tool_that_is_not_called(tmp_path, client, parser, answer, actions):
 
 @pytest.mark.parametrize(
     "arguments",
-    [{"action": "left_click", "coordinate": "[1, 2]"}, {"action": "fly"}, {}, "left_click"],
+    [{"action": "left_click", "coordinate": "[1]"}, {"action": "fly"}, {}, "left_click"],
 )
 def test_a_tool_that_is_called_wrongly_gets_its_result_all_the_same(tmp_path, arguments):
     keys = {"client": "anthropic", "prompt": "anthropic", "parser": "anthropic"}
@@ -346,7 +434,7 @@ def test_points_outside_are_where_a_pointer_stops(tmp_path):
         ("thousandths", "pyautogui.click(500, 500)", ["pyautogui.click(960, 540)"]),
         ("resized", "computer.terminate(status='success')", ["DONE"]),
         ("resized", "computer.wait()", ["WAIT"]),
-        ("resized", "computer.tripleClick(x=966, y=546)", ["pyautogui.tripleClick(960, 540)"]),
+        ("resized", "computer.tripleClick(x=966, y=546)", ["pyautogui.tripleClick(x=960, y=540)"]),
         ("pixels", "computer.terminate(status='failure')", ["FAIL"]),
     ],
 )

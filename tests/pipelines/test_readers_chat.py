@@ -232,6 +232,42 @@ def test_os_atlas(reply: str, expected: Action, tmp_path: Path) -> None:
     assert found.steps[0].target_box == ((100, 40, 140, 60) if "<box>" in reply else None)
 
 
+# The picture has 400 x 200 pixels.
+DEFINED = [
+    '<think>x</think>\n<answer>do(action="Tap", element=[250,250])</answer>',
+    "{'action': 'CLICK', 'value': None, 'position': [0.25, 0.25]}",
+    "Action: x\nGrounded Operation: CLICK(box=[[240,240,260,260]], element_info='OK')",
+    "x\n<|begin_of_box|>left_click(start_box='[250,250]')<|end_of_box|>",
+    "<seed:tool_call><function=click><parameter=point><point>250 250</point></parameter>"
+    "</function></seed:tool_call>",
+]
+
+
+@pytest.mark.parametrize("reply", DEFINED)
+def test_forms_of_one_model_have_the_space_of_their_definition(reply: str, tmp_path: Path) -> None:
+    write_json(tmp_path / "a.json", [sharegpt_row([reply], files(tmp_path))])
+    (found,), rejected = read(tmp_path)
+    assert not rejected
+    assert (found.steps[0].action, found.steps[0].action_code) == (Action("click", 100, 50), reply)
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [
+        "Thought: a\nAction: click(point='<point>250 250</point>')",
+        "Action: click(point='(250,250)')",
+        "<tool_call><function=computer_use><parameter=action>left_click</parameter>"
+        "<parameter=coordinate>[250, 250]</parameter></function></tool_call>",
+    ],
+)
+def test_newer_forms_of_families_need_their_space_all_the_same(reply: str, tmp_path: Path) -> None:
+    write_json(tmp_path / "a.json", [sharegpt_row([reply], files(tmp_path))])
+    assert "coordinates" in read(tmp_path)[1][0].reason
+    (found,), rejected = read(tmp_path, coordinates="thousand")
+    assert not rejected
+    assert found.steps[0].action == Action("click", 100, 50)
+
+
 def test_several_boxes_are_no_click(tmp_path: Path) -> None:
     two = "<box>[[1,2,3,4]]</box><box>[[5,6,7,8]]</box>"
     write_json(tmp_path / "a.json", [sharegpt_row([two], files(tmp_path))])

@@ -43,7 +43,7 @@ def test_a_full_screen_by_hand(tmp_path: Path) -> None:
                 {"type": "image_url", "image_url": "0.png"},
             ],
         },
-        {"role": "assistant", "content": "Action: click(start_box='(966,546)')"},
+        {"role": "assistant", "content": "Action: click(point='<point>966 546</point>')"},
     ]
     write_json(tmp_path / "a.json", given)
     (trajectory,), rejected = read(tmp_path, "ui_tars_1.5")

@@ -1,62 +1,130 @@
-"""The dialects in which agents write actions: one module each, and the tables that name them.
+"""The dialects in which agents write actions, and the table that names them.
 
 `pyautogui_code` maps code, `pyautogui_parse` reads it and `pyautogui_write` writes it; `combine`
-merges the calls of one action. `fields` and `unmapped` check the fields of all typed dialects.
+merges the calls of one action. Most other dialects are a table from the names of their actions to
+rules (`rules`) and a syntax (`syntax`): `tables`, `qwen`, `ui_tars`. `answers` leaves out thoughts;
+`fields` and `unmapped` check the fields of all typed dialects.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from ...errors import ActionError, ParameterError, UnknownNameError, suggest
 from ...smart_resize import smart_resize
 from ...types import Action, Size, as_size
+from ..allowed import fenced_spans
 from ..scaling import Scaling
 from .computer_13 import map_computer_13, parse_computer_13
+from .opencua import fenced_code, map_fenced, parse_fenced
 from .pyautogui_code import map_code
 from .pyautogui_parse import parse_pyautogui
-from .qwen import check_qwen, map_qwen, parse_qwen
+from .qwen import QWEN
+from .rules import CallReader
+from .tables import AUTOGLM, COGAGENT, GEMINI, GLM, HOLO, INTERNVL, SHOWUI
 from .tool_calls import map_anthropic, map_openai, parse_anthropic, parse_openai
-from .tool_code import WRITERS
-from .ui_tars import check_ui_tars, map_ui_tars, parse_ui_tars
+from .tool_code import anthropic_code, computer_13_code, openai_code
+from .ui_tars import check_ui_tars, map_ui_tars, parse_ui_tars, ui_tars_code
 
-_MAPPERS: dict[str, Callable[[object, Scaling], Any]] = {
-    "computer_13": map_computer_13,
-    "ui_tars": lambda action, _: check_ui_tars(action),
-    "ui_tars_1.5": map_ui_tars,
-    "qwen2.5_vl": map_qwen,
-    "qwen3_vl": lambda action, _: check_qwen(action),
-    "openai": map_openai,
-    "anthropic": map_anthropic,
+PIXELS = 0
+RESIZED = -1
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """One way to write actions.
+
+    Args:
+        parse: returns the actions of a reply, in pixels.
+        map: returns a reply with its coordinates scaled. For fractions, which are the same at every
+            size, it only checks the reply.
+        write: returns each action of a reply as code; `None` if it is code already.
+        unit: the space of its coordinates: `PIXELS` of the picture, `RESIZED` for pixels of the
+            smart-resized picture, otherwise fractions 0..`unit`.
+        is_text: whether a reply is text, rather than a dict or its JSON.
+    """
+
+    parse: Callable[[object, Scaling], list[Action]]
+    map: Callable[[object, Scaling], Any]
+    write: Callable[[object, Scaling], list[str]] | None
+    unit: int = PIXELS
+    is_text: bool = True
+
+
+def _of_table(reader: CallReader, unit: int, is_text: bool = True) -> Dialect:
+    def check(reply: object, _: Scaling) -> Any:
+        return reader.check(reply, unit)
+
+    mapped = reader.map if unit <= 0 else check
+    return Dialect(reader.parse, mapped, reader.write, unit, is_text)
+
+
+def _of_ui_tars(unit: int) -> Dialect:
+    def check(reply: object, _: Scaling) -> Any:
+        return check_ui_tars(reply, unit)
+
+    return Dialect(parse_ui_tars, map_ui_tars if unit <= 0 else check, ui_tars_code, unit)
+
+
+def _map_pyautogui(code: Any, scaling: Scaling) -> str:
+    if isinstance(code, str) and "```" in code and fenced_spans(code):
+        return map_fenced(code, scaling)
+    return map_code(code, scaling, scaling.source)
+
+
+def _parse_pyautogui(code: Any, scaling: Scaling) -> list[Action]:
+    if isinstance(code, str) and "```" in code and fenced_spans(code):
+        return parse_fenced(code, scaling)
+    return [parse_pyautogui(code, scaling.target if scaling.clamp else None)]
+
+
+_TABLE: Mapping[str, Dialect] = {
+    "pyautogui": Dialect(_parse_pyautogui, _map_pyautogui, None),
+    "computer_13": Dialect(
+        lambda action, scaling: [parse_computer_13(action, scaling)],
+        map_computer_13,
+        computer_13_code,
+        is_text=False,
+    ),
+    "ui_tars": _of_ui_tars(1000),
+    "ui_tars_1.5": _of_ui_tars(RESIZED),
+    "qwen2.5_vl": _of_table(QWEN, RESIZED),
+    "qwen3_vl": _of_table(QWEN, 1000),
+    "openai": Dialect(parse_openai, map_openai, openai_code, is_text=False),
+    "anthropic": Dialect(parse_anthropic, map_anthropic, anthropic_code, is_text=False),
+    "seed": _of_ui_tars(1000),
+    "opencua": Dialect(parse_fenced, map_fenced, fenced_code, RESIZED),
+    "gui_owl": _of_table(QWEN, 1000),
+    "mai_ui": _of_table(QWEN, 999),
+    "glm": _of_table(GLM, 1000),
+    "cogagent": _of_table(COGAGENT, 1000),
+    "autoglm": _of_table(AUTOGLM, 1000),
+    "showui": _of_table(SHOWUI, 1),
+    "internvl": _of_table(INTERNVL, 1000),
+    "holo1.5": _of_table(HOLO, RESIZED),
+    "holo2": _of_table(HOLO, 1000),
+    "gemini": _of_table(GEMINI, 1000, is_text=False),
 }
-TEXT_PARSERS: dict[str, Callable[[object, Scaling], list[Action]]] = {
-    "ui_tars": parse_ui_tars,
-    "ui_tars_1.5": parse_ui_tars,
-    "qwen2.5_vl": parse_qwen,
-    "qwen3_vl": parse_qwen,
+DIALECTS = tuple(_TABLE)
+# Dialects in fractions of the picture, each with the largest fraction; dialects in pixels of the
+# smart-resized picture; dialects whose replies are text other than code.
+FRACTIONS: Mapping[str, int] = {name: one.unit for name, one in _TABLE.items() if one.unit > 0}
+RESIZED_DIALECTS = tuple(name for name, one in _TABLE.items() if one.unit == RESIZED)
+TEXT_PARSERS: Mapping[str, Callable[[object, Scaling], list[Action]]] = {
+    name: one.parse for name, one in _TABLE.items() if one.is_text and name != "pyautogui"
 }
-# Dialects with coordinates in 0..1000 of the picture; dialects in pixels of the smart-resized
-# picture.
-THOUSANDTHS = ("ui_tars", "qwen3_vl")
-RESIZED_DIALECTS = ("ui_tars_1.5", "qwen2.5_vl")
-_PARSERS: dict[str, Callable[[object, Scaling], Action]] = {
-    "computer_13": parse_computer_13,
-    "openai": parse_openai,
-    "anthropic": parse_anthropic,
-}
-DIALECTS = ("pyautogui", *_MAPPERS)
+# Dialects whose actions are dicts, or JSON of them.
+DICT_DIALECTS = tuple(name for name, one in _TABLE.items() if not one.is_text)
 
 
 def map_typed(action: Any, dialect: str, scaling: Scaling) -> Any:
     """Return `action` with its coordinates scaled, in the same form.
 
-    Text of `ui_tars` and `qwen3_vl` comes back as it is: 0..1000 of the picture is the same point
+    A reply in fractions of the picture (`FRACTIONS`) comes back as it is: it means the same point
     at every size. Raises `UnknownNameError` for an unknown dialect and `ActionError` for an action
     that cannot be mapped.
     """
-    _check(dialect)
-    if dialect == "pyautogui":
-        return map_code(action, scaling, scaling.source)
-    return _MAPPERS[dialect](action, scaling)
+    return _dialect(dialect).map(action, scaling)
 
 
 def parse_actions(action: Any, dialect: str, size: Size | None = None) -> list[Action]:
@@ -68,27 +136,44 @@ def parse_actions(action: Any, dialect: str, size: Size | None = None) -> list[A
     Args:
         action: code, text or a dict, in the form of the dialect.
         dialect: one of `DIALECTS`.
-        size: (height, width) of the picture to which the coordinates refer (for `ui_tars_1.5` and
-            `qwen2.5_vl` the smart-resized one); points are clamped to it. With `None` they are not
-            clamped. `ui_tars` and `qwen3_vl` need it.
+        size: (height, width) of the picture to which the coordinates refer (for `RESIZED_DIALECTS`
+            the smart-resized one); points are clamped to it. With `None` they are not clamped. The
+            dialects in `FRACTIONS` need it.
 
     Raises:
         ParameterError: the dialect needs `size`, and it is missing.
     """
-    _check(dialect)
-    if dialect == "pyautogui":
+    found = _dialect(dialect)
+    if dialect == "pyautogui" and not (isinstance(action, str) and "```" in action):
         return [parse_pyautogui(action, size)]
     checked = None if size is None else as_size(size)
-    if dialect in THOUSANDTHS:
-        if checked is None:
-            raise ParameterError(
-                f"{dialect} gives 0..1000 of the picture; give its size=(height, width)"
-            )
-        return TEXT_PARSERS[dialect](action, Scaling.fractions(checked, 1000))
-    scaling = Scaling.pixels(checked)
-    if dialect in TEXT_PARSERS:
-        return TEXT_PARSERS[dialect](action, scaling)
-    return [_PARSERS[dialect](action, scaling)]
+    return found.parse(action, fraction_scaling(dialect, checked) or Scaling.pixels(checked))
+
+
+def parse_with(action: Any, dialect: str, scaling: Scaling) -> list[Action]:
+    """Parse actions whose coordinates a scaling turns into pixels.
+
+    The space of the dialect itself plays no part.
+
+    Raises `UnknownNameError` and `ActionError` as `parse_actions`.
+    """
+    return _dialect(dialect).parse(action, scaling)
+
+
+def fraction_scaling(dialect: str, size: Size | None) -> Scaling | None:
+    """Return the scaling from the fractions of a dialect to pixels; `None` if it has none.
+
+    Raises:
+        ParameterError: the dialect needs a size, and it is missing.
+    """
+    unit = FRACTIONS.get(dialect)
+    if unit is None:
+        return None
+    if size is None:
+        raise ParameterError(
+            f"{dialect} gives 0..{unit} of the picture; give its size=(height, width)"
+        )
+    return Scaling.fractions(size, unit)
 
 
 def code_of(action: Any, dialect: str, size: Size, resized: Size | None = None) -> list[str]:
@@ -109,21 +194,24 @@ def code_of(action: Any, dialect: str, size: Size, resized: Size | None = None) 
         ActionError: the dialect is `pyautogui`, or the action cannot be read or cannot be expressed
             with pointer and keyboard.
     """
-    _check(dialect)
-    if dialect not in WRITERS:
+    write = _dialect(dialect).write
+    if write is None:
         raise ActionError("pyautogui is code already; use map_code to scale it")
-    return WRITERS[dialect](action, _scaling_of(dialect, as_size(size), resized))
+    return write(action, _live_scaling(dialect, as_size(size), resized))
 
 
-def _scaling_of(dialect: str, size: Size, resized: Size | None) -> Scaling:
-    if dialect in THOUSANDTHS:
-        return Scaling.fractions(size, 1000)
+def _live_scaling(dialect: str, size: Size, resized: Size | None) -> Scaling:
+    fractions = fraction_scaling(dialect, size)
+    if fractions is not None:
+        return fractions
     if dialect not in RESIZED_DIALECTS:
         return Scaling.pixels(size)
     source = as_size(resized, "resized") if resized is not None else smart_resize(*size)
     return Scaling(source, size, recorded=True)
 
 
-def _check(dialect: object) -> None:
-    if dialect not in DIALECTS:
-        raise UnknownNameError(f"unknown dialect {dialect!r}{suggest(dialect, DIALECTS)}")
+def _dialect(name: object) -> Dialect:
+    found = _TABLE.get(name) if isinstance(name, str) else None
+    if found is None:
+        raise UnknownNameError(f"unknown dialect {name!r}{suggest(name, DIALECTS)}")
+    return found

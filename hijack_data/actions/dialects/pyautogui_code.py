@@ -13,9 +13,11 @@ written (annotations), and code that may reach the pointer in any other way: see
 """
 
 import ast
+import contextlib
+from dataclasses import dataclass, field
 
 from ...errors import ActionError, ParameterTypeError
-from ...types import Size, as_size
+from ...types import Size, are_fractions, as_size
 from ..program.flow import Flow
 from ..program.folding import Folder
 from ..program.guard import hidden_moves
@@ -53,6 +55,27 @@ def scale_normalized(code: str, size: Size) -> str:
     Raises `ActionError` where `map_code` does, and for a coordinate that is not a fraction.
     """
     return map_code(code, Scaling.fractions(as_size(size)), None)
+
+
+def count_points(code: str) -> tuple[int, int]:
+    """Return how many points code names, and how many of them are fractions of the picture.
+
+    Code that cannot be read counts as far as it can be.
+    """
+    noted = _PointNotes((1, 1), (1, 1), clamp=False)
+    with contextlib.suppress(ActionError):
+        map_code(code, noted, (1, 1))
+    return len(noted.named), sum(are_fractions(point) for point in noted.named)
+
+
+@dataclass(frozen=True)
+class _PointNotes(Scaling):
+    """A scaling that notes the points it is asked about."""
+
+    named: list[tuple[float, ...]] = field(default_factory=list[tuple[float, ...]])
+
+    def check_point(self, *numbers: float) -> None:
+        self.named.append(numbers)
 
 
 def calls_pyautogui(code: str) -> bool:

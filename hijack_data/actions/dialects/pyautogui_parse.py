@@ -11,7 +11,7 @@ from ..program.folding import Folder
 from ..program.guard import hidden_moves
 from ..program.names import Callee, Names
 from ..program.pointing import Pointing
-from ..program.signatures import KEYBOARD, POINTER, SPECIAL
+from ..program.signatures import AGENTNET_TRIPLE, KEYBOARD, POINTER, SPECIAL
 from ..program.source import ParsedSource, shallow
 from ..program.values import Bindings, MaybeValue
 from ..scaling import Scaling
@@ -28,7 +28,7 @@ _PLAIN = {
     "move": MOVE_BY,
     "hscroll": "other",
 }
-_CLICKS = {"click": 1, "doubleClick": 2, "tripleClick": 3}
+_CLICKS = {"click": 1, "doubleClick": 2, "tripleClick": 3, AGENTNET_TRIPLE: 3}
 _HOLDS = {"mouseDown": "mouse_down", "mouseUp": "mouse_up"}
 _STATUS = {"success": "done", "failure": "fail"}
 

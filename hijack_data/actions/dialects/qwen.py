@@ -1,70 +1,131 @@
-r"""The tool calls of Qwen's vision models, which are JSON in text.
+r"""The tool calls of Qwen's vision models and their kin: JSON or XML in text.
 
-They look like `<tool_call>{"name": "computer_use", ...}</tool_call>`.
+They look like `<tool_call>{"name": "computer_use", "arguments": {...}}</tool_call>`, like
+`<tool_call><function=computer_use><parameter=action>left_click</parameter>...</tool_call>`
+(Qwen3.5), or are the JSON alone, with its name or only the arguments.
 
 The arguments of `computer_use` and `mobile_use` hold an `action` and its fields; a reply may hold
 several calls, and text around them. Qwen2.5-VL points at pixels of the smart-resized picture
-(`CoordMap.model`), Qwen3-VL at 0..1000 of the picture.
+(`CoordMap.model`), Qwen3-VL, GUI-Owl 1.5 (Mobile-Agent) at 0..1000 of the picture, MAI-UI at
+0..999. A coordinate of -1, -1 says that there is no such element, and does nothing.
 """
 
 import json
-import re
-from collections.abc import Iterator
-from typing import Any, NamedTuple, cast
+from collections.abc import Iterator, Mapping
+from typing import Any, cast
 
-from ...errors import ActionError, ParameterTypeError
+from ...errors import ActionError
 from ...types import Action
-from ..program.source import TextEdit, spliced
-from ..scaling import Scaling
-from .fields import as_fields, at, combination, number, point, shown, text, unknown
-from .tool_calls import PIXELS_PER_NOTCH
-from .unmapped import check_fields
+from .answers import answer_text
+from .fields import as_fields, at, shown, unknown
+from .rules import (
+    PIXELS_PER_NOTCH,
+    ActionCall,
+    Arguments,
+    CallReader,
+    Meaning,
+    Rule,
+    ending,
+    pointing,
+    scrolled,
+    status,
+    unsayable,
+)
+from .syntax import (
+    TOOL_CALL,
+    Rebuild,
+    beside_name,
+    holds_json,
+    json_calls,
+    rewriter,
+    tool_call_blocks,
+    xml_functions,
+)
 
 TOOLS = ("computer_use", "mobile_use")
-NAMES = (
-    "key",
-    "type",
-    "mouse_move",
-    "click",
-    "left_click",
-    "left_click_drag",
-    "right_click",
-    "middle_click",
-    "double_click",
-    "triple_click",
-    "scroll",
-    "hscroll",
-    "wait",
-    "terminate",
-    "answer",
-    "long_press",
-    "swipe",
-    "system_button",
-    "open",
+EXAMPLE = (
+    '<tool_call>{"name": "computer_use", "arguments": {"action": "left_click", "coordinate":'
+    " [100, 200]}}</tool_call>"
 )
-_POINTS = ("coordinate", "coordinate2", "start_coordinate")
-_FIELDS = ("action", "keys", "text", "pixels", "time", "status", "button", "description", *_POINTS)
-_CLICKS = {
-    "click": "click",
-    "left_click": "click",
-    "right_click": "right_click",
-    "middle_click": "middle_click",
-    "double_click": "double_click",
-    "triple_click": "triple_click",
-    "mouse_move": "move",
-    "long_press": "other",
+_PHONE = "a desktop has no such key or gesture of a phone"
+
+
+def _drag(given: Arguments) -> list[Meaning]:
+    # MAI-UI's drag names its end, and GUI-Owl's its start as coordinate1.
+    starts = [given.optional_point(name) for name in ("start_coordinate", "coordinate1")]
+    ends = [given.optional_point(name) for name in ("coordinate", "end_coordinate", "coordinate2")]
+    found = [end for end in ends if end is not None]
+    if len(found) != 1 or None not in starts:
+        raise ActionError(f"{given.what} needs a coordinate to drag to; give one [x, y]")
+    start = next((start for start in starts if start is not None), None)
+    return [Meaning(at("drag", start, x2=found[0][0], y2=found[0][1]))]
+
+
+def _swipe(given: Arguments) -> list[Meaning]:
+    if given.value("direction") is not None and given.value("coordinate2") is None:
+        # How far MAI-UI's swipe goes is up to the phone.
+        place = given.optional_point("coordinate")
+        given.direction()
+        return [Meaning(at("other", place), refusal=_PHONE)]
+    x2, y2 = given.point("coordinate2")
+    return [Meaning(at("drag", given.point("coordinate"), x2=x2, y2=y2))]
+
+
+def _scroll(given: Arguments) -> list[Meaning]:
+    place = given.optional_point("coordinate")
+    return [Meaning(at("scroll", place, amount=given.number("pixels") / PIXELS_PER_NOTCH))]
+
+
+def _hscroll(given: Arguments) -> list[Meaning]:
+    # The tool does not define which direction is positive; here it is right, as in pyautogui.
+    notches = given.number("pixels") / PIXELS_PER_NOTCH
+    return [scrolled("right", notches, given.optional_point("coordinate"))]
+
+
+def _key(given: Arguments) -> list[Meaning]:
+    name = "text" if given.value("keys") is None else "keys"
+    return [Meaning(Action("hotkey", keys=given.keys(name)))]
+
+
+def _wait(given: Arguments) -> list[Meaning]:
+    return [Meaning(Action("wait", amount=given.number("time", 0)))]
+
+
+def _type(given: Arguments) -> list[Meaning]:
+    return [Meaning(Action("type", text=given.text("text")))]
+
+
+def _answer(given: Arguments) -> list[Meaning]:
+    return [Meaning(Action("done", text=given.text("text")))]
+
+
+_COMPUTER: dict[str, Rule] = {
+    "key": _key,
+    "hotkey": _key,
+    "type": _type,
+    "mouse_move": pointing("move", "coordinate"),
+    "click": pointing("click", "coordinate"),
+    "left_click": pointing("click", "coordinate", optional=True),
+    "left_click_drag": _drag,
+    "drag": _drag,
+    "right_click": pointing("right_click", "coordinate", optional=True),
+    "middle_click": pointing("middle_click", "coordinate", optional=True),
+    "double_click": pointing("double_click", "coordinate", optional=True),
+    "triple_click": pointing("triple_click", "coordinate", optional=True),
+    "scroll": _scroll,
+    "hscroll": _hscroll,
+    "wait": _wait,
+    "terminate": status("status", ("failure", "fail")),
+    "answer": _answer,
+    "interact": ending("fail"),
+    "call_user": ending("fail"),
+    "ask_user": ending("fail"),
+    "long_press": unsayable(_PHONE, "coordinate"),
+    "swipe": _swipe,
+    "system_button": unsayable(_PHONE),
+    "open": unsayable(_PHONE),
 }
-_OTHERS = ("hscroll", "system_button", "open")
-_NEED_POINT = ("mouse_move", "left_click_drag", "long_press", "swipe", "click")
-_BLOCK = re.compile(r"<tool_call>\s*(\{.*?\})\s*(?:</tool_call>|\Z)", re.DOTALL)
-
-
-class _Call(NamedTuple):
-    """One call: the parsed JSON and where it stands in the text."""
-
-    data: dict[str, Any]
-    start: int
-    end: int
+_NOTES = ("action", "keys", "text", "pixels", "time", "status", "button", "description")
 
 
 def tool_call_text(name: str, arguments: object) -> str:
@@ -78,124 +139,70 @@ def holds_tool_call(reply: str) -> bool:
     return "<tool_call>" in reply and any(tool in reply for tool in TOOLS)
 
 
-def map_qwen(reply: object, scaling: Scaling) -> str:
-    """Return the text with the coordinates of its calls scaled; the text around the calls stays.
-
-    Raises `ActionError` for text without a call, an unknown tool or action, a missing or malformed
-    point, and unknown fields that may hold coordinates.
-    """
-    checked = _text(reply)
-    edits: list[TextEdit] = []
-    for call in _calls(checked):
-        given, _ = _arguments(call)
-        for key in _POINTS:
-            if given.get(key) is not None:
-                given[key] = list(scaling.point(*point(given[key], key)))
-        mapped = json.dumps({**call.data, "arguments": given}, ensure_ascii=False)
-        edits.append(TextEdit(call.start, call.end, mapped))
-    return spliced(checked, edits)
+def _calls(reply: object) -> list[ActionCall]:
+    if isinstance(reply, Mapping):
+        name, arguments, rebuild = _read(cast("Mapping[str, Any]", reply))
+        return [ActionCall(name, arguments, write=rebuild)]
+    answer = answer_text(reply, "tool call")
+    if TOOL_CALL.search(answer) is None:
+        if holds_json(answer):
+            return json_calls(answer, "tool call", _read, EXAMPLE)
+        raise ActionError(f"no whole tool call in {shown(answer.strip())}; write {EXAMPLE}")
+    return [
+        call
+        for text, start, _ in tool_call_blocks(answer, EXAMPLE)
+        for call in _block_calls(text, start)
+    ]
 
 
-def check_qwen(reply: object) -> str:
-    """Return text with coordinates in 0..1000 unchanged, checked as by `map_qwen`."""
-    parse_qwen(reply, Scaling.fractions((1000, 1000), 1000))
-    return _text(reply)
-
-
-def parse_qwen(reply: object, scaling: Scaling) -> list[Action]:
-    """Read the calls of a reply, in order. Raises `ActionError` as `map_qwen`.
-
-    `answer` and `terminate` become `"done"` or `"fail"`; a drag without `start_coordinate` starts
-    at the pointer. `PIXELS_PER_NOTCH` of the `pixels` that `scroll` counts make one notch.
-    """
-    return [_action(*_arguments(call), scaling) for call in _calls(_text(reply))]
-
-
-def sideways_of_qwen(reply: object) -> list[float | None]:
-    """Return for each call the notches that it scrolls to the right, or `None`.
-
-    The tool does not define which direction of `hscroll` is positive; here it is right, as in
-    pyautogui. Raises `ActionError` as `map_qwen`.
-    """
-    found: list[float | None] = []
-    for call in _calls(_text(reply)):
-        given, name = _arguments(call)
-        if name == "hscroll":
-            found.append(number(given.get("pixels"), "pixels") / PIXELS_PER_NOTCH)
-        else:
-            found.append(None)
-    return found
-
-
-def _text(reply: object) -> str:
-    if not isinstance(reply, str):
-        raise ParameterTypeError(f"a reply with tool calls must be a string, got {shown(reply)}")
-    return reply
-
-
-def _calls(reply: str) -> Iterator[_Call]:
-    blocks = list(_BLOCK.finditer(reply))
-    if not blocks or len(blocks) != reply.count("<tool_call>"):
-        raise ActionError(
-            f"no whole tool call in {shown(reply)}; write "
-            '<tool_call>{"name": "computer_use", "arguments": {...}}</tool_call>'
-        )
-    for block in blocks:
-        try:
-            data: object = json.loads(block[1])
-        except (ValueError, RecursionError) as error:
-            raise ActionError(f"the tool call is not JSON ({error})") from None
-        yield _Call(as_fields(data, "tool call"), *block.span(1))
-
-
-def _arguments(call: _Call) -> tuple[dict[str, Any], str]:
-    """Return a copy of the arguments, and the name of the action."""
-    if call.data.get("name") not in TOOLS:
-        unknown("tool_call", call.data.get("name"), TOOLS)
-    given = as_fields(call.data.get("arguments"), "tool call")
-    name = given.get("action")
-    if name not in NAMES:
-        unknown(str(call.data["name"]), name, NAMES)
-    check_fields(given, _FIELDS, f"tool call {name}")
-    if name in _NEED_POINT and given.get("coordinate") is None:
-        raise ActionError(f"{name} needs a coordinate; give [x, y]")
-    return given, cast("str", name)
-
-
-def _action(given: dict[str, Any], name: str, scaling: Scaling) -> Action:
-    places = {
-        key: scaling.point(*point(given[key], f"{name} {key}"))
-        for key in _POINTS
-        if given.get(key) is not None
-    }
-    place = places.get("coordinate")
-    if name in _CLICKS:
-        return at(_CLICKS[name], place)
-    if name in _OTHERS:
-        return at("other", place)
-    match name:
-        case "left_click_drag":
-            return _drag(places.get("start_coordinate"), place)
-        case "swipe":
-            return _drag(place, places.get("coordinate2"))
-        case "scroll":
-            return at(
-                "scroll", place, amount=number(given.get("pixels"), "pixels") / PIXELS_PER_NOTCH
+def _block_calls(text: str, start: int) -> Iterator[ActionCall]:
+    if text.lstrip().startswith("<function"):
+        for tool, arguments, begin, end in xml_functions(text, start):
+            if tool not in TOOLS:
+                unknown("tool_call", tool, TOOLS)
+            values = {name: argument.value for name, argument in arguments.items()}
+            kept = {name: part for name, part in arguments.items() if name != "action"}
+            action = values.pop("action", None)
+            write = rewriter(text[begin - start : end - start], kept, begin)
+            yield ActionCall(action, values, begin, end, write)
+        return
+    if not text.strip().startswith("{") or not text.rstrip().endswith("}"):
+        raise ActionError(f"no whole tool call in {shown(text.strip())}; write {EXAMPLE}")
+    try:
+        for call in json_calls(text, "tool call", _read, EXAMPLE):
+            yield ActionCall(
+                call.name, call.arguments, start + call.start, start + call.end, call.write
             )
-        case "type":
-            return Action("type", text=text(given.get("text"), "type text"))
-        case "key":
-            keys = given.get("text") if given.get("keys") is None else given["keys"]
-            return Action("hotkey", keys=combination(keys, "keys", "+"))
-        case "wait":
-            return Action("wait", amount=number(given.get("time", 0), "wait time"))
-        case "answer":
-            return Action("done", text=text(given.get("text"), "answer text"))
-        case _:
-            return Action("fail" if given.get("status") == "failure" else "done")
+    except ActionError as error:
+        if "is no action (" not in str(error):
+            raise
+        raise ActionError(f"the tool call is not JSON: {error}") from None
 
 
-def _drag(start: tuple[int, int] | None, end: tuple[int, int] | None) -> Action:
-    if end is None:
-        raise ActionError("swipe needs a coordinate2; give [x, y]")
-    return at("drag", start, x2=end[0], y2=end[1])
+def _read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
+    """Return the action of a call, its fields, and a function that writes it with other fields."""
+    whole = as_fields(value, "tool call")
+    if "arguments" not in whole and "action" in whole:
+        return beside_name("action", "tool call")(whole)
+    if whole.get("name") not in TOOLS:
+        unknown("tool_call", whole.get("name"), TOOLS)
+    given: object = whole.get("arguments")
+    as_text = isinstance(given, str)
+    if as_text:  # as the API of chat completions writes it
+        try:
+            given = json.loads(given)
+        except (ValueError, RecursionError) as error:
+            raise ActionError(f"the arguments of the tool call are not JSON ({error})") from None
+    arguments = as_fields(given, "tool call")
+    action = arguments.pop("action", None)
+
+    def rebuild(fields: dict[str, Any]) -> dict[str, Any]:
+        made: Any = {"action": action, **fields}
+        if as_text:
+            made = json.dumps(made, ensure_ascii=False)
+        return {**whole, "arguments": made}
+
+    return action, arguments, rebuild
+
+
+QWEN = CallReader("tool call", _COMPUTER, _calls, notes=_NOTES)

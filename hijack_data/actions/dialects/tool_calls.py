@@ -1,12 +1,17 @@
-"""The computer tools of OpenAI and Anthropic: dicts as the two APIs return them."""
+"""The computer tools of OpenAI and Anthropic: dicts as the two APIs return them.
 
-from collections.abc import Sequence
+An action stands alone, or in the item of its API: OpenAI's `computer_call` with an `action` or
+several `actions`, Anthropic's `tool_use` block with the `input`.
+"""
+
+from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 from ...errors import ActionError, ParameterError, shown
 from ...types import Action, as_boxes
 from ..scaling import Scaling
 from .fields import as_fields, at, click_type, combination, number, point, text, unknown
+from .rules import PIXELS_PER_NOTCH, coordinates, with_coordinates
 from .unmapped import check_fields
 
 OPENAI = "openai"
@@ -40,11 +45,17 @@ ANTHROPIC_NAMES = (
     "wait",
     "screenshot",
     "zoom",
+    # Of Anthropic's browser tools.
+    "hover",
+    "scroll_to",
 )
 
-# OpenAI scrolls in pixels, and down is positive; a notch of the wheel scrolls most programs by
-# about this many.
-PIXELS_PER_NOTCH = 100
+# OpenAI scrolls in pixels, and down is positive.
+CALL = "computer_call"
+_CALL_FIELDS = ("type", "action", "actions", "id", "call_id", "status", "pending_safety_checks")
+TOOL_USE = "tool_use"
+_BLOCK_FIELDS = ("type", "id", "name", "input", "toolset_name", "caller", "cache_control")
+_COMPUTER = "computer"
 _OPENAI_POINT = ("click", "double_click", "move", "scroll")
 _OPENAI_FIELDS = ("type", "button", "keys", "text", "scroll_x", "scroll_y")
 _ANTHROPIC_FIELDS = (
@@ -56,7 +67,7 @@ _ANTHROPIC_FIELDS = (
     "scroll_direction",
     "scroll_amount",
 )
-_ANTHROPIC_POINT = ("mouse_move", "left_click_drag")
+_ANTHROPIC_POINT = ("mouse_move", "left_click_drag", "hover")
 _ANTHROPIC_CLICKS = {
     "left_click": "click",
     "right_click": "right_click",
@@ -64,13 +75,61 @@ _ANTHROPIC_CLICKS = {
     "double_click": "double_click",
     "triple_click": "triple_click",
     "mouse_move": "move",
+    "hover": "move",
     "left_mouse_down": "mouse_down",
     "left_mouse_up": "mouse_up",
 }
 
 
-def map_openai(action: object, scaling: Scaling) -> dict[str, Any]:
-    """Return an OpenAI computer action with `x, y` or `path` scaled; `scroll_x, scroll_y` stay.
+def openai_actions(action: object) -> list[object]:
+    """Return the actions of a `computer_call`, or the action itself.
+
+    Raises:
+        ActionError: the call has none, or has fields that may hold coordinates.
+    """
+    if not isinstance(action, dict) or cast("dict[str, Any]", action).get("type") != CALL:
+        return [action]
+    fields = as_fields(cast("object", action), OPENAI)
+    check_fields(fields, _CALL_FIELDS, f"{OPENAI} {CALL}")
+    several: object = fields.get("actions")
+    if several is None:
+        several = [fields.get("action")]
+    if not isinstance(several, list | tuple) or not several:
+        raise ActionError(
+            f"{CALL} needs an action or a list of actions, got {shown(cast('object', several))}"
+        )
+    return list(cast("list[object]", several))
+
+
+def map_openai(action: object, scaling: Scaling) -> Any:
+    """Return an OpenAI computer action, or the `computer_call` with one or several, scaled.
+
+    `x, y` and `path` are scaled; `scroll_x, scroll_y` stay. Raises `ActionError` for an unknown
+    `type`, for coordinates that are missing or not numbers, and for unknown fields that may hold
+    coordinates.
+    """
+    actions = openai_actions(action)
+    if len(actions) == 1 and actions[0] is action:
+        return _map_openai(action, scaling)
+    fields = as_fields(action, OPENAI)
+    mapped = [_map_openai(one, scaling) for one in actions]
+    if fields.get("actions") is not None:
+        fields["actions"] = mapped
+    else:
+        fields["action"] = mapped[0]
+    return fields
+
+
+def parse_openai(action: object, scaling: Scaling) -> list[Action]:
+    """Read an OpenAI action, or those of a `computer_call`. Raises `ActionError` as `map_openai`.
+
+    A drag runs from the first to the last point of its path.
+    """
+    return [parse_openai_action(one, scaling) for one in openai_actions(action)]
+
+
+def _map_openai(action: object, scaling: Scaling) -> dict[str, Any]:
+    """Return one OpenAI computer action with `x, y` or `path` scaled.
 
     Raises `ActionError` for an unknown `type`, for coordinates that are missing or not numbers, and
     for unknown fields that may hold coordinates.
@@ -88,11 +147,8 @@ def map_openai(action: object, scaling: Scaling) -> dict[str, Any]:
     return fields
 
 
-def parse_openai(action: object, scaling: Scaling) -> Action:
-    """Read an OpenAI action; a drag runs from the first to the last point of its path.
-
-    Raises `ActionError` as `map_openai`.
-    """
+def parse_openai_action(action: object, scaling: Scaling) -> Action:
+    """Read one OpenAI action. Raises `ActionError` as `map_openai`."""
     fields, name = _openai(action)
     held = combination(fields["keys"], f"{name} keys") if fields.get("keys") else None
     match name:
@@ -120,24 +176,54 @@ def parse_openai(action: object, scaling: Scaling) -> Action:
     return at(types.get(name, name), place, keys=held)
 
 
-def map_anthropic(action: object, scaling: Scaling) -> dict[str, Any]:
-    """Return an Anthropic computer action with its coordinates and `region` scaled.
+def anthropic_action(action: object) -> tuple[object, Callable[[dict[str, Any]], dict[str, Any]]]:
+    """Return the action of a `tool_use` block, and a function that returns the block with another.
 
-    Raises `ActionError` for an unknown `action`, for coordinates that are missing or not numbers,
-    and for unknown fields that may hold coordinates.
+    A call of the toolset has the name of its action; an action that stands alone is returned as it
+    is.
+
+    Raises:
+        ActionError: the block has no input, or has fields that may hold coordinates.
     """
-    fields, name = _anthropic(action)
+    if not isinstance(action, dict) or cast("dict[str, Any]", action).get("type") != TOOL_USE:
+        return cast("object", action), lambda made: made
+    block = as_fields(cast("object", action), ANTHROPIC)
+    check_fields(block, _BLOCK_FIELDS, f"{ANTHROPIC} {TOOL_USE}")
+    given = as_fields(block.get("input"), f"{ANTHROPIC} {TOOL_USE}")
+    if block.get("name") == _COMPUTER:
+        return given, lambda made: {**block, "input": made}
+
+    def rebuild(made: dict[str, Any]) -> dict[str, Any]:
+        return {**block, "input": {key: part for key, part in made.items() if key != "action"}}
+
+    return {"action": block.get("name"), **given}, rebuild
+
+
+def map_anthropic(action: object, scaling: Scaling) -> dict[str, Any]:
+    """Return an Anthropic computer action, or its `tool_use` block, scaled.
+
+    Its coordinates and `region` are scaled. Raises `ActionError` for an unknown `action`, for
+    coordinates that are missing or not numbers, and for unknown fields that may hold coordinates.
+    """
+    inner, rebuild = anthropic_action(action)
+    fields, name = _anthropic(inner)
     for field in ("coordinate", "start_coordinate"):
         place = _coordinate(fields, name, field, scaling)
         if place is not None:
-            fields[field] = list(place)
+            old = fields[field]
+            fields[field] = with_coordinates(old, place) if isinstance(old, str) else list(place)
     if name == "zoom":
         fields["region"] = _region(fields.get("region"), scaling)
-    return fields
+    return rebuild(fields)
 
 
-def parse_anthropic(action: object, scaling: Scaling) -> Action:
-    """Read an Anthropic computer action. Raises `ActionError` as `map_anthropic`.
+def parse_anthropic(action: object, scaling: Scaling) -> list[Action]:
+    """Read an Anthropic computer action, or its block. Raises `ActionError` as `map_anthropic`."""
+    return [parse_anthropic_action(anthropic_action(action)[0], scaling)]
+
+
+def parse_anthropic_action(action: object, scaling: Scaling) -> Action:
+    """Read the action alone. Raises `ActionError` as `map_anthropic`.
 
     The `text` of a click names the keys held; `hold_key` becomes a hotkey whose `amount` is in
     seconds; sideways scrolling, `screenshot`, `zoom` and `cursor_position` become `"other"`. A
@@ -246,7 +332,13 @@ def _coordinate(
     value = fields.get(field)
     if value is None and not (field == "coordinate" and name in _ANTHROPIC_POINT):
         return None
-    return scaling.point(*point(value, f"{name} {field}"))
+    what = f"{name} {field}"
+    if not isinstance(value, str):
+        return scaling.point(*point(value, what))
+    numbers = coordinates(value, what)
+    if len(numbers) != 2:
+        raise ActionError(f"{what} must be [x, y], got {shown(value)}")
+    return scaling.point(*numbers)
 
 
 def _region(value: object, scaling: Scaling) -> list[int]:

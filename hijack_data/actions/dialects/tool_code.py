@@ -6,7 +6,7 @@ that only look at the screen (`screenshot`, `zoom`, `cursor_position`) become `W
 next picture comes anyway.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,9 +16,14 @@ from ..scaling import Scaling
 from .computer_13 import parse_computer_13
 from .fields import as_fields, key_names, number
 from .pyautogui_write import hscroll_code, write_pyautogui
-from .qwen import parse_qwen, sideways_of_qwen
-from .tool_calls import PIXELS_PER_NOTCH, drag_points, parse_anthropic, parse_openai
-from .ui_tars import parse_ui_tars, sideways_of_ui_tars
+from .rules import PIXELS_PER_NOTCH
+from .tool_calls import (
+    anthropic_action,
+    drag_points,
+    openai_actions,
+    parse_anthropic_action,
+    parse_openai_action,
+)
 
 MOST_REPEATS = 100
 LONGEST_HOLD = 60.0  # s
@@ -29,31 +34,41 @@ _WAIT = "WAIT"
 
 
 def openai_code(action: object, scaling: Scaling) -> list[str]:
-    """Return an OpenAI action as code; raises `ActionError` if the action cannot be read."""
-    parsed = parse_openai(action, scaling)
+    """Return the actions of OpenAI as code; raises `ActionError` if one cannot be read."""
+    return [_openai_code(one, scaling) for one in openai_actions(action)]
+
+
+def _openai_code(action: object, scaling: Scaling) -> str:
+    parsed = parse_openai_action(action, scaling)
     fields = as_fields(action, "openai")
     name = fields["type"]
     if name in _LOOKS:
-        return [_WAIT]
+        return _WAIT
     arrow = _SIDE_BUTTONS.get(str(fields.get("button")))
     if name == "click" and arrow is not None:
-        return [f"pyautogui.hotkey('alt', {arrow!r})"]
+        return f"pyautogui.hotkey('alt', {arrow!r})"
     if name == "drag":
         points = [scaling.point(*place) for place in drag_points(fields)]
         if len(points) > 2:
-            return [_with_keys(parsed.keys, _through(points))]
+            return _with_keys(parsed.keys, _through(points))
     if name == "scroll":
-        return [_openai_scroll(fields, parsed)]
-    return [write_pyautogui(parsed)]
+        return _openai_scroll(fields, parsed)
+    return write_pyautogui(parsed)
 
 
 def anthropic_code(action: object, scaling: Scaling) -> list[str]:
     """Return an Anthropic action as code; raises `ActionError` if the action cannot be read."""
-    parsed = parse_anthropic(action, scaling)
+    action, _ = anthropic_action(action)
+    parsed = parse_anthropic_action(action, scaling)
     fields = as_fields(action, "anthropic")
     match fields["action"]:
         case "screenshot" | "zoom" | "cursor_position":
             return [_WAIT]
+        case "scroll_to":
+            raise ActionError(
+                "anthropic scroll_to names an element of a page, which a desktop does not know; use"
+                " scroll"
+            )
         case "scroll":
             return [_anthropic_scroll(fields, parsed)]
         case "key":
@@ -66,18 +81,6 @@ def anthropic_code(action: object, scaling: Scaling) -> list[str]:
             return [write_pyautogui(replace(parsed, keys=_held_keys(fields)))]
         case _:
             return [_repeated(write_pyautogui(parsed), fields)]
-
-
-def qwen_code(reply: object, scaling: Scaling) -> list[str]:
-    """Return the calls of a reply as code, in order; the errors are those of `parse_qwen`."""
-    actions = parse_qwen(reply, scaling)
-    return _written(actions, sideways_of_qwen(reply))
-
-
-def ui_tars_code(text: object, scaling: Scaling) -> list[str]:
-    """Return the actions of a reply as code, in order; the errors are those of `parse_ui_tars`."""
-    actions = parse_ui_tars(text, scaling)
-    return _written(actions, sideways_of_ui_tars(text))
 
 
 def computer_13_code(action: object, scaling: Scaling) -> list[str]:
@@ -94,17 +97,6 @@ def computer_13_code(action: object, scaling: Scaling) -> list[str]:
     if parsed.type == "other":
         return [sideways]
     return [f"{write_pyautogui(parsed)}\n{sideways}"]
-
-
-def _written(actions: Sequence[Action], sideways: Sequence[float | None]) -> list[str]:
-    """Return actions as code; `sideways` has the notches to the right for each sideways scroll."""
-    found: list[str] = []
-    for action, notches in zip(actions, sideways, strict=True):
-        if notches is None:
-            found.append(write_pyautogui(action))
-        else:
-            found.append(hscroll_code(notches, action.point))
-    return found
 
 
 def _openai_scroll(fields: dict[str, Any], parsed: Action) -> str:
@@ -176,7 +168,7 @@ def _typed(action: Action, fields: dict[str, Any], scaling: Scaling) -> str:
     if fields.get("coordinate") is None:
         return line
     click = {"action": "left_click", "coordinate": fields["coordinate"]}
-    first = write_pyautogui(parse_anthropic(click, scaling))
+    first = write_pyautogui(parse_anthropic_action(click, scaling))
     return f"{first}\n{line}"
 
 
@@ -191,14 +183,3 @@ def _with_keys(keys: Sequence[str] | None, lines: Sequence[str]) -> str:
     down = [f"pyautogui.keyDown({key!r})" for key in held]
     up = [f"pyautogui.keyUp({key!r})" for key in reversed(held)]
     return "\n".join([*down, *lines, *up])
-
-
-WRITERS: dict[str, Callable[[object, Scaling], list[str]]] = {
-    "computer_13": computer_13_code,
-    "ui_tars": ui_tars_code,
-    "ui_tars_1.5": ui_tars_code,
-    "qwen2.5_vl": qwen_code,
-    "qwen3_vl": qwen_code,
-    "openai": openai_code,
-    "anthropic": anthropic_code,
-}

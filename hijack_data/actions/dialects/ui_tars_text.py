@@ -20,9 +20,17 @@ NAMES = (
     "wait",
     "finished",
     "call_user",
+    "hover",
+    "move_to",
+    "mouse_down",
+    "mouse_up",
+    "long_press",
+    "open_app",
+    "press_home",
+    "press_back",
 )
 _ANY = "|".join(NAMES)
-_LABEL = re.compile(r"^[ \t]*Action:", re.MULTILINE)
+_LABEL = re.compile(r"^[ \t]*Action[:：]", re.MULTILINE)
 # A call whose quotes and parentheses match; and a call that ends where the text ends, with any
 # content.
 _SINGLE = r"'(?:\\.|[^'\\])*'"
@@ -31,8 +39,8 @@ _NEAT = re.compile(rf"\s*(\w+)[ \t]*\(((?:[^'\"()]|{_SINGLE}|{_DOUBLE})*)\)", re
 _LOOSE = re.compile(r"\s*(\w+)[ \t]*\((.*)\)\s*", re.DOTALL)
 _NEXT = re.compile(rf"(?<=\))[ \t]*\r?\n[ \t]*\r?\n\s*(?=(?:{_ANY})\()")
 _BEGINS = re.compile(rf"\s*(?:{_ANY})[ \t]*\(")
-_HEADING = re.compile(r"\s*\w+:")
-_BOX = re.compile(r"_box\s*=")
+_HEADING = re.compile(r"\s*\w+[:：]")
+_BOX = re.compile(r"(?:_box|point)\s*=")
 _INNER = re.compile(rf"\)\s*\n\s*(?:{_ANY})[ \t]*\(")
 _FIX = "write for example Action: click(start_box='(100,200)')"
 _ESCAPED = r"'it\'s'"

@@ -15,6 +15,7 @@ _AMOUNTS = words("""
 _PLACE = re.compile(r"coord|point|pos|box|region|path|offset|location|^[xy]\d*$")
 _NUMBER = re.compile(r"\d")
 _NUMERIC = re.compile(r"[^\w]*-?\d[\d\s.,;:()\[\]<>x-]*")
+_TAG = re.compile(r"</?\w+>|<\|\w+\|>")  # <point>5 6</point>
 _DEEPEST = 5
 
 
@@ -52,7 +53,7 @@ def _is_one_number(value: object) -> bool:
 def _has_number(value: object, depth: int) -> bool:
     """Return whether a value may hold a number; values of unknown types may."""
     if isinstance(value, str):
-        return _NUMERIC.fullmatch(value) is not None
+        return _NUMERIC.fullmatch(_TAG.sub(" ", value)) is not None
     if value is None or isinstance(value, bool):
         return False
     if depth == 0:

@@ -9,6 +9,9 @@ _OFFSET = ("xOffset", "yOffset")
 _DRAG = ("duration", "tween", "button")
 _WHEEL = ("clicks", "x", "y")
 
+# OpenCUA's computer.triple_click(x, y), which pyautogui does not have.
+AGENTNET_TRIPLE = "triple_click"
+
 POINTER: dict[str, tuple[str, ...]] = {
     "moveTo": _POINT,
     "click": ("x", "y", "clicks", "interval", "button"),
@@ -17,6 +20,7 @@ POINTER: dict[str, tuple[str, ...]] = {
     "middleClick": _POINT,
     "doubleClick": _CLICK,
     "tripleClick": _CLICK,
+    AGENTNET_TRIPLE: _CLICK,
     "mouseDown": _HOLD,
     "mouseUp": _HOLD,
     "dragTo": (*_POINT, *_DRAG),

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, cast
 
-from hijack_data.actions import code_of
+from hijack_data.actions import code_of, unreadable
 from hijack_data.errors import ActionError, ParameterTypeError, shown
 from hijack_data.types import Size
 
@@ -28,12 +28,6 @@ def codes_of(action: object, dialect: str, size: Size) -> tuple[list[str], str]:
     except (ActionError, ParameterTypeError) as error:
         return [unreadable(error)], str(error)
     return codes, ""
-
-
-def unreadable(error: Exception) -> str:
-    """Return a text with the reason that the environment refuses, since it is not Python."""
-    problem = " ".join(str(error).split())  # a fence at the start of a line would be parsed as code
-    return f"unreadable action: {problem}"
 
 
 def _read(action: object, dialect: str, size: Size) -> list[str]:

@@ -1,7 +1,7 @@
 """Convert a model's replies to actions, in pixels of the picture that the agent was shown.
 
-A reply that cannot be read does not raise: it is handed on as a text that the environment counts as
-malformed.
+A reply that cannot be read does not raise: it is handed on as a text with the reason, in the words
+of its dialect, that the environment counts as malformed.
 """
 
 import json
@@ -14,14 +14,14 @@ from typing import Any
 from hijack_data.actions import (
     RESIZED_DIALECTS,
     Scaling,
-    calls_pyautogui,
     code_of,
     fenced_blocks,
     map_code,
-    parse_pyautogui,
     read_action,
-    write_pyautogui,
+    unreadable,
 )
+from hijack_data.actions.dialects.answers import answer_text
+from hijack_data.actions.dialects.opencua import plain_code
 from hijack_data.actions.dialects.qwen import tool_call_text
 from hijack_data.errors import ActionError, HijackError
 from hijack_data.smart_resize import MAX_PIXELS, MIN_PIXELS, smart_resize
@@ -32,10 +32,10 @@ from ..settings import TOOL_PARSERS, AgentSettings
 from .query import Reply
 
 WORDS = (WAIT, DONE, FAIL)
-_QWEN = ("qwen2.5_vl", "qwen3_vl")
-# Tags that some models put around their thoughts and their answer; they are not part of the action.
-_THOUGHT = re.compile(r"\A\s*<think>.*?</think>", re.DOTALL)
-_BOXED = re.compile(r"<\|(?:begin|end)_of_box\|>")
+# Dialects whose calls an endpoint may return as tool calls of its API: those of Qwen's tools, which
+# become text, and those with a name for each action.
+_QWEN = ("qwen2.5_vl", "qwen3_vl", "gui_owl", "mai_ui")
+_NAMED = ("gemini",)
 # A fence after prose on the same line, and a word in fences after prose at the very end.
 _OPENS_LATE = re.compile(r"(?<=[^\s`])[ \t]*(```(?:python|py|json)[ \t]*\r?\n)")
 _LAST_WORD = re.compile(rf"```\s*({'|'.join(WORDS)})\s*```\s*\Z")
@@ -78,11 +78,13 @@ class ReplyParser:
         """
         try:
             return self._read(reply, size)
-        except HijackError:
-            return [self._malformed(reply.shown)]
+        except HijackError as error:
+            return [unreadable(error, reply.shown[:_KEPT])]
 
     def _read(self, reply: Reply, size: Size) -> list[str]:
-        text = _BOXED.sub("", _THOUGHT.sub("", reply.text)).strip()
+        # Calls of the API stand for themselves, whatever the words beside them.
+        called = bool(reply.calls) and self.dialect in (*TOOL_PARSERS, *_QWEN, *_NAMED)
+        text = "" if called else answer_text(reply.text, self.dialect).strip()
         if self.dialect in TOOL_PARSERS:
             return self._called(reply, text, size)
         if reply.refused:
@@ -94,6 +96,9 @@ class ReplyParser:
         if self.dialect in _QWEN and reply.calls:
             calls = [tool_call_text(str(c["name"]), c["arguments"]) for c in reply.calls]
             text = "\n".join(calls)
+        if self.dialect in _NAMED and reply.calls:
+            made = [code_of(dict(c), self.dialect, size) for c in reply.calls]
+            return [code for codes in made for code in codes]
         return code_of(text, self.dialect, size, self._resized(size))
 
     def seen(self, size: Size) -> Size:
@@ -148,10 +153,10 @@ class ReplyParser:
             code = map_code(code, Scaling(source, size), source)
         elif self.coordinates == "thousandths":
             code = map_code(code, Scaling.fractions(size, 1000), (1000, 1000))
-        if not _AGENTNET.search(code) or calls_pyautogui(code):
-            return code
+        elif self.coordinates == "fractions":
+            code = map_code(code, Scaling.fractions(size), None)
         # AgentNet's `computer.wait()`, `.terminate(status='success')` and `.tripleClick(x, y)`
-        return write_pyautogui(parse_pyautogui(code, size))
+        return plain_code(code, Scaling.pixels(size)) if _AGENTNET.search(code) else code
 
     def _malformed(self, text: str) -> str:
         """Return an action that counts as malformed: the text itself unless that would be valid."""

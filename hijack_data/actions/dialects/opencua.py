@@ -1,0 +1,98 @@
+"""Code in replies: OpenCUA's, and pyautogui code in a ``` fence.
+
+OpenCUA thinks in prose and ends with a fence of pyautogui code, in which `computer.wait()`,
+`.terminate(status='success')` and `.triple_click(x, y)` stand beside pyautogui's own functions. Its
+points are pixels of the smart-resized picture.
+"""
+
+import ast
+import re
+import textwrap
+from typing import cast
+
+from ...errors import ActionError, shown
+from ...types import Action
+from ..allowed import fenced_spans
+from ..program.signatures import AGENTNET_TRIPLE
+from ..program.source import ParsedSource, TextEdit, shallow, spliced
+from ..scaling import Scaling
+from .answers import answer_text
+from .pyautogui_code import calls_pyautogui, map_code
+from .pyautogui_parse import parse_pyautogui
+from .pyautogui_write import write_pyautogui
+
+
+def map_fenced(reply: object, scaling: Scaling) -> str:
+    """Return a reply with the code in its fences scaled, or all of it if it has no fence.
+
+    Raises `ActionError` for code that cannot be mapped.
+    """
+    answer = answer_text(reply, "opencua")
+    text = cast("str", reply)
+    spans = fenced_spans(answer)
+    if not spans:
+        return map_code(text, scaling, scaling.source)
+    edits = [TextEdit(start, end, _map_block(text[start:end], scaling)) for start, end in spans]
+    return spliced(text, edits)
+
+
+def parse_fenced(reply: object, scaling: Scaling) -> list[Action]:
+    """Return the action of each fence. Raises `ActionError` as `map_fenced`."""
+    answer = answer_text(reply, "opencua")
+    spans = fenced_spans(answer) or [(0, len(answer))]
+    blocks = [textwrap.dedent(answer[start:end]).strip() for start, end in spans]
+    if scaling == Scaling.pixels(None):
+        return [parse_pyautogui(block, None) for block in blocks]
+    size = scaling.target if scaling.clamp else None
+    return [parse_pyautogui(map_code(block, scaling, scaling.source), size) for block in blocks]
+
+
+def fenced_code(reply: object, scaling: Scaling) -> list[str]:
+    """Return the action of each fence as code in pixels. Raises `ActionError` as `map_fenced`."""
+    answer = answer_text(reply, "opencua")
+    spans = fenced_spans(answer) or [(0, len(answer))]
+    blocks = [textwrap.dedent(answer[start:end]).strip() for start, end in spans]
+    codes = [plain_code(map_code(block, scaling, scaling.source), scaling) for block in blocks]
+    for code in codes:
+        if not calls_pyautogui(code) and parse_pyautogui(code, None).type == "other":
+            raise ActionError(
+                f"opencua: {shown(code)} is no action; write pyautogui code in a fence"
+            )
+    return codes
+
+
+def plain_code(code: str, scaling: Scaling) -> str:
+    """Return code without AgentNet's `computer`, which a desktop does not have.
+
+    Args:
+        code: the code, in pixels of `scaling.target`.
+        scaling: names the size of the picture.
+
+    Raises:
+        ActionError: `computer` waits or terminates beside other calls.
+    """
+    if "computer" not in code:
+        return code
+    with shallow():
+        source = ParsedSource(code)
+        edits = [
+            TextEdit(*source.span(node), "pyautogui.tripleClick")
+            for node in ast.walk(source.tree)
+            if isinstance(node, ast.Attribute)
+            and isinstance(node.value, ast.Name)
+            and node.value.id == "computer"
+            and node.attr in ("tripleClick", AGENTNET_TRIPLE)
+        ]
+        plain = source.edited(edits)
+    if not re.search(r"\bcomputer\s*\.\s*\w+\s*\(", plain):
+        return plain
+    return write_pyautogui(parse_pyautogui(plain, scaling.target if scaling.clamp else None))
+
+
+def _map_block(block: str, scaling: Scaling) -> str:
+    """Return a block of code scaled; a block that is indented as a whole keeps its indentation."""
+    plain = textwrap.dedent(block)
+    if plain == block:
+        return map_code(block, scaling, scaling.source)
+    indent = block[: len(block) - len(block.lstrip(" \t"))]
+    return textwrap.indent(map_code(plain, scaling, scaling.source), indent)
