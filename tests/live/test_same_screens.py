@@ -12,7 +12,6 @@ pytest.importorskip("lxml", reason=needs.ONLINE)
 pytest.importorskip("starlette", reason=needs.ONLINE)
 pytest.importorskip("jinja2", reason=needs.ONLINE)
 
-from online_env.embedded.panel_clock import set_panel_clock
 from online_env.environment.settle import Settle, wait_until_settled
 from online_env.environment.stage import SmallTasks
 from online_env.tasks import Hand
@@ -25,16 +24,11 @@ def screen(stage: SmallTasks, seed: int) -> Any:
     return wait_until_settled(stage.desktop, Settle(), False).frame
 
 
-def test_screens_of_one_seed_are_equal_and_the_clock_is_that_of_the_seed(up: Any) -> None:
+def test_screens_of_one_seed_are_equal_in_another_minute(up: Any) -> None:
     stage = SmallTasks(up())
     first = screen(stage, 3)
     time.sleep(61 - time.time() % 60)  # the next minute
     assert np.array_equal(screen(stage, 3), first)
-    set_panel_clock(stage.desktop, 4)
-    other = wait_until_settled(stage.desktop, Settle(), False).frame
-    rows, columns = np.nonzero((other != first).any(axis=2))
-    height, width = first.shape[:2]
-    assert rows.min() > height - 40 and columns.min() > width - 200  # noqa: PT018  (one place)
 
 
 def test_the_first_start_of_the_picture_viewer_shows_no_dialog(up: Any) -> None:
