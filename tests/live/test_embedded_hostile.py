@@ -2,8 +2,6 @@
 has ended."""
 
 import contextlib
-import os
-import signal
 import socket
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -14,7 +12,7 @@ from online_env.desktops.http import HttpDesktop
 from online_env.embedded import view
 from online_env.errors import DesktopError, GuestError
 
-from support.processes import children, comm
+from support.processes import children, comm, traced
 from support.waiting import until as wait_until
 
 IMPOSTOR = """
@@ -124,13 +122,10 @@ def test_a_display_that_hangs_is_told_in_time_and_may_come_back(desktop, monkeyp
         monkeypatch.setattr(desktop, "_client", impatient)
         monkeypatch.setattr("online_env.embedded.runtime.frames.TIMEOUT", 1.0)
         desktop._frames.close()
-        os.kill(display, signal.SIGSTOP)
-        try:
+        with traced(display):
             with pytest.raises(DesktopError, match="within 2 s"):
                 desktop.screenshot()
             assert desktop.execute(["true"]).ok, "commands need no display"
-        finally:
-            os.kill(display, signal.SIGCONT)
         wait_until(lambda: answers(desktop.screenshot))
     assert desktop.screenshot().any()
 

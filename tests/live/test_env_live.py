@@ -193,13 +193,13 @@ def test_a_firewall_that_was_opened_from_outside_is_found_at_the_end(play, stage
     assert "no agent can lift, was gone at the end: still reachable" in env.record["problem"]
 
 
-def test_an_agent_that_stops_the_window_manager_answers_for_it(play, monkeypatch):
-    monkeypatch.setattr("online_env.effects.app_minimization.PATIENCE", 1.0)
+def test_an_agent_that_stops_the_window_manager_does_not_hold_it_up(play):
     env = play(hj.AppMinimization(step=1), allow_code=True)
     env.step("import os; os.system('pkill -STOP -x xfwm4')")
-    assert (env.record["status"], env.record["score"]) == ("error", None)
-    assert "still on the screen" in env.record["problem"]
-    assert "on a fresh desktop it holds" in env.record["problem"]
+    assert env.record is None
+    env.step("DONE")
+    assert env.record["status"] == "ok"
+    assert env.record["effects"][0]["record"]["probes"][0]["ok"]
 
 
 def test_repair_and_reset_on_request(play, stage):
