@@ -31,3 +31,4 @@ def test_what_nobody_knows_is_left_out():
 def test_words():
     assert given_words(("task", "plan")) == "the task and the machine and the task's plan in words"
     assert (given_words(()), given_words(None)) == ("nothing more", "not recorded")
+    assert given_words(("process",)) == "the runner's process (--in-process)"
