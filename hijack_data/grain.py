@@ -50,7 +50,7 @@ class _Settings:
         label_policy: `"keep"`; or `"avoid"` to draw again until the target (of a drag, both ends)
             is visible, and to leave the element clean if no draw succeeds.
         return_plan: put the plan under `"plan"` and the visible share of the target under
-            `"target_visible"` (for a drag, the lesser share of its two ends; `None` without a
+            `"target_visible"` (for a drag, the lesser share of its two ends; NaN without a
             target).
         image_key: name of an entry that holds the picture, if it has no name of a picture.
         id_key: name of the entry that holds the id.

@@ -17,6 +17,7 @@ corrupted picture. This module uses no framework; `transforms` (torchvision) and
 it.
 """
 
+import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, cast
@@ -159,9 +160,13 @@ class SamplePlanner:
     def plan_entries(
         self, plan: Plan, sample: Mapping[str, Any], return_plan: bool | str
     ) -> dict[str, Any]:
-        """Return the entries `plan` and `target_visible`, which is `None` without a target."""
+        """Return the entries `plan` and `target_visible`.
+
+        The share is NaN without a target: a number in every sample, for batches and tables.
+        """
         place = self.labels.place(sample, plan.size)
         share = None if place is None else target_visible(plan, place.target, place.end)
+        share = math.nan if share is None else share
         return {"plan": plan.to_json() if return_plan == "json" else plan, "target_visible": share}
 
 

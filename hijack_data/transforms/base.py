@@ -61,7 +61,7 @@ class Corrupt(v2.Transform):
         label_policy: `"keep"`, or `"avoid"` to draw again until the sample's target (of a drag,
             both ends) is visible, and to leave it clean if no draw succeeds.
         return_plan: put the plan under `"plan"` and the visible share of the target under
-            `"target_visible"` (of a drag, the lesser share of both ends; `None` without a target);
+            `"target_visible"` (of a drag, the lesser share of both ends; NaN without a target);
             with `"json"` the plan is text, which a dataset can store.
         id_key: name of the entry that holds the id.
         image_key: name of an entry that holds the picture, if none of `PICTURE_KEYS` is its name.

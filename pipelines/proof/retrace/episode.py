@@ -18,7 +18,7 @@ from ...readers.fields import FieldError
 from ...readers.files import lines, parse_file
 from . import facts
 from .journal import Journal, given_problems
-from .observation import Key, ReplayedObservation, check_observation
+from .observation import Key, ReplayedObservation, answer_points, check_observation
 
 BEFORE = -1  # the step number of effects before the episode
 SAID = 2000  # characters of the agent's last words that the record keeps
@@ -209,6 +209,13 @@ def _counted(seen: Seen, is_ok: bool) -> dict[str, Any]:
         "malformed": sum(line.get("error") is not None for line in acted),
         "last_action": taken[-1] if taken else None,
     }
+    if "points" in seen.record:
+        allow_code = seen.record.get("allow_code") is True
+        points = [answer_points(line["raw"], allow_code) for line in acted]
+        found["points"] = {
+            "named": sum(named for named, _ in points),
+            "fractions": sum(fractions for _, fractions in points),
+        }
     if _version(seen.record) >= CHAINED:
         found["said"] = ""
         for line in seen.lines:

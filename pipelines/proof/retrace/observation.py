@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data import Corruption, apply
+from hijack_data.actions import count_points
 from hijack_data.actions.allowed import read_action
 from hijack_data.compose import Sequence
 from hijack_data.corruption import get
@@ -160,6 +161,15 @@ def _mapped(raw: str, plan: Plan, allow_code: bool) -> str | None:
         return plan.coords.code_to_screen(request.code)
     except ActionError:
         return None
+
+
+def answer_points(raw: object, allow_code: bool) -> tuple[int, int]:
+    """Return how many points an answer names, and how many of them are fractions."""
+    try:
+        request = read_action(raw, allow_code)
+    except ActionError:
+        return 0, 0
+    return count_points(request.code) if request.kind == "code" else (0, 0)
 
 
 def _planner_in(logged: Plan) -> Planner | None:
