@@ -9,7 +9,7 @@ import stat
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from hijack_data.errors import ParameterError
 from hijack_data.types import Size
@@ -163,10 +163,7 @@ def serve(options: ServeOptions, say: Callable[[str], object]) -> None:
     Raises:
         HijackError: An option does not fit, the port is taken, or a desktop does not start.
     """
-    import uvicorn
-
     from .app import is_loopback, make_app
-    from .limits import SPARE_CONNECTIONS, bounded_protocol
 
     if options.token is None and not is_loopback(options.host):
         raise ParameterError(
@@ -182,22 +179,10 @@ def serve(options: ServeOptions, say: Callable[[str], object]) -> None:
         try:
             service.start()
             check_desktops(service)
-            config = uvicorn.Config(
-                app,
-                http=bounded_protocol(sessions + SPARE_CONNECTIONS),
-                log_level="warning",
-                access_log=False,
-                ws_max_size=MESSAGE,
-                ws_ping_interval=PING,
-                ws_ping_timeout=PONG,
-                # Compressing a PNG again does not make it smaller, and takes longer than sending
-                # it.
-                ws_per_message_deflate=False,
-                timeout_graceful_shutdown=GRACE,
-            )
+            web_server = make_web_server(app, sessions)
             listener.listen()  # from here on, early clients wait
             say(_about(options, service, listener.getsockname()[1]))
-            uvicorn.Server(config).run(sockets=[listener])
+            web_server.run(sockets=[listener])
         except KeyboardInterrupt:
             pass
         finally:
@@ -205,6 +190,32 @@ def serve(options: ServeOptions, say: Callable[[str], object]) -> None:
                 signal.signal(number, signal.SIG_IGN)  # nothing must interrupt the shutdown
             service.close()
     say("the server has ended")
+
+
+def make_web_server(app: Any, sessions: int) -> Any:
+    """Return uvicorn's server of an application, with the limits of connections and requests.
+
+    Args:
+        app: The application of `make_app`.
+        sessions: How many clients may be connected at a time.
+    """
+    import uvicorn
+
+    from .limits import SPARE_CONNECTIONS, bounded_protocol
+
+    config = uvicorn.Config(
+        app,
+        http=bounded_protocol(sessions + SPARE_CONNECTIONS),
+        log_level="warning",
+        access_log=False,
+        ws_max_size=MESSAGE,
+        ws_ping_interval=PING,
+        ws_ping_timeout=PONG,
+        # Compressing a PNG again does not make it smaller, and takes longer than sending it.
+        ws_per_message_deflate=False,
+        timeout_graceful_shutdown=GRACE,
+    )
+    return uvicorn.Server(config)
 
 
 def read_token(file: Path | None) -> str | None:

@@ -83,14 +83,12 @@ def until(condition, seconds=10.0):
 @contextlib.contextmanager
 def server(desktops=None, count=1, *, token=None, sessions=4, **options):
     """A server in a thread; yields its address and its service."""
-    import uvicorn
-
     from online_env.serving.app import make_app
+    from online_env.serving.running import make_web_server
 
     with service_on(desktops or Desktops(), count, **options) as service:
         app = make_app(service, sessions=sessions, token=token)
-        config = uvicorn.Config(app, log_level="warning", ws_per_message_deflate=False)
-        running = uvicorn.Server(config)
+        running = make_web_server(app, sessions)
         with socket.create_server(("127.0.0.1", 0)) as listener:
             thread = threading.Thread(target=running.run, kwargs={"sockets": [listener]})
             thread.start()
