@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterable
 
 MANAGER = "window-manager"
+SETTINGS = "settings-daemon"
 PAUSE = 0.01
 
 
@@ -18,7 +19,7 @@ def report(descriptor: int, wanted: Iterable[str]) -> None:
 
     Args:
         descriptor: where to write.
-        wanted: WM_CLASS names in lower case, or `MANAGER`.
+        wanted: WM_CLASS names in lower case, `MANAGER` or `SETTINGS`.
     """
     from .guest.inside.ewmh import Screen
 
@@ -28,6 +29,8 @@ def report(descriptor: int, wanted: Iterable[str]) -> None:
         found = _mapped_names(screen)
         if screen.has_manager():
             found.add(MANAGER)
+        if SETTINGS in left and screen.has_settings():
+            found.add(SETTINGS)
         for name in found & left:
             os.write(descriptor, f"{name}\n".encode())
         left -= found

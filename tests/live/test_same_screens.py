@@ -26,6 +26,17 @@ def test_the_clock_of_the_panel_stands_still(up: Any) -> None:
     assert np.array_equal(stage.desktop.screenshot(), first)
 
 
+def test_clean_screens_are_equal(up: Any) -> None:
+    """Fonts included, whose hinting depends on which program starts first."""
+    desktop = up()
+    screens = []
+    for _ in range(4):
+        desktop.reset()
+        time.sleep(3)  # see above
+        screens.append(desktop.screenshot())
+    assert all(np.array_equal(screen, screens[0]) for screen in screens)
+
+
 def test_the_first_start_of_the_picture_viewer_shows_no_dialog(up: Any) -> None:
     stage = SmallTasks(up())
     stage.reset("use_photoshop", 0)

@@ -185,16 +185,20 @@ class Init:
     def _start_session(self) -> None:
         apps = {name: session.APPS[name] for name in self.order.apps}
         serving = self._start_guest()
-        for name, program in session.SHELL.items():
+        for name, program in session.SERVICES.items():
             self.start(name, program.argv)
         programs = [*session.SHELL.values(), *apps.values()]
-        wanted = [program.window for program in programs if program.window]
-        named = [windows.MANAGER, *wanted]
+        wanted = [program.window for program in programs]
+        named = [windows.MANAGER, windows.SETTINGS, *wanted]
         reader, writer = os.pipe()
         log = self.logs.writer("windows")
         self._ask_nest(lambda: self.nest.show_windows(named, self.environment, (writer, log)))
         os.close(writer)
-        seen = self._await(reader, {windows.MANAGER}, set())
+        # A program that starts before the fonts are published may keep drawing with others.
+        seen = self._await(reader, {windows.SETTINGS}, set())
+        for name, program in session.SHELL.items():
+            self.start(name, program.argv)
+        seen = self._await(reader, {windows.MANAGER}, seen)
         for name, program in apps.items():
             self.start(name, program.argv, again=False)
         self._await(reader, set(wanted), seen)

@@ -28,10 +28,13 @@ class Program:
     window: str = ""
 
 
-# Started together as soon as the display and the bus answer; started again when one of them ends.
-SHELL: dict[str, Program] = {
+# Started as soon as the display and the bus answer; started again when one of them ends.
+SERVICES: dict[str, Program] = {
     "xfsettingsd": Program(("xfsettingsd", "--no-daemon", "--disable-wm-check")),
     "xfwm4": Program(("xfwm4", "--compositor=off", "--sm-client-disable")),
+}
+# Started when the settings of fonts and themes are published; started again like the services.
+SHELL: dict[str, Program] = {
     "xfdesktop": Program(("xfdesktop", "--sm-client-disable"), "xfdesktop"),
     "xfce4-panel": Program(("xfce4-panel", "--sm-client-disable"), "xfce4-panel"),
 }

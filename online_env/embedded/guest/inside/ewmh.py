@@ -138,6 +138,11 @@ class Screen:
         """Whether a window manager runs."""
         return bool(self.numbers(self.root, "_NET_SUPPORTING_WM_CHECK"))
 
+    def has_settings(self) -> bool:
+        """Whether a daemon publishes fonts, themes and hinting for the first screen."""
+        atom = self.display.get_atom("_XSETTINGS_S0")
+        return bool(self.display.get_selection_owner(atom))
+
     def active(self) -> int:
         """The id of the window that has the focus; 0 if none has."""
         return self.number(self.root, "_NET_ACTIVE_WINDOW")
