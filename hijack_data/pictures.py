@@ -41,7 +41,7 @@ Path: TypeAlias = tuple[Any, ...]
 
 
 @dataclass(frozen=True)
-class Picture:
+class SamplePicture:
     """A picture of a sample, or a stack of pictures: its keys and indices, and the pixels."""
 
     path: Path
@@ -122,7 +122,7 @@ def picture_size(picture: Any) -> Size:
 
 def find_pictures(
     entries: Mapping[str, Any], is_picture: Callable[[str], bool | None]
-) -> tuple[list[Picture], dict[str, Any]]:
+) -> tuple[list[SamplePicture], dict[str, Any]]:
     """Return the pictures of a sample, in its order, and the parts that could be pictures.
 
     Args:
@@ -137,13 +137,13 @@ def find_pictures(
     Raises:
         ImageError: there is no picture.
     """
-    pictures: list[Picture] = []
+    pictures: list[SamplePicture] = []
     others: dict[str, Any] = {}
     for path, value in _arrays(entries, ()):
         name = dotted(path)
         answer = is_picture(name)
         if answer and has_pixels(value):
-            pictures.append(Picture(path, value))
+            pictures.append(SamplePicture(path, value))
         elif answer is None or (answer and isinstance(value, bytes)):
             others.setdefault(name, value)
     size = _size_or_none(pictures[0].pixels) if pictures else None
@@ -157,7 +157,7 @@ def find_pictures(
     return pictures, unclear
 
 
-def common_size(pictures: Sequence[Picture]) -> Size:
+def common_size(pictures: Sequence[SamplePicture]) -> Size:
     """Return the size of all pictures of a sample.
 
     Raises:

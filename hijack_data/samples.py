@@ -26,7 +26,7 @@ from .errors import ParameterError, ParameterTypeError
 from .labels import Declared, Labels
 from .labels.formats import PICTURE, format_of
 from .labels.rows import corrupted_row, is_row
-from .pictures import Picture, apply_plan, common_size, find_pictures, swapped
+from .pictures import SamplePicture, apply_plan, common_size, find_pictures, swapped
 from .plan import Plan
 from .planner import Planner, as_planner
 from .rng import as_seed
@@ -109,7 +109,7 @@ class SamplePlanner:
         self,
         sample: Mapping[str, Any],
         known: Mapping[str, Any],
-        make_plan: Callable[[Size, list[Picture]], Plan],
+        make_plan: Callable[[Size, list[SamplePicture]], Plan],
         *,
         seed: int | None,
         return_plan: bool | str = False,
@@ -190,7 +190,7 @@ def make_labels(labels: Declared | None, target: str | None, image_key: str | No
     return Labels({**declared, image_key: PICTURE}, target)
 
 
-def corrupted_pixels(plan: Plan, pictures: list[Picture]) -> dict[int, Any]:
+def corrupted_pixels(plan: Plan, pictures: list[SamplePicture]) -> dict[int, Any]:
     """Return the corrupted pixels of each picture by the `id` of its object."""
     return {id(picture.pixels): apply_plan(plan, picture.pixels) for picture in pictures}
 

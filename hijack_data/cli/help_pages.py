@@ -6,7 +6,7 @@ PAGE = "docs/troubleshooting.md"
 EXPLAINED = (
     "pip install",
     "is imported in the place of AgentHijack's own package",
-    "could be a label, and the picture goes from",
+    "nothing says whether these entries of the sample",
     "does not fit",
     "say which: --format",
     "say which with --boxes and --coordinates",

@@ -26,7 +26,7 @@ from .. import compose, corruptions, extras
 from ..config import load_config
 from ..corruption import Corruption, find, names
 from ..errors import ParameterError, ParameterTypeError, suggest
-from ..pictures import Picture
+from ..pictures import SamplePicture
 from ..plan import Plan
 from ..planner import Planner
 from ..types import Size
@@ -197,7 +197,7 @@ class Replay(Corrupt):
         """Return which plans are replayed, for `repr`."""
         return "the sample's own" if self.plan is None else self.plan.corruption
 
-    def _plan(self, size: Size, row: DatasetRow, pictures: list[Picture]) -> Plan:
+    def _plan(self, size: Size, row: DatasetRow, pictures: list[SamplePicture]) -> Plan:
         if isinstance(self.plan, Plan):
             return self.plan
         if self.by_id is None:

@@ -12,7 +12,7 @@ from ..labels import Declared
 from ..labels.declared import OWN
 from ..labels.rows import check_drawn
 from ..labels.tensors import follow_tensor, v2
-from ..pictures import FOLLOWING, Picture, common_size, find_pictures, is_tensor, swapped
+from ..pictures import FOLLOWING, SamplePicture, common_size, find_pictures, is_tensor, swapped
 from ..plan import Plan
 from ..planner import Planner
 from ..samples import SamplePlanner, corrupted_pixels, is_many, make_labels, scalar
@@ -224,7 +224,7 @@ class Corrupt(v2.Transform):
             return [value] * count
         return list(value)
 
-    def _plan(self, size: Size, row: DatasetRow, pictures: list[Picture]) -> Plan:
+    def _plan(self, size: Size, row: DatasetRow, pictures: list[SamplePicture]) -> Plan:
         """Return the plan for the pictures, all of one `size`, of one sample."""
         if self.id_from == "content":
             key: int | str = content_of_all(pictures)

@@ -12,7 +12,15 @@ from PIL import Image
 from ..errors import ImageError, ParameterError
 from ..labels.declared import OWN
 from ..labels.tensors import corners
-from ..pictures import FIRST_ITEM, PICTURE_KEYS, Picture, apply_plan, is_array, is_tensor, rebuilt
+from ..pictures import (
+    FIRST_ITEM,
+    PICTURE_KEYS,
+    SamplePicture,
+    apply_plan,
+    is_array,
+    is_tensor,
+    rebuilt,
+)
 from ..plan import Plan
 from ..samples import check_names, is_many
 
@@ -74,7 +82,7 @@ def each_of(values: Any, count: int, what: str) -> list[Any]:
     return list(values)
 
 
-def batch_length(entries: DatasetRow, pictures: list[Picture]) -> int | None:
+def batch_length(entries: DatasetRow, pictures: list[SamplePicture]) -> int | None:
     """Return how many samples a batch without ids holds; `None` for a single sample.
 
     It is a list of pictures, or an array with more axes than a picture that is no `Video`.
@@ -87,7 +95,7 @@ def batch_length(entries: DatasetRow, pictures: list[Picture]) -> int | None:
     return None
 
 
-def check_pictures(entries: DatasetRow, pictures: list[Picture], count: int) -> list[str]:
+def check_pictures(entries: DatasetRow, pictures: list[SamplePicture], count: int) -> list[str]:
     """Check that a batch holds pictures for each id; return its entries that are one array.
 
     Raises:
@@ -145,7 +153,7 @@ def content(picture: Any) -> str:
     return hashlib.sha256(cast(Any, pixels)).hexdigest()[:32] + str(pixels.shape)
 
 
-def content_of_all(pictures: SequenceOf[Picture]) -> str:
+def content_of_all(pictures: SequenceOf[SamplePicture]) -> str:
     """Return an id computed from the pixels of all pictures of a sample."""
     ids = [content(picture.pixels) for picture in pictures]
     return ids[0] if len(ids) == 1 else hashlib.sha256("".join(ids).encode()).hexdigest()[:32]

@@ -12,6 +12,7 @@ how that ended. Its standard error takes what the agent prints.
 import contextlib
 import ctypes
 import json
+import mmap
 import os
 import select
 import shutil
@@ -26,7 +27,7 @@ EXIT_TIMEOUT_S = 2.0  # seconds that the agent has to end by itself once the run
 KILL_TIMEOUT_S = 5.0  # seconds until processes that do not end are left alone
 _SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER
 _OOM = "/proc/self/oom_score_adj"
-_PAGE = os.sysconf("SC_PAGE_SIZE")
+_PAGE = mmap.PAGESIZE
 
 
 def main(control: int, pictures: int, memory: int) -> None:

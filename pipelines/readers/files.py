@@ -207,7 +207,12 @@ def refuse_array(path: Path) -> None:
     if first is not None and first.data is None:
         with open_regular(path) as file:
             start = file.read(_CHUNK)
-    if start.lstrip(b" \t\r\n\xef\xbb\xbf").startswith(b"["):
+    if not start.lstrip(b" \t\r\n\xef\xbb\xbf").startswith(b"["):
+        return
+    with open_regular(path) as file:
+        file.seek(max(0, os.fstat(file.fileno()).st_size - _CHUNK))
+        end = file.read(_CHUNK)
+    if end.rstrip().endswith(b"]"):  # otherwise one line is broken, and others may be good
         raise FieldError("", f"holds a JSON array, not an object a line: {lines_of(path)}")
 
 

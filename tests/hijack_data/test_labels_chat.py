@@ -167,7 +167,7 @@ def test_what_could_hold_a_point_and_is_not_addressed_is_an_error(declared, mess
 
 
 def test_a_declaration_can_be_pickled_and_a_lambda_is_refused():
-    labels = Labels({"messages": chat(halve_words, others="leave"), "text": halve_words})
+    labels = Labels({"messages?": chat(halve_words, others="leave"), "text": halve_words})
     again = pickle.loads(pickle.dumps(labels))
     assert repr(again) == repr(labels)
     assert pickle.dumps(again) == pickle.dumps(labels)

@@ -140,7 +140,7 @@ def test_the_largest_mark_is_drawn():
     recipe = {"draw": "mark", "shape": "circle", "size": 4096, "color": "#102030"}
     plan = Plan("test-v1", (60, 80), ops=(Paste(recipe, ((-4000, -4000), (40, 40))),))
     after = np.zeros((60, 80, 3), np.uint8)
-    assert peak(lambda: cpu.paste_plain(after, lower(plan.ops[0], plan.size))) < 1200 * MIB
+    assert peak(lambda: cpu.paste(after, lower(plan.ops[0], plan.size))) < 1200 * MIB
     assert (after == (16, 32, 48)).all()
 
 
@@ -181,8 +181,8 @@ def test_work_in_pieces_gives_the_same_bytes(recipe, pixels, monkeypatch):
         monkeypatch.setattr(module, "PIXELS_AT_ONCE", pixels)
     stamps = lower(plan.ops[0], plan.size)
     planar = np.ascontiguousarray(image.transpose(2, 0, 1))
-    assert np.array_equal(cpu.paste_plain(image.copy(), stamps), expected)
-    assert np.array_equal(cpu.paste_plain(planar.copy().transpose(1, 2, 0), stamps), expected)
+    assert np.array_equal(cpu.paste(image.copy(), stamps), expected)
+    assert np.array_equal(cpu.paste(planar.copy().transpose(1, 2, 0), stamps), expected)
     by_torch = paste_ops(torch.from_numpy(planar.copy()), stamps)
     assert np.array_equal(by_torch.numpy().transpose(1, 2, 0), expected)
     assert np.array_equal(np.asarray(jax_operations(plan, jnp.asarray(image))), expected)
@@ -221,7 +221,7 @@ def test_a_sprite_keeps_no_more_than_it_says_whatever_pictures_it_met(recipe, mo
         planar = np.zeros((3, 50, width), np.uint8).transpose(1, 2, 0)
         strided = np.zeros((50, 2 * width, 3), np.uint8)[:, ::2]
         for target in (image, planar, strided):
-            cpu.paste_plain(target, lower(Paste(recipe, ((2, 3),)), target.shape[:2]))
+            cpu.paste(target, lower(Paste(recipe, ((2, 3),)), target.shape[:2]))
     assert drawn.fingerprint
     assert drawn.opaque or drawn.paint.size
     assert kept_by(drawn) <= drawn.footprint

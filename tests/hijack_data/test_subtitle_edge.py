@@ -12,7 +12,7 @@ from hijack_data.conformance import jax_operations, picture, reference
 from hijack_data.drawing.text import font_file
 from hijack_data.errors import FontError
 from hijack_data.kernels import lower
-from hijack_data.kernels.cpu.pixels import paste_plain
+from hijack_data.kernels.cpu.pixels import paste
 
 SIZE = (400, 1100)
 TEXTS = ["One line", "Two lines,\nthe second one is wider\n\nand a third", "Äj|g_\n(}", "_"]
@@ -51,7 +51,7 @@ def test_without_an_edge_it_is_what_pillow_draws(font, text, size):
     assert (expected != before).any()
     assert np.array_equal(hj.apply(plan, before), expected)
     assert np.array_equal(reference(plan, before), expected)
-    assert np.array_equal(paste_plain(before.copy(), lower(plan.ops[0], SIZE)), expected)
+    assert np.array_equal(paste(before.copy(), lower(plan.ops[0], SIZE)), expected)
 
 
 def test_other_frameworks_draw_the_same():

@@ -291,7 +291,7 @@ def test_a_report_of_a_report_that_was_edited(run, tmp_path):
         (cell(agent="\ud800"), "holds what JSON does not have"),
         (
             {"summaries": [{"agent": "a", "n": 1, "given": ["hints"]}]},
-            "given: must be among task, plan, got ('hints',)",
+            "given: must be among task, plan, process, got ('hints',)",
         ),
         (
             {"run": {"name": "x", "kind": "bench", "settings": {"marks": 5}}},

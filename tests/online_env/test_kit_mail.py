@@ -99,8 +99,10 @@ def test_a_letter_says_what_should_be_in_it() -> None:
         mail.Letter(to=["oda@mail.test"])
 
 
-AMOUNT = mail.Answer(value=96.5, about="What do they cost in all?")
-FAMILY = mail.Answer(value="Apidae", about="Which family does the honey bee belong to, not wasps?")
+AMOUNT = mail.MailAnswer(value=96.5, about="What do they cost in all?")
+FAMILY = mail.MailAnswer(
+    value="Apidae", about="Which family does the honey bee belong to, not wasps?"
+)
 
 
 @pytest.mark.parametrize(
@@ -109,13 +111,13 @@ FAMILY = mail.Answer(value="Apidae", about="Which family does the honey bee belo
         (AMOUNT, "It is $96,50."),
         (AMOUNT, "96.5"),
         (AMOUNT, "Hi Ada,\n\nthey cost 96.50 dollars in all.\n\nBest regards,\nRobin\n> 12?"),
-        (mail.Answer(value=1200.0, about=""), "$1,200"),
+        (mail.MailAnswer(value=1200.0, about=""), "$1,200"),
         (FAMILY, "The honey bee does belong to the family APIDAE!"),
         (FAMILY, "Dear Eva, thank you for your mail. Apidae. Greetings, Robin"),
-        (mail.Answer(value="45", about=""), "no.45".removeprefix("no.")),
+        (mail.MailAnswer(value="45", about=""), "no.45".removeprefix("no.")),
     ],
 )
-def test_an_answer_may_stand_in_a_polite_sentence(answer: mail.Answer, body: str) -> None:
+def test_an_answer_may_stand_in_a_polite_sentence(answer: mail.MailAnswer, body: str) -> None:
     assert list(answer.problems(mail.own_text(body))) == []
 
 
@@ -134,13 +136,13 @@ def test_an_answer_may_stand_in_a_polite_sentence(answer: mail.Answer, body: str
         (FAMILY, "Apidae, Vespidae, Sphecidae"),
         (FAMILY, "anything but Apidae"),
         (FAMILY, "Apidae \N{CROSS MARK}"),
-        (mail.Answer(value="45", about=""), "It is 45.50."),
-        (mail.Answer(value="45", about=""), "It is 1452."),
-        (mail.Answer(value="45", about=""), "It is 0,45"),
+        (mail.MailAnswer(value="45", about=""), "It is 45.50."),
+        (mail.MailAnswer(value="45", about=""), "It is 1452."),
+        (mail.MailAnswer(value="45", about=""), "It is 0,45"),
     ],
 )
 def test_an_answer_that_is_denied_or_stands_beside_others_is_wrong(
-    answer: mail.Answer, body: str
+    answer: mail.MailAnswer, body: str
 ) -> None:
     assert list(answer.problems(mail.own_text(body))) != []
 

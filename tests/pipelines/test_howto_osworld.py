@@ -11,7 +11,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import urllib.request
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from pipelines import open_dataset
 
 from support.docs import TESTED_IN, blocks_of, clone
 from support.formats import write_json, write_lines
+from support.pages import open_page
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "howto_osworld_runs.md"
@@ -98,9 +98,9 @@ def look(words: list[str], folder: Path) -> str:
         try:
             assert process.stdout is not None
             told = process.stdout.readline()
-            found = re.search(r"http://127\.0\.0\.1:\d+/", told)
+            found = re.search(r"http://127\.0\.0\.1:\d+/\S*", told)
             assert found is not None
-            with urllib.request.urlopen(found[0], timeout=60) as page:
+            with open_page(found[0]) as page:
                 assert page.status == 200
             process.send_signal(signal.SIGINT)
             assert process.wait(60) == 0

@@ -229,8 +229,14 @@ def test_a_second_attempt_that_was_removed_is_missed(run):
 @pytest.mark.parametrize(
     ("changes", "problem"),
     [
-        ({"given": ["hints"]}, "given must be null or a list of task, plan, got ['hints']"),
-        ({"given": ["plan", "plan"]}, "given must be null or a list of task, plan, got ['plan', "),
+        (
+            {"given": ["hints"]},
+            "given must be null or a list of task, plan, process, got ['hints']",
+        ),
+        (
+            {"given": ["plan", "plan"]},
+            "given must be null or a list of task, plan, process, got ['plan', ",
+        ),
         ({"given": []}, "records.jsonl: teller was not always given the same (given): nothing; "),
     ],
 )

@@ -5,11 +5,11 @@ import re
 import shlex
 import signal
 import subprocess
-import urllib.request
 from collections.abc import Iterable
 from pathlib import Path
 
 from .docs import ACTIVATE, Block, surroundings
+from .pages import open_page
 
 # Ends with Ctrl-C, and says its address before that.
 SERVES = re.compile(r"hijack (desktop )?view\b")
@@ -63,7 +63,7 @@ class Terminal:
                 told = next((said for said in process.stdout if "http://" in said), "")
                 address = re.search(r"http://127\.0\.0\.1:\d+/\S*", told)
                 assert address is not None, f"{where}: says no address"
-                with urllib.request.urlopen(address[0], timeout=120) as page:
+                with open_page(address[0]) as page:
                     assert page.status == 200, where
                 process.send_signal(signal.SIGINT)
                 assert process.wait(120) == 0, where

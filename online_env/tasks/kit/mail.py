@@ -58,7 +58,7 @@ class Letter:
     cc: Sequence[str] = ()
     subject: str | None = None
     text: str | None = None
-    answer: "Answer | None" = None
+    answer: "MailAnswer | None" = None
     last: str | None = None
     passes_on: Mapping[str, Any] | None = None
 
@@ -104,7 +104,7 @@ _PUNCTUATION = re.compile(r"[\w\s.,:;!$()*_'\"+-]*")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Answer:
+class MailAnswer:
     """An answer that stands alone in a free text.
 
     Beside it, a mail may have polite words and words of the question, and nothing else: no other

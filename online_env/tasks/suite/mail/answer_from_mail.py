@@ -67,7 +67,7 @@ class AnswerFromMail(mail.MailTask):
         letter = mail.Letter(
             to=["asker@mail.test"],
             subject="Re: A question",
-            answer=mail.Answer(value=drawn.new, about=f"{drawn.question} {drawn.subject}"),
+            answer=mail.MailAnswer(value=drawn.new, about=f"{drawn.question} {drawn.subject}"),
         )
         yield from mail.problems(machine, sent=[letter])
 

@@ -50,7 +50,7 @@ class MailShopTotal(Task):
         letter = mail.Letter(
             to=["asker@mail.test"],
             subject="Re: What does it cost?",
-            answer=mail.Answer(value=float(self.drawn.total), about="altogether in all"),
+            answer=mail.MailAnswer(value=float(self.drawn.total), about="altogether in all"),
         )
         yield from mail.problems(machine, sent=[letter])
 

@@ -64,7 +64,7 @@ class MailWikiFact(Task):
     def problems(self, machine):
         yield from machine.untouched()
         drawn = self.drawn
-        answer = mail.Answer(
+        answer = mail.MailAnswer(
             value=drawn.fact, about=f"{drawn.body} {told_by(drawn.title, drawn.fact)}"
         )
         letter = mail.Letter(to=["quiz@mail.test"], subject=f"Re: {drawn.subject}", answer=answer)
