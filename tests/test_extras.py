@@ -38,7 +38,7 @@ COMMANDS_WITHOUT_ONLINE = {
     f"build {RECORDINGS} --out {{out}}/d --corruptions marks --limit 1": WORKS,
     f"inspect {RECORDINGS} --corruptions marks": WORKS,
     "verify {out}/d": WORKS,
-    "verify {run}": WORKS,
+    "verify {data}": WORKS,
     "sign --help": WORKS,
     "stats {out}/d": WORKS,
     "export {out}/d --to chat --out {out}/chat": WORKS,

@@ -6,7 +6,8 @@ PAGE = "docs/troubleshooting.md"
 EXPLAINED = (
     "pip install",
     "is imported in the place of AgentHijack's own package",
-    "nothing says whether these entries of the sample",
+    "and nothing says whether these entries of the sample must follow",
+    "nothing says whether these entries of the sample are pictures",
     "does not fit",
     "say which: --format",
     "say which with --boxes and --coordinates",

@@ -31,6 +31,14 @@ def first(flag):
     return True
 
 
+def ancestor(generations):
+    """The process that started this one, or the one that started that, and so on."""
+    pid = os.getpid()
+    for _ in range(generations):
+        pid = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+    return pid
+
+
 class Clicker:
     """Clicks the square, once all orders are carried out."""
 
@@ -46,12 +54,15 @@ class Clicker:
         return f"It is at {x}, {y}.", [f"pyautogui.click({x}, {y})"]
 
     def obey(self, folder):
-        parent = os.getppid()  # on a node its raylet
+        parent = ancestor(
+            3
+        )  # above the supervisor and the process that plays: on a node its raylet
         blocked = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
         with (folder / SEEN).open("a") as seen:
             seen.write(f"{parent} {blocked}\n")
         if (folder / "kill_me").exists() and first(folder / "killed_me"):
-            os.kill(os.getpid(), signal.SIGKILL)
+            os.kill(ancestor(2), signal.SIGKILL)  # the process that plays
+            time.sleep(60)  # this one ends with it
         order = folder / "kill_node"
         if order.exists():
             if parent == int(order.read_text()) and first(folder / "killed_node"):

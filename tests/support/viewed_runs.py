@@ -86,7 +86,12 @@ class Room(FakeStage):
 
 
 class Speaker:
-    """Says and does the same again and again, and counts tokens that nobody used."""
+    """Says and does the same again and again, and counts tokens that nobody used.
+
+    For the records it is an agent of the library: a user's would note that it ran in-process.
+    """
+
+    __module__ = "online_env.agents.scripted"
 
     def __init__(self, name: str) -> None:
         self.name = name
