@@ -89,7 +89,9 @@ def forgotten_names() -> Iterator[None]:
     yield
     for one in registry.registries():
         for name in set(one.entries) - before.get(one.group, set()):
-            if not registry.is_ours(one.entries[name]):
+            # What stands for an agent of a user is an object of a class of ours.
+            entry = one.entries[name]
+            if not registry.is_ours(entry) or type(entry).__name__ == "AgentReference":
                 del one.entries[name]
 
 

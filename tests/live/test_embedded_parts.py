@@ -21,6 +21,7 @@ from online_env.embedded import doctor, home, packages, pictures, pool, registry
 from online_env.embedded.guest import commands, recorder, routes_files
 from online_env.embedded.image import sources
 from online_env.embedded.runtime import account, files, identity, internet, network, session
+from online_env.embedded.runtime.logs import BoundedLogs
 from online_env.embedded.runtime.plain import DesktopConfig, SetupError
 from online_env.errors import GuestError
 
@@ -62,7 +63,8 @@ def test_a_desktop_whose_internet_ends_again_and_again_is_given_up(tmp_path, mon
     order = DesktopConfig(
         name="d1", screen=(640, 480), layer="", search_path=(), python=str(python)
     )
-    sites = internet.Internet(order, "d1")
+    logs = BoundedLogs(os.open(tmp_path / "d1/logs", os.O_RDONLY))
+    sites = internet.Internet(order, "d1", logs)
     for _ in range(internet.RESTARTS):
         sites._process.wait()
         sites.look_after()
