@@ -55,7 +55,7 @@ def test_a_name_is_safe_or_refused(name):
 
 def test_a_desktop_whose_internet_ends_again_and_again_is_given_up(tmp_path, monkeypatch):
     monkeypatch.setattr(registry, "RUN", tmp_path)
-    monkeypatch.setattr(internet.Internet, "_enter", lambda self: None)
+    monkeypatch.setattr(internet.Internet, "_enter", lambda *_: None)
     (tmp_path / "d1/logs").mkdir(parents=True)
     python = tmp_path / "python"
     python.write_text("#!/bin/sh\necho no module of ours >&2\n")
