@@ -67,10 +67,10 @@ def test_a_desktop_whose_internet_ends_again_and_again_is_given_up(tmp_path, mon
     sites = internet.Internet(order, "d1", logs)
     for _ in range(internet.RESTARTS):
         sites._process.wait()
-        sites.look_after(True)
+        sites.look_after(False)
     sites._process.wait()
     with pytest.raises(SetupError, match=r"internet ended 6 times; .*\s*no module of ours"):
-        sites.look_after(True)
+        sites.look_after(False)
     sites.close()
 
 
