@@ -67,8 +67,10 @@ def test_a_desktop_whose_internet_ends_again_and_again_is_given_up(tmp_path, mon
     sites = internet.Internet(order, "d1", logs)
     for _ in range(internet.RESTARTS):
         sites._process.wait()
+        sites.serves = True  # as it was before it ended
         sites.look_after(False)
     sites._process.wait()
+    sites.serves = True
     with pytest.raises(SetupError, match=r"internet ended 6 times; .*\s*no module of ours"):
         sites.look_after(False)
     sites.close()
