@@ -14,10 +14,10 @@ from hijack_data.errors import ActionError
 from hijack_data.types import Action, Box, Size, Step, Trajectory
 
 from . import fields
-from .base import FileReader, Rejected, files_below, register
+from .base import DocumentReader, Rejected, register
 from .dialects import ANTHROPIC, OPENAI, PYAUTOGUI, RecordedStep, code_of, first_action
 from .fields import FieldError, JsonObject
-from .files import Source, inside, parse_file, relative_name, root_of, size_of
+from .files import inside, parse_file, relative_name, size_of
 from .heads import FileHead
 
 PREFIX = "ATIF-v1."
@@ -50,7 +50,7 @@ _STALE = "no screenshot was taken between this action and the one before"
 
 
 @register
-class Atif(FileReader):
+class Atif(DocumentReader):
     """Reads ATIF 1.x, whose pictures (since 1.6) are files beside the document.
 
     A source is such a `.json` file (`trajectory.json` in Harbor's folders), or a folder with any
@@ -70,7 +70,6 @@ class Atif(FileReader):
     """
 
     name = "atif"
-    suffixes = (".json",)
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether the document states a version of ATIF."""
@@ -80,14 +79,9 @@ class Atif(FileReader):
         """Return whether a file is the report of our own export."""
         return file.name == REPORT
 
-    def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
-        """Yield trajectories in the order of the files."""
-        root = root_of(path)
-        for file in files_below(path):
-            if isinstance(file, Rejected):
-                yield file
-            elif file.suffix in self.suffixes and not self.beside(file):
-                yield from _Document(file, root).read()
+    def document(self, file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
+        """Yield the trajectory of one document, and everything rejected of it."""
+        yield from _Document(file, root).read()
 
 
 @dataclass

@@ -1,6 +1,7 @@
 """What a reader is, and how the reader of a source is found."""
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -99,6 +100,29 @@ class FileReader:
             for file in files_below(path)
             if isinstance(file, Path)
         )
+
+
+class DocumentReader(FileReader, ABC):
+    """Base of readers of JSON documents, each of which is read by itself."""
+
+    suffixes = (".json",)
+
+    def beside(self, file: Path) -> bool:
+        """Return whether a file only goes with the documents."""
+        return False
+
+    def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
+        """Yield trajectories in the order of the files."""
+        root = root_of(path)
+        for file in files_below(path):
+            if isinstance(file, Rejected):
+                yield file
+            elif file.suffix in self.suffixes and not self.beside(file):
+                yield from self.document(file, root)
+
+    @abstractmethod
+    def document(self, file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
+        """Yield the trajectories of one document below the folder `root`."""
 
 
 R = TypeVar("R", bound=Reader)

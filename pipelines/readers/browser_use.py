@@ -12,10 +12,10 @@ from hijack_data.errors import ActionError, HijackError
 from hijack_data.types import Action, Size, Step, Trajectory
 
 from . import fields
-from .base import FileReader, Rejected, files_below, register
+from .base import DocumentReader, Rejected, register
 from .dialects import PYAUTOGUI, RecordedStep, code_of
 from .fields import FieldError, JsonObject
-from .files import Source, inside, parse_file, relative_name, root_of, size_of
+from .files import inside, parse_file, relative_name, size_of
 from .heads import FileHead
 from .pictures import decoded, in_json
 
@@ -26,7 +26,7 @@ _TYPED = ("input", "input_text")
 
 
 @register
-class BrowserUse(FileReader):
+class BrowserUse(DocumentReader):
     """Reads histories of browser-use.
 
     A source is such a JSON file (`history`, a list of `model_output`, `result`, `state`), or a
@@ -43,7 +43,6 @@ class BrowserUse(FileReader):
     """
 
     name = "browser_use"
-    suffixes = (".json",)
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether a file is a history with model outputs and states."""
@@ -54,14 +53,9 @@ class BrowserUse(FileReader):
         """Return whether a file states the task."""
         return file.name == TASK
 
-    def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
-        """Yield trajectories in the order of the files."""
-        root = root_of(path)
-        for file in files_below(path):
-            if isinstance(file, Rejected):
-                yield file
-            elif file.suffix in self.suffixes and not self.beside(file):
-                yield from _history(file, root)
+    def document(self, file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
+        """Yield the trajectory of one document, and everything rejected of it."""
+        yield from _history(file, root)
 
 
 def _history(file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
