@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from support import parts
+
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("hijack_data", "pipelines", "online_env")
 # Names of the same thing for another framework: `hj.Marks` makes plans, `transforms.Marks` is that
@@ -111,3 +113,11 @@ def test_one_meaning_a_name():
         if len(found) > 1 and not name.startswith("_") and name not in SAME_IN_FRAMEWORKS
     }
     assert shared == {}
+
+
+def test_every_entry_of_the_parts_of_the_suite_exists() -> None:
+    for entry in parts.TAIL | parts.WHOLE:
+        file, _, function = entry.partition("::")
+        path = ROOT / "tests" / file
+        assert path.is_file(), entry
+        assert not function or f"def {function}(" in path.read_text(), entry

@@ -1,8 +1,9 @@
 """The parts of the test suite: the core, which `make test` runs, and three thirds of the rest.
 
-The core has every test function of the files that are not in `TAIL`, but of a function with many
-cases only `CASES`, drawn by a seed that the summary prints. All other cases are the tail. CI runs
-the core and one third of the tail, which the commit chooses, so three landings run everything.
+The core has every test function that is not in `TAIL`, but of a function with many cases only
+`CASES`, drawn by a seed that the summary prints; functions in `WHOLE` keep all. All other cases are
+the tail. CI runs the core and one third of the tail, which the commit chooses, so three landings
+run everything.
 """
 
 import random
@@ -16,14 +17,128 @@ import pytest
 
 PARTS = ("all", "core", "tail-1", "tail-2", "tail-3")
 THIRDS = 3
-CASES = 3  # of each test function, in the core
+CASES = 2  # of each test function, in the core
 
-# Files whose promise a quicker file of the core shows, too, for fewer inputs or on one path.
+# Test functions of which the core has every case.
+WHOLE = frozenset(
+    {
+        # all nine corruptions on a real desktop, each proved and undone
+        "live/test_env_live.py::test_what_an_agent_saw_is_made_again_offline",
+        "live/test_env_live.py::test_each_effect_is_proved_tells_nothing_and_is_undone",
+        # a task of each domain
+        "live/test_tasks_live.py::test_the_oracle_does_what_nobody_did_before",
+    }
+)
+
+# Files and test functions (`file::function`) that only the tail has. Another test of the core shows
+# the same promise for fewer inputs or on one path. Each takes 5 s or more, or loads a framework
+# that no other test of the core loads.
 TAIL = frozenset(
     {
         "conformance/test_bad_plugins.py",
         "conformance/test_mutants.py",
         "conformance/test_optimised.py",
+        "hijack_data/test_cli.py::test_one_pixel_and_a_hundred_million",
+        "hijack_data/test_elements_ocr.py",
+        "hijack_data/test_gallery_browser.py",
+        "hijack_data/test_jax_plans.py::test_a_thousand_random_batches_compile_a_few_programs",
+        "hijack_data/test_jax_plans.py::test_any_sequence_gives_the_bytes_of_apply",
+        "hijack_data/test_loading.py::test_a_path_may_be_relative",
+        "hijack_data/test_loading.py::test_every_command_knows_it",
+        "hijack_data/test_new.py",
+        "hijack_data/test_transforms_workers.py::test_spawned_workers",
+        "live/test_bench_live.py::test_a_gate_that_fails_is_an_exit_code_and_a_failure",
+        "live/test_bench_live.py::test_ctrl_c_keeps_what_is_done_and_leaves_no_desktop",
+        "live/test_bench_live.py::test_it_is_whole_and_signed",
+        "live/test_bench_ray_live.py",
+        "live/test_check_effects.py::test_the_command_on_a_real_desktop",
+        "live/test_corrupt_cli.py",
+        "live/test_docs_live.py",
+        "live/test_doors_live.py",
+        "live/test_effects_faults.py",
+        "live/test_effects_hostile.py",
+        "live/test_effects_windows.py::test_launch_takes_the_next_when_one_hangs_or_is_not_installed",
+        "live/test_embedded_cli.py",
+        "live/test_embedded_desktop.py::test_a_dead_spare_is_replaced",
+        "live/test_embedded_faults.py::test_a_fork_of_the_controller_does_not_keep_its_desktops",
+        "live/test_embedded_faults.py::test_a_guest_server_that_hangs_ends_its_desktop",
+        "live/test_embedded_faults.py::test_a_guest_server_without_descriptors_is_started_again",
+        "live/test_embedded_faults.py::test_cycles_leave_nothing",
+        "live/test_embedded_faults.py::test_death_of_display_or_bus_is_told_and_reset_mends_it",
+        "live/test_embedded_hostile.py",
+        "live/test_embedded_rootless.py::test_everything_of_it_ends",
+        "live/test_embedded_tree.py",
+        "live/test_env_live.py::test_gymnasium_finds_nothing_to_complain_of",
+        "live/test_env_live.py::test_repair_and_reset_on_request",
+        "live/test_inspect_live.py",
+        "live/test_kit_browser.py",
+        "live/test_kit_gui.py",
+        "live/test_kit_panel.py",
+        "live/test_late_changes.py",
+        "live/test_notebook_live.py",
+        "live/test_osworld_desktop.py",
+        "live/test_pixel_live.py",
+        "live/test_recording_live.py",
+        "live/test_same_screens.py::test_the_clock_of_the_panel_stands_still",
+        "live/test_same_screens.py::test_the_first_start_of_the_picture_viewer_shows_no_dialog",
+        "live/test_showcase.py",
+        "live/test_tasks_live.py::test_a_careful_user_does_the_task_all_the_same",
+        "online_env/test_agents_check.py::test_an_agent_that_hangs_or_dies_gets_a_verdict",
+        "online_env/test_agents_check.py::test_what_each_check_finds",
+        "online_env/test_bench_folder.py::test_a_report_says_what_is_missing",
+        "online_env/test_bench_folder.py::test_what_an_environment_logged_by_itself_is_reported_too",
+        "online_env/test_bench_ray.py",
+        "online_env/test_bench_runs.py::test_a_dry_run_says_what_is_left_in_its_folder",
+        "online_env/test_bench_runs.py::test_report_as_json_and_as_a_table",
+        "online_env/test_bench_runs.py::test_report_names_what_is_invalid_failed_or_damaged",
+        "online_env/test_bench_runs.py::test_report_tells_infeasible_tasks_apart",
+        "online_env/test_desktop_parts.py::test_groups_that_are_busy_are_left_after_a_while",
+        "online_env/test_inspect.py::test_inspect_finds_the_tasks_in_an_installed_package",
+        "online_env/test_inspect.py::test_models_get_their_native_computer_use",
+        "online_env/test_pixel.py",
+        "online_env/test_score_my_agent.py::test_the_agent_of_a_section_does_the_task",
+        "online_env/test_scoring.py::test_a_killed_run_goes_on_twice_and_no_row_is_scored_twice",
+        "online_env/test_scoring.py::test_an_agent_that_misbehaves_costs_its_row_and_nothing_else",
+        "online_env/test_scoring.py::test_the_command_and_the_report",
+        "online_env/test_scoring_onlooker.py",
+        "online_env/test_scoring_recorded.py",
+        "pipelines/test_all_nine.py::test_a_table_is_built_alike_by_one_worker_and_by_two",
+        "pipelines/test_build_choices.py::test_splits_in_a_configuration_make_the_same_dataset_again",
+        "pipelines/test_contradictions.py::test_the_run_as_it_was_recorded_is_whole",
+        "pipelines/test_edits_real.py",
+        "pipelines/test_edits_shapes.py::test_every_edit_is_made_at_any_size_or_says_why_not",
+        "pipelines/test_engine_ray.py::test_a_cluster_that_runs_already",
+        "pipelines/test_engine_ray.py::test_a_node_that_dies",
+        "pipelines/test_engine_ray.py::test_a_node_that_does_not_share_the_output",
+        "pipelines/test_engine_ray.py::test_a_shard_that_kills_every_worker_is_given_up",
+        "pipelines/test_engine_ray.py::test_ctrl_c_and_kill_end_the_cluster_that_was_started",
+        "pipelines/test_engine_ray.py::test_the_same_bytes_as_a_local_build",
+        "pipelines/test_lazy.py::test_the_real_recordings",
+        "pipelines/test_loaded.py",
+        "pipelines/test_resume.py::test_killed_after_every_shard_of_two_workers",
+        "pipelines/test_resume.py::test_killed_at_random_instants",
+        "pipelines/test_resume.py::test_killed_before_and_after_every_file_is_put_in_place",
+        "pipelines/test_resume.py::test_workers_end_with_a_build_that_is_killed",
+        "pipelines/train/test_sft.py",
+        "pipelines/train/test_trl.py",
+        "pipelines/viewer/test_viewer_browser.py",
+        "test_broken_package.py::test_datasets_are_built",
+        "test_broken_package.py::test_doctor_lists_them",
+        "test_broken_package.py::test_pictures_are_made",
+        "test_broken_package.py::test_the_benchmark_is_listed",
+        "test_examples_training.py",
+        "test_ext_package.py::test_a_file_with_all_of_a_corruption_of_the_machine",
+        "test_ext_package.py::test_a_users_agent_and_task",
+        "test_ext_package.py::test_a_users_reader_and_writer",
+        "test_ext_package.py::test_check_passes_on_its_file",
+        "test_ext_package.py::test_doctor_lists_each_kind",
+        "test_ext_package.py::test_the_plugins_are_listed_after_the_nine",
+        "test_extras.py::test_code_with_the_core_alone",
+        "test_extras.py::test_doctor_has_a_row_for_every_extra_and_one_for_the_desktop",
+        "test_notebooks.py",
+        "test_optimised.py",
+        "test_other_systems.py",
+        "test_site.py::test_every_name_of_the_reference_is_documented",
     }
 )
 
@@ -60,23 +175,24 @@ def select(items: Iterable[pytest.Item], part: str, seed: int) -> set[str]:
         return {case for cases in functions.values() for case in cases}
     selected: set[str] = set()
     for function, cases in functions.items():
-        file = function.partition("::")[0].removeprefix("tests/")
-        core = set() if file in TAIL else _draw(function, cases, seed)
+        core = _draw(function.removeprefix("tests/"), cases, seed)
         if part == "core":
             selected |= core
         else:
             rest = (case for case in cases if case not in core)
-            selected |= {case for case in rest if part == f"tail-{_third(file, case)}"}
+            selected |= {case for case in rest if part == f"tail-{_third(case)}"}
     return selected
 
 
 def _draw(function: str, cases: list[str], seed: int) -> set[str]:
-    if len(cases) <= CASES:
+    if function in TAIL or function.partition("::")[0] in TAIL:
+        return set()
+    if len(cases) <= CASES or function in WHOLE:
         return set(cases)
     return set(random.Random(f"{seed} {function}").sample(cases, CASES))
 
 
-def _third(file: str, case: str = "") -> int:
-    """Return 1, 2 or 3: of a file of the tail as a whole, of a core file for each case."""
-    key = file if file in TAIL else case
-    return 1 + zlib.crc32(key.encode()) % THIRDS
+def _third(case: str) -> int:
+    """Return 1, 2 or 3: the same for all tests of a file that the tail has as a whole."""
+    file = case.partition("::")[0].removeprefix("tests/")
+    return 1 + zlib.crc32((file if file in TAIL else case).encode()) % THIRDS
