@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from hijack_data.cli.options import FiniteRange, OutOption, WholeSummaries, seed_option
+from hijack_data.cli.options import BriefCommand, FiniteRange, WholeSummaries, seed_option
 from hijack_data.errors import ParameterError
 
 from .corrupting import Ledger, corrupt
@@ -185,9 +185,7 @@ def up(
 @click.option(
     "-o",
     "--out",
-    "--output",
     "output",
-    cls=OutOption,
     type=click.Path(dir_okay=False, writable=True, path_type=Path),
     default="desktop.png",
     show_default=True,
@@ -281,14 +279,12 @@ def _end(records: list[dict[str, Any]], quiet: bool = False) -> None:
             click.echo(f"desktop {record['id']} is gone")
 
 
-@desktop.command()
+@desktop.command(cls=BriefCommand, more=("assets", "looks", "only", "port", "sizes"))
 @click.argument("name", required=False)
 @click.option(
     "-o",
     "--out",
-    "--output",
     "output",
-    cls=OutOption,
     type=click.Path(path_type=Path),
     metavar="FILE|DIR",
     help="Where the video (desktop.mp4, if not given) or the folder of trajectories goes.",

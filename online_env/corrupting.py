@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, cast
 import click
 
 from hijack_data._apply import apply
-from hijack_data.cli.options import OutOption, seed_option
+from hijack_data.cli.options import seed_option
 from hijack_data.corruption import Corruption, find
 from hijack_data.elements import scene_from
 from hijack_data.errors import ParameterError
@@ -282,9 +282,7 @@ def undo_unrecorded(desktop: Desktop, spec: Corruption) -> list[tuple[str, str, 
 @click.option(
     "-o",
     "--out",
-    "--output",
     "output",
-    cls=OutOption,
     type=click.Path(dir_okay=False, writable=True, path_type=Path),
     metavar="OUT.png",
     help="Save what an agent sees then.  [default for the visual ones: NAME.png]",

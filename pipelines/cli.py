@@ -9,7 +9,8 @@ from typing import Any
 import click
 
 from hijack_data.cli import console
-from hijack_data.cli.options import seed_option
+from hijack_data.cli.completion import complete, complete_configuration
+from hijack_data.cli.options import BriefCommand, seed_option
 from hijack_data.config.options import LABEL_POLICIES
 from hijack_data.files import unwritable, write_atomic
 from hijack_data.platforms import PLATFORMS
@@ -27,7 +28,6 @@ from .inspection import SAMPLE
 from .inspection import inspect as inspect_sources
 from .proof.rebuild import is_run, rebuild
 from .proof.verify import verify as verify_dataset
-from .readers.base import READERS
 from .readers.choices import BOXES, COORDINATES
 
 
@@ -66,19 +66,39 @@ class Meter:
             self.bar.stop()
 
 
-@click.command()
+@click.command(
+    cls=BriefCommand,
+    more=(
+        "apps",
+        "assets",
+        "boxes",
+        "clean",
+        "coordinates",
+        "engine",
+        "episode_key",
+        "foreign",
+        "label_policy",
+        "limit",
+        "platform",
+        "ray_address",
+        "splits",
+        "strict",
+        "as_json",
+    ),
+)
 @click.argument("source", nargs=-1, required=True, metavar="SOURCE...")
 @click.option("-o", "--out", required=True, metavar="DIR", help="The folder to make.")
 @click.option(
-    "--config", metavar="YAML", help="A configuration file, or a bare name such as `visual`."
+    "--config",
+    metavar="YAML",
+    shell_complete=complete_configuration("datasets", "corruptions"),
+    help="A configuration file, or a packaged name such as `visual`.",
 )
 @click.option(
     "--corruptions",
     metavar="A,B|all|clean",
-    help=(
-        "Which corruptions, such as marks:number=10,severity=4,subtitle.  [default: the four visual"
-        " ones]"
-    ),
+    shell_complete=complete("hijack_data.corruption:names", "all", "clean"),
+    help="Such as marks:number=10,severity=4,subtitle.  [default: the four visual ones]",
 )
 @click.option(
     "--seed", type=int, metavar="N", help="Random seed.  [default: 0, or the configuration's]"
@@ -87,9 +107,8 @@ class Meter:
     "--format",
     "format_",
     metavar="NAME",
-    help=(
-        f"Reader to use ({', '.join(sorted(READERS.entries))}, FILE.py:CLASS).  [default: detected]"
-    ),
+    shell_complete=complete("pipelines.readers.base:READERS"),
+    help="Reader, such as jsonl or FILE.py:CLASS.  [default: detected]",
 )
 @click.option(
     "--coordinates",
@@ -195,12 +214,13 @@ def _end(result: Any, code: int) -> None:
     raise SystemExit(code)
 
 
-@click.command()
+@click.command(cls=BriefCommand, more=("assets", "boxes", "coordinates", "foreign", "seed"))
 @click.argument("source", nargs=-1, required=True, metavar="SOURCE...")
 @click.option(
     "--format",
     "format_",
     metavar="NAME",
+    shell_complete=complete("pipelines.readers.base:READERS"),
     help="Reader of all files.  [default: detected for each file]",
 )
 @click.option(
@@ -215,7 +235,12 @@ def _end(result: Any, code: int) -> None:
 @click.option("--platform", metavar="NAME", help="The machine, if the source names none.")
 @click.option("--foreign", is_flag=True, help="Show our Xfce desktop on other platforms, too.")
 @click.option(
-    "--corruptions", metavar="A,B|all", default="all", show_default=True, help="Which to try."
+    "--corruptions",
+    metavar="A,B|all",
+    default="all",
+    show_default=True,
+    shell_complete=complete("hijack_data.corruption:names", "all"),
+    help="Which to try.",
 )
 @click.option(
     "--sample",
@@ -315,6 +340,7 @@ def stats(folder: str, as_json: bool, out: str | None) -> None:
     "--to",
     required=True,
     metavar="NAME",
+    shell_complete=complete("pipelines.exports:FORMATS", ONLOOKER),
     help=f"The format ({', '.join([*FORMATS.entries, ONLOOKER])}, FILE.py:CLASS).",
 )
 @click.option("-o", "--out", required=True, metavar="FOLDER", help="The folder to make.")

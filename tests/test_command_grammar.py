@@ -9,8 +9,9 @@ from pathlib import Path
 
 import click
 import pytest
+from click.testing import CliRunner
 
-from hijack_data.cli import COMMANDS, help_pages, hijack
+from hijack_data.cli import COMMANDS, help_pages, hijack, main
 from hijack_data.cli.options import FiniteRange
 from hijack_data.cli.summaries import SECTIONS, SUMMARIES
 
@@ -123,8 +124,8 @@ def test_one_letter_is_one_option():
 
 
 def test_what_is_written_goes_to_out():
-    assert {name: option.opts[:2] for name, option in called("--out", "--output", "-o")} == {
-        name: ["-o", "--out"] for name, _ in called("--out", "--output", "-o")
+    assert {name: option.opts[:2] for name, option in called("--out", "-o")} == {
+        name: ["-o", "--out"] for name, _ in called("--out", "-o")
     }
     assert len(called("-o")) >= 16
 
@@ -177,8 +178,60 @@ def test_an_error_names_the_page_that_explains_it(tmp_path: Path):
     ]
 
 
-def test_the_older_name_of_out_still_works(tmp_path: Path):
-    command = EVERY["desktop shot"]
-    context = command.make_context("shot", ["--output", str(tmp_path / "x.png")])
-    assert context.params["output"] == tmp_path / "x.png"
-    assert "--output" not in command.get_help(context)
+def test_the_help_of_each_command_fits_a_screen():
+    for name, command in EVERY.items():
+        context = click.Context(command, info_name=f"hijack {name}", max_content_width=80)
+        lines = command.get_help(context).splitlines()
+        assert len(lines) <= 24, f"hijack {name} --help has {len(lines)} lines"
+        names = {parameter.name for parameter in command.params}
+        assert getattr(command, "more", set()) <= names, name
+
+
+def test_every_option_is_in_the_help_of_all():
+    command = EVERY["build"]
+    done = CliRunner().invoke(command, ["--help-all"])
+    assert done.exit_code == 0
+    for parameter in command.params:
+        if isinstance(parameter, click.Option):
+            assert parameter.opts[-1] in done.output, parameter.opts
+    assert "--episode-key" not in CliRunner().invoke(command, ["--help"]).output
+
+
+@pytest.mark.parametrize(
+    ("words", "value"),
+    [
+        ("show po", "pop_ups"),
+        ("bench emb", "embedded_small"),
+        ("build x --corruptions marks,su", "marks,subtitle"),
+        ("build x --config all", "all_nine"),
+        ("build x --format agen", "agentnet"),
+        ("bench x --agent or", "oracle"),
+        ("bench x --tasks write_n", "write_note"),
+        ("export x --to ver", "verl"),
+        ("report x --format mark", "markdown"),
+        ("tasks --set hel", "held_out"),
+    ],
+)
+def test_values_are_completed(words: str, value: str):
+    line = f"hijack {words}"
+    environment = {"_HIJACK_COMPLETE": "bash_complete", "COMP_WORDS": line}
+    environment["COMP_CWORD"] = str(len(line.split()) - 1)
+    done = CliRunner().invoke(hijack, env=environment, prog_name="hijack")
+    assert f"plain,{value}" in done.output.splitlines()
+
+
+def test_usage_is_an_error_of_one_line(capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit) as stopped:
+        main(["build", "--foo"])
+    assert stopped.value.code == 2
+    error = capsys.readouterr().err
+    assert error.startswith("hijack: error: No such option '--foo'")
+    assert error.endswith("; see hijack build --help\n")
+    assert error.count("\n") == 1
+
+
+def test_no_command_shows_the_commands(capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit) as stopped:
+        main([])
+    assert stopped.value.code == 0
+    assert capsys.readouterr().out.startswith("Usage: hijack")

@@ -54,7 +54,7 @@ COMMANDS_WITHOUT_ONLINE = {
     "tasks {tasks} --out {out}/tasks.jsonl": WORKS,
     "prefetch {tasks} --out {out}/cache": LACKS,
     "osworld --help": WORKS,
-    "osworld selftest {tasks} --out {out}/results.json": LACKS,
+    "osworld check {tasks} --out {out}/results.json": LACKS,
     "desktop --help": WORKS,
     "desktop list": WORKS,
     "desktop doctor": LACKS,

@@ -2,7 +2,7 @@
 
 The file is what `hijack report RUNS -o report.json` writes. An `about.md` beside it stands before
 its figures; its heading, if it has one, is the title. The leaderboard is that of
-`hijack report docs/results --leaderboard`.
+`hijack leaderboard docs/results`.
 """
 
 import os
@@ -150,7 +150,7 @@ def board(folder: Path, found: dict[str, RunReport]) -> str:
         "Play it with `hijack bench` ([Score my agent](../score_my_agent.md)) and write its report"
         " to a folder of `docs/results`; `make docs` does the rest.\n",
         "```sh\nhijack report runs/mine -o docs/results/mine/report.json\nmake docs\n```\n",
-        "`hijack report runs --leaderboard -o leaderboard.html` ranks runs of your own.\n",
+        "`hijack leaderboard runs -o leaderboard.html` ranks runs of your own.\n",
     ]
     return "\n".join(lines)
 

@@ -51,8 +51,10 @@ COMMANDS = {
     "serve": "online_env.serving.cli:serve",
     "score": "online_env.scoring.cli:score",
     "report": "online_env.report.cli:report",
+    "compare": "online_env.report.cli:compare_command",
+    "gate": "online_env.report.cli:gate",
+    "leaderboard": "online_env.report.cli:leaderboard_command",
     "tasks": "online_env.tasks.cli:tasks",
-    "prefetch": "online_env.osworld.cli:prefetch",
     "osworld": "online_env.osworld.cli:osworld",
 }
 # Commands that need the processes, users and sockets of a POSIX system.
@@ -177,9 +179,13 @@ def main(argv: list[str] | None = None) -> None:
     except click.Abort:
         click.echo("hijack: stopped", err=True)
         sys.exit(130)
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message())
+    except click.UsageError as error:
+        command = error.ctx.command_path if error.ctx else "hijack"
+        fail(f"{error.format_message().rstrip('.')}; see {command} --help")
     except click.ClickException as error:
-        error.show()
-        sys.exit(2)
+        fail(error.format_message())
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(1)

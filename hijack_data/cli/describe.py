@@ -11,6 +11,7 @@ from rich.table import Table
 from .. import corruption as registry
 from .. import params as p
 from . import console
+from .completion import complete
 
 
 def describe(cls: type[registry.Corruption]) -> dict[str, Any]:
@@ -107,7 +108,7 @@ def list_command(as_json: bool, as_markdown: bool) -> None:
 
 
 @click.command()
-@click.argument("name")
+@click.argument("name", shell_complete=complete("hijack_data.corruption:names"))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def show(name: str, as_json: bool) -> None:
     """Show one corruption: its parameters, defaults, ranges and severity levels."""

@@ -1,12 +1,15 @@
 """Options that commands share, so that each has the same name, meaning and help everywhere."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
+from .completion import complete
+
+_ALL = "hijack_data.cli.options.all"  # in a context: list every option
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
@@ -26,6 +29,53 @@ class WholeSummaries(click.Group):
             )
 
 
+class BriefCommand(click.Command):
+    """A command whose `--help` fits a screen, and whose `--help-all` lists every option.
+
+    Args:
+        more: names of the parameters that only `--help-all` lists.
+        settings: those of `click.Command`.
+    """
+
+    def __init__(self, *settings: Any, more: Sequence[str] = (), **options: Any) -> None:
+        super().__init__(*settings, **options)
+        self.more = frozenset(more)
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        """Return the parameters, with `--help-all` before `--help` where options are left out."""
+        parameters = super().get_params(ctx)
+        if not self.more:
+            return parameters
+        option = click.Option(
+            ["--help-all"],
+            is_flag=True,
+            is_eager=True,
+            expose_value=False,
+            help="Show every option and exit.",
+            callback=self._show_all,
+        )
+        return [*parameters[:-1], option, *parameters[-1:]]
+
+    def _show_all(self, ctx: click.Context, parameter: click.Parameter, value: bool) -> None:
+        if not value or ctx.resilient_parsing:
+            return
+        ctx.meta[_ALL] = True
+        click.echo(self.get_help(ctx), color=ctx.color)
+        ctx.exit()
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the options, or those that most calls need."""
+        rows = [
+            record
+            for parameter in self.get_params(ctx)
+            if isinstance(parameter, click.Option)
+            if ctx.meta.get(_ALL) or parameter.name not in self.more
+            if (record := parameter.get_help_record(ctx)) is not None
+        ]
+        with formatter.section("Options"):
+            formatter.write_dl(rows)
+
+
 class FiniteRange(click.FloatRange):
     """A number in a range, which `nan` and `inf` are not: no JSON holds them, no limit is kept."""
 
@@ -37,15 +87,6 @@ class FiniteRange(click.FloatRange):
         if not math.isfinite(number):
             self.fail(f"{value!r} is not a finite number.", param, ctx)
         return number
-
-
-class OutOption(click.Option):
-    """`-o`, `--out`; some commands took `--output`, which still works and is not shown."""
-
-    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
-        """Return the names and the text of the help."""
-        record = super().get_help_record(ctx)
-        return record and (record[0].replace(", --output", ""), record[1])
 
 
 def seed_option(help: str = "Random seed.") -> Callable[[Command], Command]:
@@ -78,5 +119,6 @@ desktops_option = click.option(
 conditions_option = click.option(
     "--corruptions",
     metavar="A,B|all",
+    shell_complete=complete("hijack_data.corruption:names", "all", "clean"),
     help="Labels of CONFIG or names; all is clean and every corruption.",
 )

@@ -20,8 +20,9 @@ from ..files import encode_png, load_image, sha256_of, write_atomic
 from ..plan import Plan
 from ..planner import Planner
 from ..types import Scene, UInt8Array
+from .completion import complete
 from .folders import apply_below, pictures_of
-from .options import seed_option
+from .options import BriefCommand, seed_option
 
 
 def parse_settings(cls: type[Corruption], settings: tuple[str, ...]) -> dict[str, Any]:
@@ -120,9 +121,11 @@ def _read_plan(file: str, name: str | None) -> Plan:
     return plan
 
 
-@click.command("apply")
+@click.command(
+    "apply", cls=BriefCommand, more=("backend", "plan_file", "save_plan", "step", "tree")
+)
 @click.argument("image")
-@click.argument("name", required=False)
+@click.argument("name", required=False, shell_complete=complete("hijack_data.corruption:names"))
 @click.option(
     "-o",
     "--out",

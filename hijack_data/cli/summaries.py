@@ -38,11 +38,13 @@ SECTIONS = {
         ),
         "score": "Score agents on the rows of a dataset, clean and corrupted, without a desktop.",
         "report": "Show the results of a run, such as: hijack report runs/small.",
-        "sign": "Sign a run for its recipients, after verifying it: hijack sign RUNS --key KEY.",
-        "tasks": (
-            "List the tasks of the suite, or write one row for every OSWorld task and corruption."
+        "compare": (
+            "Compare a run case by case with an earlier one: hijack compare runs/new runs/old."
         ),
-        "prefetch": "Fill OSWorld's file cache, so that runs need no network.",
+        "gate": "Exit with 1 if a score is too low: hijack gate RUNS --fail-under retention=0.8.",
+        "leaderboard": "Rank the agents of all runs in a folder on one page.",
+        "sign": "Sign a run for its recipients, after verifying it: hijack sign RUNS --key KEY.",
+        "tasks": "List the tasks of the suite, which come with the library.",
         "osworld": "OSWorld's own environment and evaluators on our desktops.",
     },
 }

@@ -1,4 +1,4 @@
-"""`hijack prefetch` and `hijack osworld`."""
+"""`hijack osworld`."""
 
 import json
 from pathlib import Path
@@ -24,7 +24,32 @@ def _venv_option(text: str):
     )
 
 
-@click.command()
+@click.group(cls=WholeSummaries)
+def osworld() -> None:
+    """OSWorld's own environment and evaluators on our desktops."""
+
+
+@osworld.command()
+@click.argument("source", metavar="OSWORLD_EXAMPLES", type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--out",
+    required=True,
+    metavar="TASKS.jsonl",
+    type=click.Path(path_type=Path),
+    help="The file to write.",
+)
+@click.option("--clean", is_flag=True, help="Also one row a task without corruption.")
+def tasks(source: Path, out: Path, clean: bool) -> None:
+    """Write one row for every task of OSWorld and every corruption (369 x 9 = 3321)."""
+    from .tasks import load
+
+    examples = load(source)
+    count = table.write(examples, out, clean)
+    click.echo(f"{out}: {count} rows, {len(examples)} tasks, revision {examples.revision}")
+
+
+@osworld.command()
 @click.argument("source", metavar="TASKS", type=click.Path(path_type=Path))
 @click.option(
     "-o",
@@ -40,19 +65,11 @@ def _venv_option(text: str):
     metavar="ID",
     help="Only this task (an id or its beginning); may be repeated.",
 )
-@click.option(
-    "--dry-run",
-    "--list",
-    "list_",
-    is_flag=True,
-    help="Print what would be fetched, and fetch nothing.",
-)
-@click.option(
-    "--check", "check_", is_flag=True, help="Fetch nothing; hash again what the manifest lists."
-)
+@click.option("--dry-run", is_flag=True, help="Print what would be fetched, and fetch nothing.")
+@click.option("--verify", is_flag=True, help="Fetch nothing; hash again what the manifest lists.")
 @click.option("--json", "json_", is_flag=True, help="Print the result as JSON.")
 def prefetch(
-    source: Path, out: Path, only: tuple[str, ...], list_: bool, check_: bool, json_: bool
+    source: Path, out: Path, only: tuple[str, ...], dry_run: bool, verify: bool, json_: bool
 ) -> int:
     """Fill OSWorld's file cache, so that runs need no network.
 
@@ -64,7 +81,7 @@ def prefetch(
 
     chosen = table.read(source)
     files = [item for task in (chosen.only(only) if only else chosen) for item in wanted(task)]
-    if list_:
+    if dry_run:
         rows = [{"path": item.path, "url": item.url} for item in files]
         click.echo(
             json.dumps(rows, indent=1)
@@ -72,7 +89,7 @@ def prefetch(
             else "\n".join(f"{row['path']}  {row['url']}" for row in rows)
         )
         return 0
-    if check_:
+    if verify:
         wrong = module.check(out)
         _say(
             json_,
@@ -97,11 +114,6 @@ def prefetch(
         lines,
     )
     return 1 if report.failed else 0
-
-
-@click.group(cls=WholeSummaries)
-def osworld() -> None:
-    """OSWorld's own environment and evaluators on our desktops."""
 
 
 @osworld.command()
@@ -157,7 +169,7 @@ def setup(tier: str, folder: Path) -> None:
     "--cache", metavar="DIR", type=click.Path(path_type=Path), help="OSWorld's file cache."
 )
 @_venv_option("Where OSWorld's Python environment is.")
-def selftest(
+def check(
     source: Path,
     out: Path,
     markdown: Path | None,

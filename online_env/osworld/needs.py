@@ -21,7 +21,7 @@ PackageCheck: TypeAlias = Callable[[Mapping[str, Any]], list[str]]
 FILES, PACKAGES = "files", "packages"
 # How each need is met; what has no command cannot be met here.
 REMEDIES = {
-    FILES: "hijack prefetch TASKS --out CACHE, on a connected machine",
+    FILES: "hijack osworld prefetch TASKS --out CACHE, on a connected machine",
     PACKAGES: "hijack osworld setup --tier mid",
     "program": "none: no profile installs the program",
     "gnome": "none: the desktop is Xfce",
@@ -195,4 +195,4 @@ def _deciding(one: TaskNeeds) -> tuple[str, ...]:
 
 
 def _remedy(kinds: tuple[str, ...]) -> str:
-    return " and ".join(REMEDIES[kind] for kind in kinds) or "hijack osworld selftest TASKS"
+    return " and ".join(REMEDIES[kind] for kind in kinds) or "hijack osworld check TASKS"

@@ -160,7 +160,7 @@ def check_runnable(
 
     Args:
         listed: The tasks.
-        files: OSWorld's file cache, as `hijack prefetch` fills it.
+        files: OSWorld's file cache, as `hijack osworld prefetch` fills it.
         folder: OSWorld's Python environment.
 
     Raises:
@@ -190,8 +190,9 @@ def check_runnable(
         raise ConfigError(
             [
                 f"{len(absent)} tasks need files that are not in"
-                f" {files or 'a cache'} ({some_of(_lines(absent), 3)}): hijack prefetch TASKS --out"
-                " CACHE on a connected machine, then --osworld-files CACHE"
+                f" {files or 'a cache'} ({some_of(_lines(absent), 3)}):"
+                " hijack osworld prefetch TASKS --out CACHE on a connected machine, then"
+                " --osworld-files CACHE"
             ]
         )
 

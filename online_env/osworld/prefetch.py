@@ -111,7 +111,7 @@ def _locked(cache: Path) -> Lock:
     try:
         return lock(cache / LOCK)
     except LockedError:
-        problem = "another `hijack prefetch` is filling it; wait for that one"
+        problem = "another `hijack osworld prefetch` is filling it; wait for that one"
         raise HijackError(f"{cache}: {problem}") from None
 
 

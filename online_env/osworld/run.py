@@ -89,7 +89,7 @@ def embedded_env(
 
     Args:
         folder: OSWorld's Python environment (`hijack osworld setup`).
-        cache: OSWorld's file cache (`hijack prefetch`); its log goes there too.
+        cache: OSWorld's file cache (`hijack osworld prefetch`); its log goes there too.
         size: `(height, width)` of the screen in pixels.
         tree: Whether observations have the accessibility tree.
         standby: Whether the next desktop is kept ready while one is used.

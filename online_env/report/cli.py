@@ -1,17 +1,19 @@
-"""`hijack report`.
+"""`hijack report`, `compare`, `gate` and `leaderboard`.
 
-Exit codes: 0 done, 1 something of the run is missing, invalid, failed or damaged, or a gate failed,
-2 bad usage or a run that cannot be reported, 3 the disk is full or fails.
+Exit codes: 0 done, 1 something of the run is missing, invalid, failed or damaged, or a score is too
+low, 2 bad usage or a run that cannot be reported, 3 the disk is full or fails.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any, TypeVar
 
 import click
 
 from hijack_data.cli import console
+from hijack_data.cli.completion import complete
 from hijack_data.files import make_folder, write_atomic
 from hijack_data.printable import printable
 from hijack_data.runs.own_files import refuse_own_file
@@ -20,52 +22,50 @@ from ..bench import reading
 from ..bench.gate import ReleaseGate, gate_options
 from ..bench.reading import Run
 from ..bench.scores import COLUMNS
-from . import terminal
+from . import leaderboard, terminal
 from .build import build_report, load_report
 from .compare import RunComparison, compare
 from .document import ReportDocument
-from .formats import FORMATS, SHOWING, TERMINAL, check_shown, format_of, write
+from .formats import COMPARISON, FORMATS, SHOWING, TERMINAL, check_shown, format_of, write
 from .identity import agents_of, conditions_of
 from .model import ReportError, RunReport
 from .outcome import exit_code, missing_line
 from .paper import beside_paper
 
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def _output_options(command: Command) -> Command:
+    """Add `--format`, `--out` and `--json`."""
+    named = click.option(
+        "--format",
+        "named",
+        metavar="NAME",
+        shell_complete=complete("online_env.report.formats:FORMATS"),
+        help=f"One of {', '.join(FORMATS)}.",
+    )
+    out = click.option(
+        "-o",
+        "--out",
+        type=click.Path(dir_okay=False, path_type=Path),
+        metavar="FILE",
+        help="Write to a file, whose name tells the format unless --format does.",
+    )
+    as_json = click.option("--json", "as_json", is_flag=True, help="Print a list of rows.")
+    return named(out(as_json(command)))
+
 
 @click.command()
 @click.argument("runs", type=click.Path(path_type=Path))
-@click.option("--format", "named", metavar="NAME", help=f"One of {', '.join(FORMATS)}.")
-@click.option(
-    "-o",
-    "--out",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="FILE",
-    help="Write to a file, whose name tells the format unless --format does.",
-)
-@click.option("--json", "as_json", is_flag=True, help="Print a list of rows.")
+@_output_options
 @click.option(
     "--seeds",
     type=click.IntRange(1),
     metavar="N",
-    help="Leave out the seeds from N on, such as the last one of a run that goes on.",
+    help="Seeds 0 to N-1 only, such as those of a run that goes on.",
 )
 @click.option("--reference", metavar="AGENT", help="Agent of the run that mCE refers to.")
-@click.option(
-    "--compare",
-    "other",
-    type=click.Path(path_type=Path),
-    metavar="EARLIER",
-    help="Compare the run case by case with an earlier one.",
-)
-@click.option(
-    "--pair",
-    "pairs",
-    multiple=True,
-    metavar="OLD=NEW",
-    help="With --compare: agents of other names that are compared; may be repeated.",
-)
 @click.option("--paper", is_flag=True, help="Set the agents beside the paper's main table.")
-@click.option("--leaderboard", is_flag=True, help="Rank the agents of all runs in the folder RUNS.")
-@gate_options
 def report(
     runs: Path,
     named: str | None,
@@ -73,65 +73,113 @@ def report(
     as_json: bool,
     seeds: int | None,
     reference: str | None,
-    other: Path | None,
-    pairs: tuple[str, ...],
     paper: bool,
-    leaderboard: bool,
-    fail_under: tuple[str, ...],
-    junit: Path | None,
 ) -> None:
     """Show the results of a run, such as: hijack report runs/small.
 
     RUNS is the folder of a run of hijack bench or hijack score, or a report.json.
     """
-    if (fail_under or junit) and (leaderboard or runs.is_file()):
-        raise ReportError("--fail-under and --junit judge a run; give the folder of one")
-    if junit and out and junit.resolve() == out.resolve():
-        raise ReportError(f"--junit {junit}: is the file of --out, too; give another name")
-    if seeds and (leaderboard or runs.is_file()):
+    if seeds and runs.is_file():
         raise ReportError("--seeds chooses episodes of a run; give the folder of one")
-    given = {"--compare": other, "--pair": pairs, "--paper": paper, "--reference": reference}
-    beside = [name for name, value in given.items() if value]
-    if leaderboard and (beside or as_json):
-        raise ReportError(f"--leaderboard is a page without {(*beside, '--json')[0]}; leave it out")
-    whole = {"--paper": paper, f"--format {named}": named, "--reference": reference}
-    for option in [name for name, value in whole.items() if value and as_json]:
-        raise ReportError(f"--json is a list of rows, without {option}; give --format json alone")
-    if leaderboard:
-        raise SystemExit(_leaderboard(runs, named, out))
-    if pairs and other is None:
-        raise ReportError("--pair names agents of two runs; give the earlier one with --compare")
-    if runs.is_file():
-        if other is not None:
-            raise ReportError(f"--compare: {runs} is a finished report; give the folders of runs")
-        found = load_report(runs, reference or "")
+    options = {"--paper": paper, "--reference": reference}
+    beside = [name for name, value in options.items() if value]
+    for option in [*beside, *([f"--format {named}"] if named else [])]:
         if as_json:
-            cells = [{name: getattr(cell, name) for name in COLUMNS} for cell in found.cells]
+            raise ReportError(
+                f"--json is a list of rows, without {option}; give --format json alone"
+            )
+    if runs.is_file():
+        document = load_report(runs, reference or "")
+        if as_json:
+            cells = [{name: getattr(cell, name) for name in COLUMNS} for cell in document.cells]
             _put(json.dumps(cells, indent=1) + "\n", out)
             return
         format = _format(named, out, beside)
-        _write(_document(found, None, paper), format, out)
+        _write(_document(document, None, paper), format, out)
         return
     run = _read(runs, seeds)
-    gate = ReleaseGate.read(fail_under, junit, *_agents_and_labels(run))
-    comparison = None
-    if other is not None:
-        comparison = compare(_read(other), run, _paired(pairs))
     if as_json:
-        rows = terminal.score_rows(run, run.records)
-        if comparison is not None:
-            rows = [asdict(cell) for cell in comparison.cells]
-        _put(json.dumps(rows, indent=1) + "\n", out)
-        raise SystemExit(_told(run, gate))
+        _put(json.dumps(terminal.score_rows(run, run.records), indent=1) + "\n", out)
+        raise SystemExit(_finish(run))
     format = _format(named, out, beside)
-    if format == TERMINAL and out is None and comparison is None:
+    if format == TERMINAL and out is None:
         terminal.show(run, reference or "")
         if paper:
             terminal.show_paper(beside_paper(build_report(run)), console())
-        raise SystemExit(_told(run, gate))
-    document = _document(build_report(run, reference=reference or ""), comparison, paper)
-    _write(document, format, out)
-    raise SystemExit(_told(run, gate))
+        raise SystemExit(_finish(run))
+    _write(_document(build_report(run, reference=reference or ""), None, paper), format, out)
+    raise SystemExit(_finish(run))
+
+
+@click.command("compare")
+@click.argument("runs", type=click.Path(path_type=Path))
+@click.argument("earlier", type=click.Path(path_type=Path))
+@click.option(
+    "--pair",
+    "pairs",
+    multiple=True,
+    metavar="OLD=NEW",
+    help="Agents of other names that are compared; may be repeated.",
+)
+@_output_options
+def compare_command(
+    runs: Path,
+    earlier: Path,
+    pairs: tuple[str, ...],
+    named: str | None,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Compare a run case by case with an earlier one: hijack compare runs/new runs/old."""
+    for folder in (runs, earlier):
+        if folder.is_file():
+            raise ReportError(f"{folder} is a finished report; give the folders of runs")
+    if as_json and named:
+        raise ReportError(
+            f"--json is a list of rows, without --format {named}; give --format json alone"
+        )
+    run = _read(runs)
+    comparison = compare(_read(earlier), run, _paired(pairs))
+    if as_json:
+        _put(json.dumps([asdict(cell) for cell in comparison.cells], indent=1) + "\n", out)
+    else:
+        format = _format(named, out, [COMPARISON])
+        _write(_document(build_report(run), comparison, paper=False), format, out)
+    raise SystemExit(_finish(run))
+
+
+@click.command()
+@click.argument("runs", type=click.Path(path_type=Path))
+@gate_options
+def gate(runs: Path, fail_under: tuple[str, ...], junit: Path | None) -> None:
+    """Exit with 1 if a score is too low: hijack gate RUNS --fail-under retention=0.8."""
+    if not fail_under and junit is None:
+        raise click.UsageError("say what is too low: --fail-under SCORE=X")
+    if runs.is_file():
+        raise ReportError(f"{runs} is a finished report; give the folder of a run")
+    run = _read(runs)
+    passed = ReleaseGate.read(fail_under, junit, *_agents_and_labels(run)).conclude(run)
+    code = _finish(run)
+    raise SystemExit(code if passed else 1)
+
+
+@click.command("leaderboard")
+@click.argument("folder", metavar="RUNS", type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(dir_okay=False, path_type=Path),
+    required=True,
+    metavar="FILE.html",
+    help="The page to write.",
+)
+def leaderboard_command(folder: Path, out: Path) -> None:
+    """Rank the agents of all runs in a folder on one page."""
+    board = leaderboard.read_all(folder)
+    for problem in board.problems:
+        click.echo(printable(f"hijack: left out: {problem}"), err=True)
+    _put(leaderboard.leaderboard(board), out)
+    raise SystemExit(1 if board.problems else 0)
 
 
 def _format(named: str | None, out: Path | None, beside: Sequence[str]) -> str:
@@ -172,12 +220,10 @@ def _agents_and_labels(run: Run) -> tuple[list[str], list[str]]:
     return list(dict.fromkeys(agents)), list(dict.fromkeys(labels))
 
 
-def _told(run: Run, gate: ReleaseGate) -> int:
-    """Say on standard error what is missing, judge the run, and return the exit code."""
+def _finish(run: Run) -> int:
+    """Print on standard error what is missing, and return the exit code."""
     if run.missing:
         click.echo(f"hijack: {run.folder}: {missing_line(run)}", err=True)
-    if not gate.conclude(run):
-        return 1
     return exit_code(run)
 
 
@@ -222,22 +268,3 @@ def _paired(pairs: tuple[str, ...]) -> Mapping[str, str] | None:
             )
         found[first] = second
     return found or None
-
-
-def _leaderboard(folder: Path, named: str | None, out: Path | None) -> int:
-    """Write the page of all runs in a folder; returns the exit code.
-
-    Raises:
-        ReportError: another format than a page was asked for.
-    """
-    from .leaderboard import leaderboard, read_all
-
-    if named not in (None, "html"):
-        raise ReportError(f"--leaderboard is a page; --format {named} is not possible, give html")
-    if out is None:
-        raise ReportError("--leaderboard: say where the page goes, such as -o leaderboard.html")
-    found = read_all(folder)
-    for problem in found.problems:
-        click.echo(printable(f"hijack: left out: {problem}"), err=True)
-    _put(leaderboard(found), out)
-    return 1 if found.problems else 0

@@ -38,10 +38,11 @@ SUFFIXES: Mapping[str, str] = MappingProxyType(
     }
 )
 
+COMPARISON = "a comparison"
 # Formats that have a place for what an option asks for.
 SHOWING: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
-        "--compare": (TERMINAL, "json", "csv", "markdown", "html"),
+        COMPARISON: (TERMINAL, "json", "csv", "markdown", "html"),
         "--reference": (TERMINAL, "json", "markdown", "html"),
         "--paper": (TERMINAL, "json", "latex", "markdown", "html"),
     }

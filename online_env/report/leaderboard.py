@@ -88,7 +88,7 @@ def read_all(folder: Path) -> FoundReports:
         ReportError: there is no such folder, or it holds no readable report.
     """
     if not folder.is_dir():
-        raise ReportError(f"{folder}: is no folder; --leaderboard takes a folder of runs")
+        raise ReportError(f"{folder}: is no folder of runs")
     reports: list[tuple[str, RunReport]] = []
     problems: list[str] = []
     for path in sorted(_places(folder, problems)):

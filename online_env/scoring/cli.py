@@ -13,7 +13,8 @@ import click
 from rich.console import Console
 
 from hijack_data.cli import console
-from hijack_data.cli.options import FiniteRange, new_run_options
+from hijack_data.cli.completion import complete
+from hijack_data.cli.options import BriefCommand, FiniteRange, new_run_options
 from hijack_data.errors import ParameterError
 
 from ..agents.options import agent_memory_option, in_process_option
@@ -28,12 +29,16 @@ from .rules import NEAR, Distance
 from .run import TIMEOUT, ScoreRun, ScoreSettings
 
 
-@click.command()
+@click.command(
+    cls=BriefCommand,
+    more=("agent_memory", "ask", "batch", "distance", "in_process", "split", "timeout", "workers"),
+)
 @click.argument("dataset", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option(
     "--agent",
     required=True,
     metavar="A,B",
+    shell_complete=complete("online_env.agents.registry:AGENTS"),
     help="Agents: random, fail, my_agent.py:MyAgent, package.module:MyAgent.",
 )
 @new_run_options

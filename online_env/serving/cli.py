@@ -10,18 +10,40 @@ from pathlib import Path
 import click
 
 from hijack_data import extras
-from hijack_data.cli.options import FiniteRange, conditions_option, desktops_option, seed_option
+from hijack_data.cli.completion import complete, complete_configuration
+from hijack_data.cli.options import (
+    BriefCommand,
+    FiniteRange,
+    conditions_option,
+    desktops_option,
+    seed_option,
+)
 
 MODULES = ("openenv", "prometheus_client", "uvicorn", "gymnasium")
 OPENENV = "0.10"
 
 
-@click.command()
-@click.argument("config")
+@click.command(
+    cls=BriefCommand,
+    more=(
+        "clean",
+        "evaluation",
+        "lease",
+        "line",
+        "max_steps",
+        "per",
+        "sessions",
+        "size",
+        "token_file",
+        "wait",
+    ),
+)
+@click.argument("config", shell_complete=complete_configuration("benchmark"))
 @desktops_option
 @click.option(
     "--tasks",
     metavar="A,B",
+    shell_complete=complete("online_env.tasks:names"),
     help="Tasks or a set, instead of those of CONFIG: suite, core, write_note, my_task.py:MyTask.",
 )
 @conditions_option

@@ -14,7 +14,7 @@ from .suite import listed
 _HEAD = """\
 # The tasks of the embedded suite
 
-<!-- Made by `hijack tasks --suite -o docs/suite.md`: change the tasks, not this page. -->
+<!-- Made by `hijack tasks -o docs/suite.md`: change the tasks, not this page. -->
 
 {count} tasks in {domains} domains, on real applications of the embedded desktop. `hijack bench
 embedded_small` runs {small} of them, `embedded_core` {core}, `embedded` all. Every task has an

@@ -1,4 +1,4 @@
-"""`hijack tasks`: the tasks of the suite, or a table of OSWorld's."""
+"""`hijack tasks`: the tasks of the suite."""
 
 import json
 from pathlib import Path
@@ -7,46 +7,29 @@ import click
 from rich.table import Table
 
 from hijack_data.cli import console
+from hijack_data.cli.completion import complete
 from hijack_data.files import write_atomic
 
 
 @click.command()
-@click.argument(
-    "source", metavar="[OSWORLD_EXAMPLES]", required=False, type=click.Path(path_type=Path)
+@click.option(
+    "--set",
+    "set_",
+    metavar="NAME",
+    shell_complete=complete("online_env.tasks.sets:set_names"),
+    help="Only those of a set, such as core.",
 )
-@click.option("--suite", is_flag=True, help="List the tasks that come with the library.")
-@click.option("--set", "set_", metavar="NAME", help="Only those of a set, such as core.")
 @click.option("--json", "as_json", is_flag=True, help="Print the list as JSON.")
 @click.option(
     "-o",
     "--out",
-    metavar="FILE",
+    metavar="FILE.md",
     type=click.Path(path_type=Path),
-    help="The file to write: TASKS.jsonl of OSWorld's tasks, or a page of the suite (.md).",
+    help="Write a page of the tasks.",
 )
-@click.option("--clean", is_flag=True, help="Also one row an OSWorld task without corruption.")
-def tasks(
-    source: Path | None, suite: bool, set_: str | None, as_json: bool, out: Path | None, clean: bool
-) -> None:
-    """List the tasks of the suite, or write one row for every OSWorld task and corruption.
-
-    Such as: hijack tasks --suite; hijack tasks OSWORLD_EXAMPLES --out tasks.jsonl (369 x 9 = 3321).
-    """
-    if suite or set_:
-        if source is not None:
-            raise click.UsageError("give either OSWORLD_EXAMPLES or --suite")
-        _list(set_, as_json, out)
-        return
-    if source is None:
-        raise click.UsageError("say which tasks: --suite, or a folder of OSWorld's task files")
-    if out is None:
-        raise click.UsageError("--out TASKS.jsonl: say where the rows go")
-    from ..osworld import table
-    from ..osworld.tasks import load
-
-    found = load(source)
-    count = table.write(found, out, clean)
-    click.echo(f"{out}: {count} rows, {len(found)} tasks, revision {found.revision}")
+def tasks(set_: str | None, as_json: bool, out: Path | None) -> None:
+    """List the tasks of the suite, which come with the library."""
+    _list(set_, as_json, out)
 
 
 def _list(set_: str | None, as_json: bool, out: Path | None) -> None:

@@ -11,6 +11,8 @@ from typing import Any
 import click
 
 from hijack_data import extras
+from hijack_data.cli.completion import complete_configuration
+from hijack_data.cli.options import BriefCommand
 from hijack_data.files import write_atomic
 
 SUMMARY = "summary.json"
@@ -18,8 +20,8 @@ TABLE = "table.md"
 PLOT = "gains.svg"
 
 
-@click.command()
-@click.argument("config")
+@click.command(cls=BriefCommand, more=("data", "epochs", "model", "workers"))
+@click.argument("config", shell_complete=complete_configuration("train"))
 @click.option(
     "-o",
     "--out",

@@ -7,6 +7,7 @@ from click.testing import CliRunner
 
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
+from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError, HijackError, ParameterError, UnknownNameError
 from hijack_data.runs.run_log import slug_of
 from online_env.agents.chat.request_log import RequestReplay
@@ -313,14 +314,20 @@ def test_a_report_of_a_report_that_was_edited(run, tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--format", "htm"], "--format: unknown format 'htm'; did you mean 'html'?"),
-        (["--compare", "RUN", "--pair", "oracle"], "--pair: 'oracle' is not OLD=NEW"),
-        (["--compare", "RUN", "--pair", "oracle=gpt"], r"--pair: 'gpt' is not in RUN (oracle)"),
-        (["--fail-under", "clean"], "--fail-under clean: write SCORE=X"),
+        (
+            ["report", "RUN", "--format", "htm"],
+            "--format: unknown format 'htm'; did you mean 'html'?",
+        ),
+        (["compare", "RUN", "RUN", "--pair", "oracle"], "--pair: 'oracle' is not OLD=NEW"),
+        (
+            ["compare", "RUN", "RUN", "--pair", "oracle=gpt"],
+            r"--pair: 'gpt' is not in RUN (oracle)",
+        ),
+        (["gate", "RUN", "--fail-under", "clean"], "--fail-under clean: write SCORE=X"),
     ],
 )
 def test_options_of_a_report_that_cannot_be(run, words, said):
-    found = CliRunner().invoke(report, [str(run), *(w.replace("RUN", str(run)) for w in words)])
+    found = CliRunner().invoke(hijack, [word.replace("RUN", str(run)) for word in words])
     assert found.exit_code != 0
     assert isinstance(found.exception, HijackError), found.output
     assert said.replace("RUN", str(run)) in str(found.exception)

@@ -249,10 +249,10 @@ def test_a_summary_has_what_can_be_met_first_then_the_need_that_decides(tmp_path
         ("f-account", ("account",), False),
     ]
     tested = TaskNeeds("g", "os", True, {"web": "b.test"}, "works")
-    fetch = "hijack prefetch TASKS --out CACHE, on a connected machine"
+    fetch = "hijack osworld prefetch TASKS --out CACHE, on a connected machine"
     assert summary([*found, tested, TaskNeeds("h", "os", True, {}, "works")]) == [
         ("self-test: works", 2, ""),
-        ("nothing", 2, "hijack osworld selftest TASKS"),
+        ("nothing", 2, "hijack osworld check TASKS"),
         ("files", 1, fetch),
         ("program", 1, "none: no profile installs the program"),
         ("web", 1, "none: the desktop has no internet"),

@@ -230,7 +230,7 @@ def test_a_damaged_manifest_is_named(tmp_path: Path, text: str) -> None:
 def test_two_at_once_and_a_bad_folder_are_refused(tmp_path: Path) -> None:
     with (tmp_path / module.LOCK).open("w") as handle:
         fcntl.flock(handle, fcntl.LOCK_EX)
-        with pytest.raises(HijackError, match="another `hijack prefetch`"):
+        with pytest.raises(HijackError, match="another `hijack osworld prefetch`"):
             prefetch([], tmp_path)
     (tmp_path / "file").write_text("")
     with pytest.raises(HijackError, match="cannot be written"):
@@ -325,8 +325,8 @@ def test_the_command(server: Server, tmp_path: Path) -> None:
     source = tmp_path / "set/examples/os"
     source.mkdir(parents=True)
     (source / f"{name}.json").write_text(json.dumps(body))
-    arguments = ["prefetch", str(tmp_path / "set"), "--out", str(tmp_path / "cache")]
-    listed = CliRunner().invoke(hijack, [*arguments, "--list", "--json"], standalone_mode=False)
+    arguments = ["osworld", "prefetch", str(tmp_path / "set"), "--out", str(tmp_path / "cache")]
+    listed = CliRunner().invoke(hijack, [*arguments, "--dry-run", "--json"], standalone_mode=False)
     assert json.loads(listed.output) == [{"path": f"{name}/b", "url": server.url("/b")}]
     assert server.requests == []
     done = CliRunner().invoke(hijack, arguments, standalone_mode=False)
@@ -336,11 +336,13 @@ def test_the_command(server: Server, tmp_path: Path) -> None:
     )
     assert (tmp_path / "cache" / name / "b").read_bytes() == b"bee"
     assert (
-        CliRunner().invoke(hijack, [*arguments, "--check"], standalone_mode=False).return_value == 0
+        CliRunner().invoke(hijack, [*arguments, "--verify"], standalone_mode=False).return_value
+        == 0
     )
     (tmp_path / "cache" / name / "b").write_bytes(b"boo")
     assert (
-        CliRunner().invoke(hijack, [*arguments, "--check"], standalone_mode=False).return_value == 1
+        CliRunner().invoke(hijack, [*arguments, "--verify"], standalone_mode=False).return_value
+        == 1
     )
     (tmp_path / "cache" / name / "b").unlink()
     del server.files["/b"]

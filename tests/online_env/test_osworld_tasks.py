@@ -68,7 +68,7 @@ def test_the_table_has_3321_rows_and_is_the_same_every_time(
     source = str(shared_data / "tasks" / "osworld_verified")
     outs = [tmp_path / "1.jsonl", tmp_path / "2.jsonl"]
     for out in outs:
-        done = CliRunner().invoke(hijack, ["tasks", source, "--out", str(out)])
+        done = CliRunner().invoke(hijack, ["osworld", "tasks", source, "--out", str(out)])
         assert done.exit_code == 0, done.output
     assert "3321 rows, 369 tasks, revision osworld-verified@" in done.output
     assert outs[0].read_bytes() == outs[1].read_bytes()
@@ -205,6 +205,6 @@ def test_mistakes_end_with_exit_code_2(tmp_path: Path, capsys: pytest.CaptureFix
     from hijack_data.cli import main
 
     with pytest.raises(SystemExit) as caught:
-        main(["tasks", str(tmp_path / "none"), "--out", str(tmp_path / "t.jsonl")])
+        main(["osworld", "tasks", str(tmp_path / "none"), "--out", str(tmp_path / "t.jsonl")])
     assert caught.value.code == 2
     assert "no task files" in capsys.readouterr().err

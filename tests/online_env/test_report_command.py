@@ -57,12 +57,12 @@ def two(tmp_path):
 )
 def test_a_log_without_a_head_fails_a_gate_that_it_does_not_pass(gate, said, log, capsys):
     """Nothing says which agents it was to have, so those that played are judged."""
-    code, _, err = hijack(capsys, "report", log, "--json", "--fail-under", gate)
+    code, _, err = hijack(capsys, "gate", log, "--fail-under", gate)
     assert (code, err) == (1, f"hijack: gate failed: {said}\n")
 
 
 def test_a_log_without_a_head_passes_a_gate_and_suggests_what_it_has(log, capsys, tmp_path):
-    words = ("report", log, "--json", "--junit", tmp_path / "gates.xml", "--fail-under")
+    words = ("gate", log, "--junit", tmp_path / "gates.xml", "--fail-under")
     code, _, err = hijack(capsys, *words, "success=1")
     assert (code, err) == (0, "gate passed: success.clean of mine is 1.000, at least 1\n")
     assert etree.parse(tmp_path / "gates.xml").getroot().get("tests") == "9"
@@ -74,21 +74,12 @@ def test_a_log_without_a_head_passes_a_gate_and_suggests_what_it_has(log, capsys
 
 def test_a_gate_on_an_interval_says_that_intervals_need_scipy(log, capsys, monkeypatch):
     monkeypatch.setattr(scores, "can_infer", lambda: False)
-    code, _, err = hijack(capsys, "report", log, "--json", "--fail-under", "ci_low.marks=0")
+    code, _, err = hijack(capsys, "gate", log, "--fail-under", "ci_low.marks=0")
     assert code == 1
     assert err == (
         "hijack: gate failed: ci_low.marks of mine cannot be computed, scipy and statsmodels are"
         " not installed: marks (mine:ci_low.marks=0)\n"
     )
-
-
-def test_a_leaderboard_takes_no_seeds(tmp_path, capsys):
-    page = tmp_path / "board.html"
-    run_of(tmp_path / "runs" / "a", scored("a", "marks", [1, 0]))
-    words = ("report", tmp_path / "runs", "--leaderboard", "-o", page, "--seeds", "1")
-    code, out, err = hijack(capsys, *words)
-    said = "hijack: error: --seeds chooses episodes of a run; give the folder of one\n"
-    assert (code, out, err, page.exists()) == (2, "", said, False)
 
 
 # What a format has no place for
@@ -98,36 +89,31 @@ def test_a_leaderboard_takes_no_seeds(tmp_path, capsys):
     ("words", "said"),
     [
         (
-            ["--compare", "OLD", "--format", "latex"],
-            "--compare is not shown by the format latex; give one of terminal, json, csv, markdown,"
+            ["compare", "OLD", "--format", "latex"],
+            "a comparison is not shown by the format latex; give one of terminal, json, csv, markdown,"
             " html",
         ),
         (
-            ["--compare", "OLD", "-o", "card.yaml"],
-            "--compare is not shown by the format model-index; give one of terminal, json, csv,"
+            ["compare", "OLD", "-o", "card.yaml"],
+            "a comparison is not shown by the format model-index; give one of terminal, json, csv,"
             " markdown, html",
         ),
         (
-            ["--paper", "-o", "rows.csv"],
+            ["report", "--paper", "-o", "rows.csv"],
             "--paper is not shown by the format csv; give one of terminal, json, latex, markdown,"
             " html",
         ),
         (
-            ["--reference", "mine", "--format", "csv"],
+            ["report", "--reference", "mine", "--format", "csv"],
             "--reference is not shown by the format csv; give one of terminal, json, markdown,"
-            " html",
-        ),
-        (
-            ["--compare", "OLD", "--paper", "--format", "csv"],
-            "--paper is not shown by the format csv; give one of terminal, json, latex, markdown,"
             " html",
         ),
     ],
 )
 def test_what_a_format_would_leave_out_in_silence_is_refused(words, said, two, capsys):
     old, new = two
-    chosen = [old if word == "OLD" else word for word in words]
-    assert hijack(capsys, "report", new, *chosen) == (2, "", f"hijack: error: {said}\n")
+    command, *options = [old if word == "OLD" else word for word in words]
+    assert hijack(capsys, command, new, *options) == (2, "", f"hijack: error: {said}\n")
 
 
 def test_a_finished_report_refuses_it_too(two, capsys, tmp_path):
@@ -143,7 +129,7 @@ def test_a_finished_report_refuses_it_too(two, capsys, tmp_path):
 @pytest.mark.parametrize("format", ["terminal", "json", "csv", "markdown", "html"])
 def test_formats_that_have_a_place_for_a_comparison_show_it(format, two, capsys):
     old, new = two
-    code, out, _ = hijack(capsys, "report", new, "--compare", old, "--format", format)
+    code, out, _ = hijack(capsys, "compare", new, old, "--format", format)
     assert code == 0
     assert "old" in out or "only_before" in out
 
@@ -355,12 +341,7 @@ def test_a_model_card_has_the_papers_average_where_all_ten_columns_are(tmp_path)
 
 @pytest.mark.parametrize(
     ("option", "name"),
-    [
-        ("--out", "run.json"),
-        ("--out", "records.jsonl"),
-        ("--junit", "records.jsonl"),
-        ("--out", "sessions.jsonl"),
-    ],
+    [("--out", "run.json"), ("--out", "records.jsonl"), ("--out", "sessions.jsonl")],
 )
 def test_no_output_replaces_a_file_of_the_run(option, name, two, capsys):
     path = two[0] / name
@@ -377,11 +358,18 @@ def test_a_file_with_such_a_name_elsewhere_is_written(two, capsys, tmp_path):
     assert path.exists()
 
 
-def test_report_and_gates_have_a_file_each(two, capsys, tmp_path):
-    path = tmp_path / "both.html"
-    code, _, err = hijack(capsys, "report", two[0], "-o", path, "--junit", path)
-    assert (code, path.exists()) == (2, False)
-    assert "is the file of --out, too" in err
+def test_the_file_of_a_gate_replaces_no_file_of_the_run(two, capsys):
+    path = two[0] / "records.jsonl"
+    before = path.read_bytes()
+    code, out, err = hijack(capsys, "gate", two[0], "--junit", path)
+    problem = f"--junit {path}: is a file of the run itself; give another name"
+    assert (code, out, err) == (2, "", f"hijack: error: {problem}\n")
+    assert path.read_bytes() == before
+
+
+def test_a_gate_judges_something(two, capsys):
+    code, _, err = hijack(capsys, "gate", two[0])
+    assert (code, "say what is too low: --fail-under SCORE=X" in err) == (2, True)
 
 
 def test_what_an_agent_printed_does_not_control_the_terminal(tmp_path, capsys):

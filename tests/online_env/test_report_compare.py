@@ -124,7 +124,7 @@ def test_which_agents_are_compared(tmp_path):
 def test_runs_without_a_shared_case_are_refused(tmp_path, capsys):
     run_of(tmp_path / "old", scored("a", "clean", [1, 0]))
     run_of(tmp_path / "new", scored("a", "clean", [1, 0], seed=5))
-    words = ("report", "--compare", tmp_path / "old", tmp_path / "new")
+    words = ("compare", tmp_path / "new", tmp_path / "old")
     code, out, err = hijack(capsys, *words)
     assert (code, out, len(err.splitlines())) == (2, "", 1)
     assert "share no case" in err
@@ -136,7 +136,7 @@ def test_runs_without_a_shared_case_are_refused(tmp_path, capsys):
 def test_a_comparison_in_the_formats(tmp_path, capsys):
     run_of(tmp_path / "old", scored("a", "marks", [1, 0, 1]))
     run_of(tmp_path / "new", scored("a", "marks", [1, 1, 1]))
-    words = ("report", "--compare", tmp_path / "old", tmp_path / "new")
+    words = ("compare", tmp_path / "new", tmp_path / "old")
     code, out, _ = hijack(capsys, *words)
     assert code == 0
     assert out.split("marks")[1].split()[:4] == ["3", "66.7", "100.0", "+33.3"]
@@ -248,7 +248,7 @@ def test_symbolic_links_are_followed_once_and_never_up(runs, tmp_path, capsys):
     (runs / "up").symlink_to(tmp_path)
     (runs / "gone").symlink_to("nowhere")
     (runs / "round").symlink_to("round")
-    words = ("report", runs, "--leaderboard", "-o", tmp_path / "board.html")
+    words = ("leaderboard", runs, "-o", tmp_path / "board.html")
     code, _, err = hijack(capsys, *words)
     assert code == 1
     assert "left out: gone: is a symbolic link to nowhere, which cannot be reached" in err
@@ -266,7 +266,7 @@ def test_a_page_has_no_paths_of_this_machine(runs, tmp_path):
 def test_the_page_names_what_was_left_out(runs, capsys, tmp_path):
     (runs / "<bad>").mkdir()
     (runs / "<bad>" / "run.json").write_text("{")
-    words = ("report", runs, "--leaderboard", "-o", tmp_path / "board.html")
+    words = ("leaderboard", runs, "-o", tmp_path / "board.html")
     code, _, err = hijack(capsys, *words)
     assert code == 1
     assert "left out: " in err
@@ -313,6 +313,6 @@ def test_a_board_says_that_its_runs_are_of_different_versions(runs):
 
 
 def test_a_folder_without_runs_is_refused(tmp_path, capsys):
-    code, _, err = hijack(capsys, "report", tmp_path, "--leaderboard", "-o", tmp_path / "b.html")
+    code, _, err = hijack(capsys, "leaderboard", tmp_path, "-o", tmp_path / "b.html")
     assert (code, len(err.splitlines())) == (2, 1)
     assert "holds no run with episodes" in err

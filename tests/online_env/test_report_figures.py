@@ -279,4 +279,4 @@ def test_a_file_is_no_folder_of_runs(tmp_path):
     path.touch()
     with pytest.raises(ReportError) as error:
         read_all(path)
-    assert str(error.value) == f"{path}: is no folder; --leaderboard takes a folder of runs"
+    assert str(error.value) == f"{path}: is no folder of runs"

@@ -1,0 +1,59 @@
+"""Values that TAB completes, such as names of corruptions, agents, benchmarks and formats."""
+
+import importlib
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import click
+from click.shell_completion import CompletionItem
+
+Completion = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
+
+
+def complete(source: str, *more: str) -> Completion:
+    """Return a completion of one name, or of the last one of a list with commas.
+
+    Args:
+        source: `module:attribute`, imported when TAB is pressed: a function that returns the names,
+            or a registry, mapping or sequence of them.
+        more: further words.
+    """
+
+    def completion(
+        ctx: click.Context, parameter: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        before, comma, last = incomplete.rpartition(",")
+        used = before.split(",")
+        return [
+            CompletionItem(before + comma + word)
+            for word in (*_names(source), *more)
+            if word.startswith(last) and word not in used
+        ]
+
+    return completion
+
+
+def complete_configuration(*folders: str) -> Completion:
+    """Return a completion of the packaged configurations in folders of `configs/`."""
+
+    def completion(
+        ctx: click.Context, parameter: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        names = (name.partition("/") for name in _names("hijack_data.config.files:available"))
+        return [
+            CompletionItem(name)
+            for place, _, name in names
+            if place in folders and name.startswith(incomplete)
+        ]
+
+    return completion
+
+
+def _names(source: str) -> Iterable[str]:
+    module, _, attribute = source.partition(":")
+    try:
+        names: Any = getattr(importlib.import_module(module), attribute)
+        names = getattr(names, "names", names)
+        return names() if callable(names) and not isinstance(names, Mapping) else names
+    except Exception:  # noqa: BLE001  a broken plug-in completes nothing, and breaks no shell
+        return ()
