@@ -1,7 +1,7 @@
 """Values that TAB completes, such as names of corruptions, agents, benchmarks and formats."""
 
 import importlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import click
@@ -49,11 +49,11 @@ def complete_configuration(*folders: str) -> Completion:
     return completion
 
 
-def _names(source: str) -> Iterable[str]:
+def _names(source: str) -> list[str]:
     module, _, attribute = source.partition(":")
     try:
-        names: Any = getattr(importlib.import_module(module), attribute)
-        names = getattr(names, "names", names)
-        return names() if callable(names) and not isinstance(names, Mapping) else names
+        source_object: Any = getattr(importlib.import_module(module), attribute)
+        names: Any = getattr(source_object, "names", source_object)
+        return list(names if isinstance(names, Mapping) or not callable(names) else names())
     except Exception:  # noqa: BLE001  a broken plug-in completes nothing, and breaks no shell
-        return ()
+        return []
