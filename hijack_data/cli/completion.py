@@ -1,7 +1,7 @@
 """Values that TAB completes, such as names of corruptions, agents, benchmarks and formats."""
 
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import click
@@ -51,9 +51,13 @@ def complete_configuration(*folders: str) -> Completion:
 
 def _names(source: str) -> list[str]:
     module, _, attribute = source.partition(":")
+    names: Any
     try:
-        source_object: Any = getattr(importlib.import_module(module), attribute)
-        names: Any = getattr(source_object, "names", source_object)
-        return list(names if isinstance(names, Mapping) or not callable(names) else names())
+        names = getattr(importlib.import_module(module), attribute)
+        if hasattr(names, "names"):
+            names = names.names
+        if callable(names):
+            names = names()
     except Exception:  # noqa: BLE001  a broken plug-in completes nothing, and breaks no shell
         return []
+    return [*names]
