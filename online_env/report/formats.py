@@ -40,7 +40,7 @@ SUFFIXES: Mapping[str, str] = MappingProxyType(
 
 COMPARISON = "a comparison"
 # Formats that have a place for what an option asks for.
-SHOWING: Mapping[str, tuple[str, ...]] = MappingProxyType(
+FORMATS_BY_OPTION: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         COMPARISON: (TERMINAL, "json", "csv", "markdown", "html"),
         "--reference": (TERMINAL, "json", "markdown", "html"),
@@ -55,12 +55,12 @@ def check_shown(option: str, format: str) -> None:
     Raises:
         ReportError: it does not.
     """
-    if format not in SHOWING[option]:
-        known = ", ".join(SHOWING[option])
+    if format not in FORMATS_BY_OPTION[option]:
+        known = ", ".join(FORMATS_BY_OPTION[option])
         raise ReportError(f"{option} is not shown by the format {format}; give one of {known}")
 
 
-def format_of(named: str | None, out: Path | None) -> str:
+def choose_format(named: str | None, out: Path | None) -> str:
     """Return the format with a name, or the format for the suffix of a file.
 
     Raises:

@@ -1,0 +1,278 @@
+"""`hijack report`, `compare`, `gate` and `leaderboard`.
+
+Exit codes: 0 done, 1 something of the run is missing, invalid, failed or damaged, or a score is too
+low, 2 bad usage or a run that cannot be reported, 3 the disk is full or fails.
+"""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from hijack_data.cli import console
+from hijack_data.cli.completion import complete
+from hijack_data.file_io import make_folder, write_atomic
+from hijack_data.printable import printable
+from hijack_data.runs.own_files import refuse_own_file
+
+from ..report.gate import ReleaseGate, gate_options
+from ..results import reading
+from ..results.reading import Run
+from ..results.scores import COLUMNS
+from . import leaderboard, terminal
+from .build import build_report, load_report
+from .compare import RunComparison, compare
+from .document import ReportDocument
+from .formats import (
+    COMPARISON,
+    FORMATS,
+    FORMATS_BY_OPTION,
+    TERMINAL,
+    check_shown,
+    choose_format,
+    write,
+)
+from .identity import agent_names, corruptions_by_label
+from .model import ReportError, RunReport
+from .outcome import exit_code, missing_line
+from .paper import compare_with_paper
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def _output_options(command: Command) -> Command:
+    """Add `--format`, `--out` and `--json`."""
+    named = click.option(
+        "--format",
+        "named",
+        metavar="NAME",
+        shell_complete=complete("online_env.report.formats:FORMATS"),
+        help=f"One of {', '.join(FORMATS)}.",
+    )
+    out = click.option(
+        "-o",
+        "--out",
+        type=click.Path(dir_okay=False, path_type=Path),
+        metavar="FILE",
+        help="Write to a file, whose name tells the format unless --format does.",
+    )
+    as_json = click.option("--json", "as_json", is_flag=True, help="Print a list of rows.")
+    return named(out(as_json(command)))
+
+
+@click.command()
+@click.argument("runs", type=click.Path(path_type=Path))
+@_output_options
+@click.option(
+    "--seeds",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Seeds 0 to N-1 only, such as those of a run that goes on.",
+)
+@click.option("--reference", metavar="AGENT", help="Agent of the run that mCE refers to.")
+@click.option("--paper", is_flag=True, help="Set the agents beside the paper's main table.")
+def report(
+    runs: Path,
+    named: str | None,
+    out: Path | None,
+    as_json: bool,
+    seeds: int | None,
+    reference: str | None,
+    paper: bool,
+) -> None:
+    """Show the results of a run, such as: hijack report runs/small.
+
+    RUNS is the folder of a run of hijack bench or hijack score, or a report.json.
+    """
+    if seeds and runs.is_file():
+        raise ReportError("--seeds chooses episodes of a run; give the folder of one")
+    options = {"--paper": paper, "--reference": reference}
+    beside = [name for name, value in options.items() if value]
+    for option in [*beside, *([f"--format {named}"] if named else [])]:
+        if as_json:
+            raise ReportError(
+                f"--json is a list of rows, without {option}; give --format json alone"
+            )
+    if runs.is_file():
+        document = load_report(runs, reference or "")
+        if as_json:
+            cells = [{name: getattr(cell, name) for name in COLUMNS} for cell in document.cells]
+            _put(json.dumps(cells, indent=1) + "\n", out)
+            return
+        format = _format(named, out, beside)
+        _write(_document(document, None, paper), format, out)
+        return
+    run = _read(runs, seeds)
+    if as_json:
+        _put(json.dumps(terminal.score_rows(run, run.records), indent=1) + "\n", out)
+        raise SystemExit(_finish(run))
+    format = _format(named, out, beside)
+    if format == TERMINAL and out is None:
+        terminal.show(run, reference or "")
+        if paper:
+            terminal.show_paper(compare_with_paper(build_report(run)), console())
+        raise SystemExit(_finish(run))
+    _write(_document(build_report(run, reference=reference or ""), None, paper), format, out)
+    raise SystemExit(_finish(run))
+
+
+@click.command("compare")
+@click.argument("runs", type=click.Path(path_type=Path))
+@click.argument("earlier", type=click.Path(path_type=Path))
+@click.option(
+    "--pair",
+    "pairs",
+    multiple=True,
+    metavar="OLD=NEW",
+    help="Agents of other names that are compared; may be repeated.",
+)
+@_output_options
+def compare_command(
+    runs: Path,
+    earlier: Path,
+    pairs: tuple[str, ...],
+    named: str | None,
+    out: Path | None,
+    as_json: bool,
+) -> None:
+    """Compare a run case by case with an earlier one: hijack compare runs/new runs/old."""
+    for folder in (runs, earlier):
+        if folder.is_file():
+            raise ReportError(f"{folder} is a finished report; give the folders of runs")
+    if as_json and named:
+        raise ReportError(
+            f"--json is a list of rows, without --format {named}; give --format json alone"
+        )
+    run = _read(runs)
+    comparison = compare(_read(earlier), run, _paired(pairs))
+    if as_json:
+        _put(json.dumps([asdict(cell) for cell in comparison.cells], indent=1) + "\n", out)
+    else:
+        format = _format(named, out, [COMPARISON])
+        _write(_document(build_report(run), comparison, paper=False), format, out)
+    raise SystemExit(_finish(run))
+
+
+@click.command()
+@click.argument("runs", type=click.Path(path_type=Path))
+@gate_options
+def gate(runs: Path, fail_under: tuple[str, ...], junit: Path | None) -> None:
+    """Exit with 1 if a score is too low: hijack gate RUNS --fail-under retention=0.8."""
+    if not fail_under and junit is None:
+        raise click.UsageError("say what is too low: --fail-under SCORE=X")
+    if runs.is_file():
+        raise ReportError(f"{runs} is a finished report; give the folder of a run")
+    run = _read(runs)
+    passed = ReleaseGate.read(fail_under, junit, *_agents_and_labels(run)).conclude(run)
+    code = _finish(run)
+    raise SystemExit(code if passed else 1)
+
+
+@click.command("leaderboard")
+@click.argument("folder", metavar="RUNS", type=click.Path(path_type=Path))
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(dir_okay=False, path_type=Path),
+    required=True,
+    metavar="FILE.html",
+    help="The page to write.",
+)
+def leaderboard_command(folder: Path, out: Path) -> None:
+    """Rank the agents of all runs in a folder on one page."""
+    board = leaderboard.read_reports(folder)
+    for problem in board.problems:
+        click.echo(printable(f"hijack: left out: {problem}"), err=True)
+    _put(leaderboard.leaderboard(board), out)
+    raise SystemExit(1 if board.problems else 0)
+
+
+def _format(named: str | None, out: Path | None, beside: Sequence[str]) -> str:
+    """Return the format, which has to show what the options `beside` ask for."""
+    format = choose_format(named, out)
+    for option in beside:
+        if option in FORMATS_BY_OPTION:
+            check_shown(option, format)
+    return format
+
+
+def _read(folder: Path, seeds: int | None = None) -> Run:
+    """Read a run that has episodes, of all seeds or of the first ones.
+
+    Raises:
+        ReportError: it has none.
+        RunError: it has no such seeds.
+    """
+    run = reading.read(folder)
+    if seeds is not None:
+        run = reading.with_first_seeds(run, seeds)
+    for damage in run.damaged:
+        place = f"{folder / damage.file}:{damage.line}"
+        click.echo(printable(f"hijack: {place}: skipped: {damage.problem}"), err=True)
+    if not run.records:
+        command = "score" if run.is_scored else "bench"
+        raise ReportError(
+            f"{folder}: holds no episodes yet; hijack {command} ... --out {folder} --resume runs"
+            " them"
+        )
+    return run
+
+
+def _agents_and_labels(run: Run) -> tuple[list[str], list[str]]:
+    """Return the agents and the conditions of a run; a log without a head has those it played."""
+    agents = [*agent_names(run.config), *(record["agent"] for record in run.records)]
+    labels = [*corruptions_by_label(run.config), *(record["corruption"] for record in run.records)]
+    return list(dict.fromkeys(agents)), list(dict.fromkeys(labels))
+
+
+def _finish(run: Run) -> int:
+    """Print on standard error what is missing, and return the exit code."""
+    if run.missing:
+        click.echo(f"hijack: {run.folder}: {missing_line(run)}", err=True)
+    return exit_code(run)
+
+
+def _document(report: RunReport, comparison: RunComparison | None, paper: bool) -> ReportDocument:
+    return ReportDocument(
+        report=report, comparison=comparison, paper=compare_with_paper(report) if paper else None
+    )
+
+
+def _write(document: ReportDocument, format: str, out: Path | None) -> None:
+    if format == TERMINAL and out is None:
+        terminal.show_document(document, console())
+        return
+    _put(write(document, format), out)
+
+
+def _put(text: str, out: Path | None) -> None:
+    if out is None:
+        click.echo(printable(text), nl=False)
+        return
+    refuse_own_file(out, "--out")
+    make_folder(out.parent, out)
+    write_atomic(out, text)
+    click.echo(f"wrote {out}")
+
+
+def _paired(pairs: tuple[str, ...]) -> Mapping[str, str] | None:
+    """Return the agents that are compared.
+
+    Raises:
+        ReportError: a pair is not two names.
+    """
+    found: dict[str, str] = {}
+    for pair in pairs:
+        first, _, second = pair.partition("=")
+        if not first or not second:
+            raise ReportError(f"--pair: {pair!r} is not OLD=NEW, two names of agents")
+        if first in found:
+            raise ReportError(
+                f"--pair: {first!r} is compared with {found[first]!r} already; compare it with"
+                f" {second!r} by a command of its own"
+            )
+        found[first] = second
+    return found or None
