@@ -79,6 +79,7 @@ tail: env  ## A third of what only make test-all runs: make tail PART=tail-1 (or
 lint: env
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports --no-logo --no-cache
 	$(BIN)/pyright
 
 bench: env  ## Run the benchmarks and rewrite benchmarks/RESULTS.md

@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Literal, TypeAlias, TypeVar, cast, get_args
 
 from . import declaration
 from . import params as p
+from .entry_points import place_of, reason_of
 from .errors import (
     HijackError,
     ParameterError,
@@ -26,7 +27,6 @@ from .errors import (
 )
 from .plan import Effect, Op, Plan
 from .planner import Planner
-from .plugins import place_of, reason_of
 from .registry import Registry
 from .rng import Stream
 from .types import Scene

@@ -20,17 +20,17 @@ from types import ModuleType
 from typing import Any, cast
 
 from . import params as p
-from .errors import HijackError, PluginError, UnknownNameError, suggest
-from .paths import PathLike
-from .plugins import place_of, reason_of
-from .registry import (
-    Registry,
+from .entries import (
+    EntryTable,
     file_of_module,
+    import_table,
     module_of,
     registries,
-    registry_of,
     undone_on_failure,
 )
+from .entry_points import load_installed, place_of, reason_of
+from .errors import HijackError, PluginError, UnknownNameError, suggest
+from .paths import PathLike
 
 VARIABLE = "AGENTHIJACK_LOAD"
 SUFFIX = ".py"
@@ -180,10 +180,10 @@ def holds(sha256: str, corruptions: Iterable[str]) -> bool:
     """Return whether these corruptions come from a file with this SHA-256, loaded or imported."""
     if sha256 in [file.sha256 for file in loaded_files()]:
         return True
-    registry = registry_of("corruptions")
-    known = registry.keys() & set(corruptions)
-    for name in known:
-        source = source_of(registry.get(name))
+    registry = import_table("corruptions")
+    load_installed(registry)
+    for name in registry.entries.keys() & set(corruptions):
+        source = source_of(registry.resolve(name))
         if source is not None and source["sha256"] == sha256:
             return True
     return False
@@ -207,10 +207,8 @@ def _load(path: PathLike) -> LoadedFile:
         if known.sha256 != sha256:
             raise PluginError(f"{path}: was changed since this process loaded it; start again")
         return known
-    registry_of(
-        "corruptions"
-        # Installed plug-ins are loaded first: a name that both define is an error of the file.
-    ).load_installed()
+    # Installed plug-ins are loaded first: a name that both define is an error of the file.
+    load_installed(import_table("corruptions"))
     load_environment()
     known = _files.get(place)
     if known is None:
@@ -304,7 +302,7 @@ def _execute(place: str, data: bytes, sha256: str) -> LoadedFile:
             exec(compile(data, place, "exec", dont_inherit=True), vars(module))  # noqa: S102
             file = _loaded(place, sha256, name)
             for registry, key in _registered(name):
-                registry.check(registry.get(key))
+                registry.check(registry.resolve(key))
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit too: a file may raise anything
@@ -312,11 +310,11 @@ def _execute(place: str, data: bytes, sha256: str) -> LoadedFile:
         line = _line(error, place)
         raise PluginError(f"{place}: cannot be imported{line}: {reason_of(error)}") from error
     for corruption in file.corruptions:
-        copyreg.pickle(registry_of("corruptions").get(corruption), _reduce)
+        copyreg.pickle(import_table("corruptions").resolve(corruption), _reduce)
     return file
 
 
-def _registered(module: str) -> Iterator[tuple[Registry[Any], str]]:
+def _registered(module: str) -> Iterator[tuple[EntryTable[Any], str]]:
     """Yield the registrations of a module as pairs of a registry and a name."""
     for registry in registries():
         for name in registry.of_module(module):
@@ -374,5 +372,5 @@ def _revive(path: str, sha256: str, name: str, values: Mapping[str, Any]) -> Any
                 f"{path}: another file (SHA-256 {found[:12]}) than the one that {name} was "
                 f"loaded from ({sha256[:12]}); every process needs the same file under this path"
             )
-    cls = registry_of("corruptions").get(name)
+    cls = import_table("corruptions").resolve(name)
     return cls(**values)

@@ -181,9 +181,9 @@ def apply_plan(plan: Plan | list[Plan], pixels: Any) -> Any:
     """Apply a plan to a picture or stack, or one each to a batch; `tv_tensors` stay such."""
     if not is_tensor(pixels, "Image", "Video"):
         return apply(plan, pixels)
-    from .labels.tensors import like_image  # here: it needs torch
+    from .torchvision_images import change_pixels  # here: it needs torch
 
-    return like_image(pixels, lambda plain: apply(plan, plain))
+    return change_pixels(pixels, lambda plain: apply(plan, plain))
 
 
 def swapped(value: Any, new: Mapping[int, Any]) -> Any:

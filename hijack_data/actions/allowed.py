@@ -16,11 +16,12 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from ..errors import ActionError
-from ..runs.run_log import REINIT
 from .program.names import Names
 from .program.signatures import AGENTNET_TRIPLE, KEYBOARD, POINTER
 from .program.source import ParsedSource, shallow
 
+# An agent's request for help, which does nothing on the screen.
+REINIT = "REQUEST_REINIT"
 ActionKind: TypeAlias = Literal["wait", "done", "fail", "reinit", "code"]
 WORDS: dict[str, ActionKind] = {"WAIT": "wait", "DONE": "done", "FAIL": "fail", REINIT: "reinit"}
 MAX_CODE = 32_000  # characters; an argument of a command may have 128 KiB

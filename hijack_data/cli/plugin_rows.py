@@ -6,9 +6,9 @@ from typing import TypeAlias
 
 from rich.markup import escape
 
+from ..entry_points import Plugin, groups, installed
 from ..errors import HijackError, PluginError, PluginWarning
 from ..loading import VARIABLE, LoadedFile, loaded_files
-from ..plugins import Plugin, groups, installed
 from ..registry import PREFIX, registry_of
 
 PluginLine: TypeAlias = tuple[str, str, str, str]

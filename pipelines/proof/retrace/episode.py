@@ -6,10 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
+from hijack_data.actions.allowed import REINIT
 from hijack_data.errors import HijackError
 from hijack_data.plan import CLEAN, Effect, Plan
 from hijack_data.planner import Planner
-from hijack_data.runs.run_log import CHAINED, EPISODE, REINIT, RUN, STEPS, VERSION, digest_of
+from hijack_data.runs.run_log import CHAINED, EPISODE, RUN, STEPS, VERSION, digest_of
 from hijack_data.runs.run_planners import params_of, read_back, written
 from hijack_data.types import Scene, Size
 

@@ -13,8 +13,8 @@ import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from .entries import PREFIX, EntryTable, import_table, undone_on_failure
 from .errors import HijackError, PluginError, PluginWarning
-from .registry import PREFIX, Registry, undone_on_failure
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -59,7 +59,19 @@ class Plugin:
 _loaded: dict[str, list[Plugin]] = {}
 
 
-def load_plugins(group: str, registry: Registry[Any]) -> None:
+def load_installed(registry: EntryTable[Any]) -> None:
+    """Import the built-in entries of a registry, then the plug-ins of installed packages.
+
+    Args:
+        registry: its `related` kinds are loaded first, because their plug-ins may register here.
+    """
+    registry.load_ours()
+    for kinds in registry.related:
+        load_installed(import_table(kinds))
+    load_plugins(registry.group, registry)
+
+
+def load_plugins(group: str, registry: EntryTable[Any]) -> None:
     """Import the plug-ins of installed packages in an entry-point group, once per process.
 
     A plug-in that raises any exception is left out: a `PluginWarning` names it, its package and the
@@ -125,7 +137,7 @@ def place_of(error: BaseException) -> str:
     return f"{frame.filename}:{frame.lineno}"
 
 
-def _load(entry: "EntryPoint", registry: Registry[Any]) -> Plugin:
+def _load(entry: "EntryPoint", registry: EntryTable[Any]) -> Plugin:
     module = entry.value.partition(":")[0].strip()
     before = set(registry.entries)
     new: list[str] = []
@@ -137,7 +149,7 @@ def _load(entry: "EntryPoint", registry: Registry[Any]) -> Plugin:
             finally:
                 new = [name for name in registry.entries if name not in before]
             for name in new:
-                registry.check(registry.get(name))
+                registry.check(registry.resolve(name))
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # noqa: BLE001  (SystemExit too: a plug-in may raise anything)
@@ -154,7 +166,7 @@ def _load(entry: "EntryPoint", registry: Registry[Any]) -> Plugin:
     )
 
 
-def _register(entry: "EntryPoint", module: str, registry: Registry[Any]) -> None:
+def _register(entry: "EntryPoint", module: str, registry: EntryTable[Any]) -> None:
     """Import the module of an entry point, and register the attribute that it may name.
 
     Raises:
