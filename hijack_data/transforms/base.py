@@ -1,5 +1,7 @@
 """The base of all transforms: it takes a sample or batch apart, plans and applies."""
 
+from __future__ import annotations
+
 import importlib
 from typing import Any, cast
 
@@ -71,16 +73,28 @@ class Corrupt(v2.Transform):
             `hijack_data.labels`.
         target: the declared entry that must stay visible; see `hijack_data.labels.Labels`.
 
-    Raises `ParameterError`, `ImageError` or `ImageTypeError` for a sample that cannot be corrupted,
-    and `LabelError` if an entry has the shape of a picture and is not known as one, if a plan moves
-    pixels and entries are neither harmless nor declared, or if a label cannot follow.
+    A call takes one sample or a batch and returns a corrupted copy; see the module for the pictures
+    and labels that a sample may hold. It raises `ParameterError`, `ImageError` or `ImageTypeError`
+    for a sample that cannot be corrupted, and `LabelError` if an entry has the shape of a picture
+    and is not known as one, if a plan moves pixels and entries are neither harmless nor declared,
+    or if a label cannot follow.
+
+    Raises:
+        ParameterError: a value is out of its range, or an inner transform has settings of its own.
+        ParameterTypeError: a value has the wrong type, or `planner` plans nothing.
+
+    Example:
+        >>> corrupt = tr.Corrupt(hj.Marks(number=100), seed=3, label_policy="avoid")
+        >>> sample = {"image": image, "id": "traj-3/0", "target": (220, 65)}
+        >>> corrupt(sample)["image"].shape  # uint8 [3, H, W]
+        torch.Size([3, 1080, 1920])
     """
 
     seeded = True  # whether plans are drawn from the seed; those of `Replay` are given
 
     def __init__(
         self,
-        planner: "Planner | Corrupt",
+        planner: Planner | Corrupt,
         *,
         seed: int = 0,
         id_from: str = "entry",
@@ -235,7 +249,7 @@ class Corrupt(v2.Transform):
         return self.settings.plan(size, row, key, int(self._epoch.item()))
 
 
-def planner_of(value: "Planner | Corrupt") -> Planner:
+def planner_of(value: Planner | Corrupt) -> Planner:
     """Return the planner of a value, which is a planner or a transform.
 
     Raises:
