@@ -62,7 +62,7 @@ def overheads(episodes: int, corruption: str) -> list[float]:
     from online_env.environment import CorruptedEnv, EvalSettings, SmallTasks
 
     found: list[float] = []
-    planner = None if corruption == "clean" else hj.get(corruption)
+    planner = None if corruption == "clean" else hj.make_corruption(corruption)
     with tempfile.TemporaryDirectory() as scratch, EmbeddedDesktop.up(standby=True) as desktop:
         settings = EvalSettings(max_steps=60, log=Path(scratch), agent="stopwatch")
         env = CorruptedEnv(SmallTasks(desktop), settings=settings)

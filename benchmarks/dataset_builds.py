@@ -129,7 +129,9 @@ def _rebuild_row(name: str, ours: float, theirs: float) -> list[str]:
 
 def rebuild(pictures: Iterable[bytes], names: Iterable[str]) -> None:
     """What a worker does with some steps, from the bytes of the sources to those of a shard."""
-    settings = RowSettings(tuple((name, hj.get(name)) for name in names), seed=1, clean=False)
+    settings = RowSettings(
+        tuple((name, hj.make_corruption(name)) for name in names), seed=1, clean=False
+    )
     steps = [
         (Step(k, "x.png", Action("click", 700, 500), "pyautogui.click(700, 500)"), d)
         for k, d in enumerate(pictures)
@@ -177,7 +179,7 @@ def bands(pictures: list[bytes]) -> str:
 def _band_times(image: np.ndarray, name: str) -> tuple[float, ...]:
     from hijack_data.safety import changed_pixels
 
-    plan = hj.get(name).plan(hj.Scene(image.shape[:2]), seed=1, sample="x", step=0)
+    plan = hj.make_corruption(name).plan(hj.Scene(image.shape[:2]), seed=1, sample="x", step=0)
     picture = hj.apply(plan, image)
     rows = touched(plan) or ()
     base = Base(image)
@@ -216,7 +218,7 @@ def lazy_rows(pictures: list[bytes]) -> str:
 
 def _rows(data: bytes) -> Iterable[tuple[str, dict[str, Any], bytes]]:
     settings = RowSettings(
-        tuple((name, hj.get(name, **_plain(name))) for name in NAMES), seed=1, lazy=True
+        tuple((name, hj.make_corruption(name, **_plain(name))) for name in NAMES), seed=1, lazy=True
     )
     step = Step(0, "x.png", Action("click", 700, 500), "")
     for row in rows_of(

@@ -18,7 +18,7 @@ from typing import Any
 
 from common import table
 
-from hijack_data import names
+from hijack_data import corruption_names
 from hijack_data.files import write_atomic
 from online_env.bench import records
 from online_env.bench.scores import task_name
@@ -27,7 +27,7 @@ from online_env.tasks.base import Task
 
 RESULTS = Path(__file__).resolve().parents[1] / "docs" / "results"
 AGENTS = ("oracle", "recovering")
-COLUMNS = ("clean", *names())
+COLUMNS = ("clean", *corruption_names())
 SOLVED, FAILED, UNSOLVABLE, OPEN = "✓", "✗", "–", ""
 
 

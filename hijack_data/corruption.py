@@ -243,7 +243,7 @@ def _problems(cls: type[Any], _: str) -> Iterator[str]:
         if not getattr(cls, key, ""):
             yield f"{key} is not set"
     if not issubclass(cls, Corruption):
-        yield "it is not a subclass of hijack_data.Corruption"
+        yield "it is not a subclass of hijack_data.plugin.Corruption"
         return
     if "__dataclass_fields__" not in vars(cls) or "make_plan" not in vars(cls):
         yield "it must be a frozen dataclass that defines make_plan"
@@ -308,7 +308,7 @@ CORRUPTIONS = Registry[type[Corruption]](
 )
 
 
-def names() -> list[str]:
+def corruption_names() -> list[str]:
     """Return the names of all corruptions: the paper's nine in order, plug-ins, loaded files.
 
     Raises:
@@ -317,7 +317,7 @@ def names() -> list[str]:
     return CORRUPTIONS.names()
 
 
-def find(name: str) -> type[Corruption]:
+def find_corruption(name: str) -> type[Corruption]:
     """Return the class registered as `name` or `name-vN`.
 
     Raises:
@@ -351,16 +351,26 @@ def check_not_broken(name: str) -> None:
     CORRUPTIONS.check_not_broken(name)
 
 
-def get(name: str, **values: Any) -> Corruption:
-    """Return a corruption by name with some parameters set: `get("marks", number=50)`."""
-    cls = find(name)
+def make_corruption(name: str, **values: Any) -> Corruption:
+    """Return a corruption by name, such as `make_corruption("marks", number=50)`.
+
+    Args:
+        name: the name, or `name-vN` for one version.
+        **values: parameters; the others have their defaults.
+
+    Raises:
+        UnknownNameError: there is no such corruption, version or parameter.
+        ParameterError: a parameter does not accept its value.
+        PluginError: the plug-in that should register the corruption is broken.
+    """
+    cls = find_corruption(name)
     check_names(cls, values)
     return cls(**values)
 
 
 def from_plan(plan: Plan) -> Corruption:
     """Return the corruption that made a plan, from its id and parameters; not for a `Sequence`."""
-    return get(plan.corruption, **plan.params)
+    return make_corruption(plan.corruption, **plan.params)
 
 
 def check_names(cls: type[Corruption], values: Mapping[str, Any]) -> None:

@@ -94,7 +94,7 @@ def _fields(cls: type[Any], base: type[Any]) -> Iterator[str]:
         else:
             yield (
                 f"the field {key!r} is not declared with param, so it would be neither checked nor "
-                f'kept in plans; write {key}: ... = hj.param(DEFAULT, "what it is")'
+                f'kept in plans; write {key}: ... = param(DEFAULT, "what it is")'
             )
 
 

@@ -82,8 +82,8 @@ def load_file(path: PathLike) -> LoadedFile:
     file = run_file(path)
     if not file.names:
         raise PluginError(
-            f"{file.path}: registers nothing; decorate a class with @hijack_data.register, or with "
-            "the register of another kind, such as @online_env.effects.register"
+            f"{file.path}: registers nothing; decorate a class with @hijack_data.plugin.register,"
+            " or with the register of another kind, such as @online_env.effects.register"
         )
     return file
 

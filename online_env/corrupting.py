@@ -15,7 +15,7 @@ import click
 
 from hijack_data._apply import apply
 from hijack_data.cli.options import OutOption, seed_option
-from hijack_data.corruption import Corruption, find
+from hijack_data.corruption import Corruption, find_corruption
 from hijack_data.elements import scene_from
 from hijack_data.errors import ParameterError
 from hijack_data.files import encode_png, write_atomic
@@ -311,7 +311,7 @@ def corrupt(
 
     if name is None and not undo:
         raise click.UsageError("give the NAME of a corruption (hijack list), or --undo")
-    cls = None if name is None else find(name)
+    cls = None if name is None else find_corruption(name)
     with attach(desktop_name) as desktop:
         ledger = Ledger(folder(desktop.id))
         if undo:

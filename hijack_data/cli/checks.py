@@ -67,7 +67,7 @@ def check(target: str, desktop: bool, timeout: float) -> None:
 def _check_file(out: Any, loaded: LoadedFile, desktop: bool) -> int:
     """Check corruptions and effects; return how many checks failed."""
     failed = 0
-    corruptions = [registry.find(name) for name in loaded.corruptions]
+    corruptions = [registry.find_corruption(name) for name in loaded.corruptions]
     for cls in corruptions:
         out.print(f"[bold]{cls().id}[/] {escape(cls.summary())}")
         failed += sum(not _show(out, result) for result in conformance.run(cls))

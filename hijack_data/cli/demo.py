@@ -9,7 +9,7 @@ import click
 
 from .. import extras
 from .._apply import apply
-from ..corruption import get
+from ..corruption import make_corruption
 from ..errors import HijackError, MissingDependencyError
 from ..files import encode_png, load_image, make_folder, write_atomic
 from ..gallery import contact_sheet
@@ -94,7 +94,7 @@ def before_and_after(picture: Path, out: Path) -> None:
     screen, _ = load_image(picture)
     rows: list[Any] = []
     for name in VISUAL:
-        planner = get(name)
+        planner = make_corruption(name)
         scene, _ = make_scene(planner, screen, None)
         plan = planner.plan(scene, seed=3, sample="demo")
         rows.append((name, screen, apply(plan, screen)))

@@ -13,7 +13,7 @@ from .._apply import apply
 from ..backends import NAMES, convert, to_numpy
 from ..composites import composite, is_bare, uses_elements
 from ..config import specs_from
-from ..corruption import Corruption, check_names, find
+from ..corruption import Corruption, check_names, find_corruption
 from ..elements import scene_from
 from ..errors import HijackError, MissingDependencyError, ParameterError, PlanError
 from ..files import encode_png, load_image, sha256_of, write_atomic
@@ -91,7 +91,7 @@ def _planned(
         return _read_plan(plan_file, name), ()
     if name is None:
         raise click.UsageError("give the NAME of a corruption, or --plan FILE")
-    cls = find(name)
+    cls = find_corruption(name)
     values = parse_settings(cls, settings)
     spec = cls(**values) if severity is None else cls.at(severity, **values)
     scene, notes = make_scene(spec, image, tree)
@@ -110,7 +110,7 @@ def _planned(
 
 def _read_plan(file: str, name: str | None) -> Plan:
     plan = Plan.from_json(_read(file))
-    if name is not None and plan.corruption not in (find(name)().id, name):
+    if name is not None and plan.corruption not in (find_corruption(name)().id, name):
         raise PlanError(f"{file}: a plan of {plan.corruption}, not of {name}")
     if is_bare(plan):
         raise PlanError(

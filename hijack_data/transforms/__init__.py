@@ -28,7 +28,7 @@ from typing import Any
 
 from .. import compose, corruptions, extras
 from ..config import load_config
-from ..corruption import Corruption, find, names
+from ..corruption import Corruption, corruption_names, find_corruption
 from ..errors import ParameterError, ParameterTypeError, suggest
 from ..pictures import SamplePicture
 from ..plan import Plan
@@ -340,7 +340,7 @@ def __getattr__(name: str) -> Any:
     Raises:
         AttributeError: always.
     """
-    if name in {find(known).__name__ for known in names()}:
+    if name in {find_corruption(known).__name__ for known in corruption_names()}:
         advice = (
             "build a dataset with it (hijack build), or wrap a corruption of your own that draws:"
             " Corrupt(planner)"

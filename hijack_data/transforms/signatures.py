@@ -70,7 +70,7 @@ def explicit(
             }
         names = {argument.name for argument in mine}
         mine += [argument for argument in shared if argument.name not in names]
-        cast(Any, init).__signature__ = inspect.Signature(mine, return_annotation="None")
+        init.__signature__ = inspect.Signature(mine, return_annotation="None")
         common = _read_args(Corrupt)
         if cls.__doc__:  # python -OO removes docstrings
             arguments = [argument.name for argument in mine if argument.name != "self"]

@@ -24,8 +24,7 @@ from hijack_data.config.tree import (
     kind_of,
 )
 from hijack_data.config.yaml_reader import read_yaml
-from hijack_data.corruption import check_not_broken, get
-from hijack_data.corruption import names as corruption_names
+from hijack_data.corruption import check_not_broken, corruption_names, make_corruption
 from hijack_data.errors import ConfigError, HijackError, ParameterError, UnknownNameError, suggest
 from hijack_data.loading import source_of
 from hijack_data.params import Parameter
@@ -187,7 +186,7 @@ def is_from_data(entry: Any) -> bool:
 
 def everything() -> Planners:
     """Return the clean condition and every corruption with its defaults, by label."""
-    return {CLEAN: None, **{name: get(name) for name in corruption_names()}}
+    return {CLEAN: None, **{name: make_corruption(name) for name in corruption_names()}}
 
 
 def load_bench(path_or_name: str | os.PathLike[str]) -> Bench:

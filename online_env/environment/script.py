@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from hijack_data.corruption import get
+from hijack_data.corruption import make_corruption
 from hijack_data.errors import HijackError, ParameterError
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner, as_planner
@@ -27,7 +27,7 @@ def planner_of(value: object) -> Planner | None:
     if value is None or value == CLEAN:
         return None
     if isinstance(value, str):
-        return get(value)
+        return make_corruption(value)
     return as_planner(value, "a corruption is a name or an object such as Subtitle()")
 
 

@@ -119,7 +119,7 @@ class VariantPlanner:
         if self.label_policy not in AVOIDING:
             return planner.plan(scene, seed=self.seed, sample=sample.key, step=number)
         end = sample.step.action.end
-        return hj.plan_avoiding(
+        return hj.plugin.plan_avoiding(
             planner, scene, seed=self.seed, sample=sample.key, step=number, end=end
         )
 

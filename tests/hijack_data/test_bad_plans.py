@@ -38,7 +38,7 @@ WINDOW = {
     "color": "black",
     "edge_color": "black",
 }
-PNG = hj.png_recipe(np.full((6, 5, 4), 200, np.uint8))
+PNG = hj.plugin.png_recipe(np.full((6, 5, 4), 200, np.uint8))
 RECIPES = [MARK, TEXT, WINDOW, PNG]
 STRANGE = [
     *(None, True, 0, -1, 2**40, 10**300, 1.0, 1.5, "", "x", "5"),

@@ -78,9 +78,9 @@ def test_a_combinator_has_the_effects_of_its_parts_once():
     assert hj.OneOf([hj.Marks(), hj.Subtitle()]).effects == ()
 
 
-@pytest.mark.parametrize("name", hj.names())
+@pytest.mark.parametrize("name", hj.corruption_names())
 def test_a_corruption_declares_the_effects_of_its_plans(name):
-    spec = hj.get(name)
+    spec = hj.make_corruption(name)
     scene = hj.Scene((1080, 1920), [[10, 10, 60, 40]])
     assert tuple(effect.kind for effect in spec.plan(scene, seed=0).effects) == spec.effects
     assert bool(spec.effects) == (spec.scope != "observation")
@@ -101,7 +101,7 @@ def test_a_batch_call_takes_it():
 
 def test_others_take_it():
     assert SamplePlanner(Dots()).plan(SIZE, {}, 1).ops
-    assert hj.plan_avoiding(Dots(), hj.Scene(SIZE), seed=1) is not None
+    assert hj.plugin.plan_avoiding(Dots(), hj.Scene(SIZE), seed=1) is not None
     assert (label_of(Dots()), params_of(Dots()), written(Dots())) == ("dots", {}, None)
 
 
@@ -115,7 +115,7 @@ def test_a_configuration_says_what_it_cannot_hold():
     [
         lambda value: hj.OneOf([value]),
         lambda value: hj.Schedule(lambda _: value).plan(hj.Scene(SIZE), seed=1),
-        lambda value: hj.plan_avoiding(value, hj.Scene(SIZE), seed=1),
+        lambda value: hj.plugin.plan_avoiding(value, hj.Scene(SIZE), seed=1),
         lambda value: SamplePlanner(value),
         lambda value: dump([value]),
     ],

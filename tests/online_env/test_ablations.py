@@ -175,7 +175,9 @@ def test_agents_without_a_module_are_an_ablation(tmp_path):
 
 
 def test_a_run_of_the_nine_has_no_ablation(tmp_path):
-    run = read_run(tmp_path / "run", whole("mine", dict.fromkeys((CLEAN, *hj.names()), 3)))
+    run = read_run(
+        tmp_path / "run", whole("mine", dict.fromkeys((CLEAN, *hj.corruption_names()), 3))
+    )
     assert ablations_of(build_report(run)) == ()
 
 

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("isal", reason="needs the extra [hf]")
 
-from hijack_data.corruption import get
+from hijack_data.corruption import make_corruption
 from hijack_data.runs.run_log import slug_of
 from online_env import tasks
 from online_env.bench import origin, records, runner
@@ -38,7 +38,11 @@ from support.recorded import Silent, Teller, config, no_machine
 
 ROOT = Path(__file__).resolve().parents[2]
 TASK, SEED = "write_note", 3
-PLANNERS = {"clean": None, "marks": get("marks"), "app_minimization": get("app_minimization")}
+PLANNERS = {
+    "clean": None,
+    "marks": make_corruption("marks"),
+    "app_minimization": make_corruption("app_minimization"),
+}
 JOBS = [Job("do_nothing", TASK, label, SEED) for label in PLANNERS]
 CLEAN, MARKS, MINIMISED = (job.id for job in JOBS)
 

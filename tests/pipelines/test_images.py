@@ -75,7 +75,7 @@ def test_a_plan_changes_no_row_but_those_it_touches(name: str, size: tuple[int, 
         "subtitle": {"font_size": 9, "padding": 5},
     }
     for sample in range(5):
-        plan = hj.get(name, **small[name]).plan(hj.Scene(size), seed=1, sample=sample)
+        plan = hj.make_corruption(name, **small[name]).plan(hj.Scene(size), seed=1, sample=sample)
         rows = touched(plan)
         assert rows
         inside = np.zeros(size[0], bool)

@@ -306,7 +306,9 @@ def test_the_configuration_and_the_card_of_a_lazy_build(recording: Any, tmp_path
     st.text(min_size=1, max_size=8),
     st.integers(0, 2**31 - 1),
 )
-def test_recipes_give_back_the_plan(spec: hj.Corruption, seed: int, sample: str, step: int) -> None:
+def test_recipes_give_back_the_plan(
+    spec: hj.plugin.Corruption, seed: int, sample: str, step: int
+) -> None:
     plan = spec.plan(hj.Scene((600, 800)), seed=seed, sample=sample, step=step)
     row = {
         "id": "x",

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hijack_data import Corruption, apply
+from hijack_data import apply
 from hijack_data.actions import count_points
 from hijack_data.actions.allowed import read_action
 from hijack_data.compose import Sequence
-from hijack_data.corruption import get
+from hijack_data.corruption import Corruption, make_corruption
 from hijack_data.errors import ActionError
 from hijack_data.files import sha256_of
 from hijack_data.plan import CLEAN, Plan
@@ -186,7 +186,7 @@ def _planner_in(logged: Plan) -> Planner | None:
 
 
 def _corruption(name: str, params: object) -> Corruption:
-    return get(name, **fields.mapping(params, f"plan.params.{name}"))
+    return make_corruption(name, **fields.mapping(params, f"plan.params.{name}"))
 
 
 @dataclass(frozen=True)
