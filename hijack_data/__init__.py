@@ -16,6 +16,8 @@ import importlib
 import sys
 from typing import TYPE_CHECKING
 
+from . import shadowed as _shadowed
+
 if TYPE_CHECKING:  # the same names, for type checkers; tests/test_api.py compares the two
     from . import plugin as plugin
     from ._apply import apply as apply
@@ -112,3 +114,6 @@ def __dir__() -> list[str]:
     modules = [name for name in present if f"{__name__}.{name}" in sys.modules]
     special = [name for name in present if name.startswith("__")]
     return sorted({*__all__, *modules, *special})
+
+
+_shadowed.warn_of_shadows()
