@@ -25,7 +25,7 @@ from PIL import Image, ImageDraw
 
 import hijack_data as hj
 from hijack_data.drawing.text import load_font
-from hijack_data.files import decode_image, sha256_of
+from hijack_data.file_io import decode_image, pixel_sha256
 from hijack_data.types import Action, Step, Trajectory
 from pipelines import build, open_dataset, render
 from pipelines.building.rows import RowCounts, RowSettings, rows_of
@@ -184,12 +184,12 @@ def _band_times(image: np.ndarray, name: str) -> tuple[float, ...]:
     rows = touched(plan) or ()
     base = Base(image)
     assert base.png_of(picture, rows) == encode(picture)
-    assert base.sha256_of(picture, rows) == sha256_of(picture)
+    assert base.pixel_sha256(picture, rows) == pixel_sha256(picture)
     return (
         cpu(lambda: encode(picture)),
         cpu(lambda: base.png_of(picture, rows)),
-        cpu(lambda: sha256_of(picture)),
-        cpu(lambda: base.sha256_of(picture, rows)),
+        cpu(lambda: pixel_sha256(picture)),
+        cpu(lambda: base.pixel_sha256(picture, rows)),
         cpu(lambda: changed_pixels(image, hj.apply(plan, image), plan)),
     )
 

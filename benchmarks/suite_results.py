@@ -19,7 +19,7 @@ from typing import Any
 from common import table
 
 from hijack_data import corruption_names
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 from online_env.bench import records
 from online_env.bench.scores import task_name
 from online_env.tasks import get, suite

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Literal, TypeAlias, TypeVar, cast, get_args
 
 from . import declaration
 from . import params as p
-from .entry_points import place_of, reason_of
+from .entry_points import describe_error, error_location
 from .errors import (
     HijackError,
     ParameterError,
@@ -165,7 +165,7 @@ class Corruption(Planner):
         except HijackError:
             raise
         except (Exception, SystemExit) as error:
-            said = f"make_plan raised {reason_of(error)} ({place_of(error)})"
+            said = f"make_plan raised {describe_error(error)} ({error_location(error)})"
             raise PlanningError(f"{self.id}: {said}") from error
 
     def first_step(self) -> int:

@@ -130,10 +130,10 @@ class EntryTable(Generic[T]):
         self.load_ours()
         taken = {**self._reserved, **self.entries}
         if name in taken and _identity(taken[name]) != _identity(thing):
-            source = "" if is_ours(thing) else f" of {home_of(thing)}"
+            source = "" if is_ours(thing) else f" of {describe_origin(thing)}"
             raise ParameterError(
-                f"cannot register {title}{source}: {name!r} is taken by {home_of(taken[name])}; "
-                "choose another name, or leave one of the two out"
+                f"cannot register {title}{source}: {name!r} is taken by "
+                f"{describe_origin(taken[name])}; choose another name, or leave one of the two out"
             )
         self.entries[name] = self._prepare(thing)
         return name
@@ -145,7 +145,7 @@ class EntryTable(Generic[T]):
 
     def of_module(self, module: str) -> list[str]:
         """Return the names that a module registered."""
-        return [name for name, entry in self.entries.items() if module_of(entry) == module]
+        return [name for name, entry in self.entries.items() if defining_module(entry) == module]
 
 
 _tables: list[EntryTable[Any]] = []
@@ -190,7 +190,7 @@ def _restore(entries: dict[str, Any], before: Mapping[str, Any]) -> None:
             del entries[name]
 
 
-def module_of(entry: object) -> str:
+def defining_module(entry: object) -> str:
     """Return the module that defines an entry: a class, a function, or the class of an object."""
     if isinstance(entry, Lazy):
         return entry.place.partition(":")[0]
@@ -201,20 +201,20 @@ def module_of(entry: object) -> str:
 
 def is_ours(entry: object) -> bool:
     """Return whether an entry comes from this library."""
-    return module_of(entry).partition(".")[0] in OURS
+    return defining_module(entry).partition(".")[0] in OURS
 
 
-def home_of(entry: object) -> str:
+def describe_origin(entry: object) -> str:
     """Return the origin of an entry for messages: our module, or the file of a plug-in."""
-    module = module_of(entry)
+    module = defining_module(entry)
     if is_ours(entry):
         return module
-    return file_of_module(entry) or module
+    return defining_file(entry) or module
 
 
-def file_of_module(entry: object) -> str | None:
+def defining_file(entry: object) -> str | None:
     """Return the file of the module that defines an entry, if it has one."""
-    module = sys.modules.get(module_of(entry))
+    module = sys.modules.get(defining_module(entry))
     return getattr(module, "__file__", None)
 
 
@@ -224,4 +224,4 @@ def _identity(thing: object) -> str:
         return thing.place
     named = thing if hasattr(thing, "__qualname__") else type(thing)
     name = getattr(named, "__qualname__", "")
-    return f"{module_of(thing)}:{name}"
+    return f"{defining_module(thing)}:{name}"

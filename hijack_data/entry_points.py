@@ -120,7 +120,7 @@ def groups() -> list[str]:
     return sorted(g for g in importlib.metadata.entry_points().groups if g.startswith(PREFIX))
 
 
-def reason_of(error: BaseException) -> str:
+def describe_error(error: BaseException) -> str:
     """Return an exception's message in one line, with its type unless it is a `HijackError`."""
     message = " ".join(str(error).split())
     name = type(error).__name__
@@ -131,7 +131,7 @@ def reason_of(error: BaseException) -> str:
     return f"{name}: {message}"
 
 
-def place_of(error: BaseException) -> str:
+def error_location(error: BaseException) -> str:
     """Return the file and line that raised an exception."""
     frame = traceback.extract_tb(error.__traceback__)[-1]
     return f"{frame.filename}:{frame.lineno}"
@@ -153,7 +153,7 @@ def _load(entry: "EntryPoint", registry: EntryTable[Any]) -> Plugin:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # noqa: BLE001  (SystemExit too: a plug-in may raise anything)
-        problem = reason_of(error)
+        problem = describe_error(error)
     own = [name for name in registry.of_module(module) if name not in new]
     return Plugin(
         group=entry.group,

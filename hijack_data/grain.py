@@ -5,9 +5,9 @@
     hj.Marks()]), seed=3))
 
 An element is a dictionary with pictures (NumPy `[H, W, 3]` uint8, PIL, or stacks and lists of
-them; `hijack_data.pictures`) and the entries that `hijack_data.samples` names. Both transforms are
-safe to call from several threads, and the number of workers, their threads and a restart from a
-checkpoint change nothing.
+them; `hijack_data.sample_pictures`) and the entries that `hijack_data.samples` names. Both
+transforms are safe to call from several threads, and the number of workers, their threads and a
+restart from a checkpoint change nothing.
 
 Epochs: Grain does not tell a `map` in which epoch an element comes. `Corrupt` takes the epoch from
 the entry `epoch`, and warns when elements without one come a second time. `RandomCorrupt` draws

@@ -22,13 +22,13 @@ from typing import Any, cast
 from . import params as p
 from .entries import (
     EntryTable,
-    file_of_module,
+    defining_file,
+    defining_module,
     import_table,
-    module_of,
     registries,
     undone_on_failure,
 )
-from .entry_points import load_installed, place_of, reason_of
+from .entry_points import describe_error, error_location, load_installed
 from .errors import HijackError, PluginError, UnknownNameError, suggest
 from .paths import PathLike
 
@@ -151,25 +151,25 @@ def loaded_files() -> tuple[LoadedFile, ...]:
     return tuple(_files.values())
 
 
-def file_of(cls: object) -> LoadedFile | None:
+def find_loaded_file(cls: object) -> LoadedFile | None:
     """Return the loaded file that defines a class or function, if one does."""
-    module = module_of(cls)
+    module = defining_module(cls)
     for file in _files.values():
         if file.module == module:
             return file
     return None
 
 
-def source_of(thing: object) -> dict[str, str] | None:
+def find_source(thing: object) -> dict[str, str] | None:
     """Return the file that defines a class or function: its `path` and `sha256`.
 
     For a loaded file the hash is that of the bytes that were run. Returns `None` if there is no
     such file.
     """
-    file = file_of(thing)
+    file = find_loaded_file(thing)
     if file is not None:
         return {"path": file.path, "sha256": file.sha256}
-    path = file_of_module(thing)
+    path = defining_file(thing)
     if path is None or not Path(path).is_file():
         return None
     place = os.path.realpath(path)
@@ -183,7 +183,7 @@ def holds(sha256: str, corruptions: Iterable[str]) -> bool:
     registry = import_table("corruptions")
     load_installed(registry)
     for name in registry.entries.keys() & set(corruptions):
-        source = source_of(registry.resolve(name))
+        source = find_source(registry.resolve(name))
         if source is not None and source["sha256"] == sha256:
             return True
     return False
@@ -260,7 +260,7 @@ def _import(module: str, text: str) -> ModuleType:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit too: a module may raise anything
-        why = f"{reason_of(error)} ({place_of(error)})"
+        why = f"{describe_error(error)} ({error_location(error)})"
         missing = error.name if isinstance(error, ModuleNotFoundError) else None
         if missing is not None and missing in module:
             why = f"there is no module {missing!r}; a file is named by its path, file.py:Class"
@@ -271,10 +271,10 @@ def _installed(place: str, sha256: str) -> LoadedFile | None:
     """Return a file that an installed plug-in has already imported as a module, or `None`."""
     for registry in registries():
         for entry in registry.entries.values():
-            source = file_of_module(entry)
+            source = defining_file(entry)
             if source is None or os.path.realpath(source) != place:
                 continue
-            module = module_of(entry)
+            module = defining_module(entry)
             return _loaded(place, sha256, module)
     return None
 
@@ -308,7 +308,7 @@ def _execute(place: str, data: bytes, sha256: str) -> LoadedFile:
     except BaseException as error:  # SystemExit too: a file may raise anything
         del sys.modules[name]
         line = _line(error, place)
-        raise PluginError(f"{place}: cannot be imported{line}: {reason_of(error)}") from error
+        raise PluginError(f"{place}: cannot be imported{line}: {describe_error(error)}") from error
     for corruption in file.corruptions:
         copyreg.pickle(import_table("corruptions").resolve(corruption), _reduce)
     return file
@@ -351,7 +351,7 @@ def _reduce(spec: Any) -> tuple[Any, ...]:
     Raises:
         PluginError: the file is no longer known.
     """
-    file = file_of(cast("type[Any]", type(spec)))
+    file = find_loaded_file(cast("type[Any]", type(spec)))
     if file is None:
         raise PluginError(f"{spec.name}: the file that it was loaded from is not known any more")
     values = {key: getattr(spec, key) for key in p.parameters(spec)}

@@ -28,9 +28,9 @@ __all__ = [
     "PREFIX",
     "Lazy",
     "Registry",
+    "find_registry",
     "is_ours",
     "registries",
-    "registry_of",
     "undone_on_failure",
 ]
 
@@ -131,7 +131,7 @@ class Registry(EntryTable[T]):
         return len(self.names())
 
 
-def registry_of(kinds: str) -> Registry[Any]:
+def find_registry(kinds: str) -> Registry[Any]:
     """Import and return the registry of a kind, one of the keys of `KINDS`.
 
     Raises:

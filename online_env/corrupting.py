@@ -18,7 +18,7 @@ from hijack_data.cli.options import OutOption, seed_option
 from hijack_data.corruption import Corruption, find_corruption
 from hijack_data.elements import scene_from
 from hijack_data.errors import ParameterError
-from hijack_data.files import encode_png, write_atomic
+from hijack_data.file_io import encode_png, write_atomic
 from hijack_data.locking import Lock, lock
 from hijack_data.plan import Plan
 from hijack_data.rng import Stream

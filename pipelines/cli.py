@@ -11,7 +11,7 @@ import click
 from hijack_data.cli import console
 from hijack_data.cli.options import seed_option
 from hijack_data.config.options import LABEL_POLICIES
-from hijack_data.files import unwritable, write_atomic
+from hijack_data.file_io import unwritable, write_atomic
 from hijack_data.platforms import PLATFORMS
 from hijack_data.printable import printable
 from hijack_data.runs import seal

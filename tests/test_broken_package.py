@@ -128,7 +128,7 @@ def test_a_plugin_of_each_kind_may_be_broken(installed, kinds, tmp_path):
         command = [places.get(word, word) for word in words]
         said = hijack(installed, *command, NO_CLASS, code=2).stderr
     else:
-        code = "import sys; from hijack_data.registry import registry_of as r; r(sys.argv[1])"
+        code = "import sys; from hijack_data.registry import find_registry as r; r(sys.argv[1])"
         said = python(installed, "-c", f"{code}.get('{NO_CLASS}')", kinds, code=1).stderr
     kind = WORDS.get(kinds, kinds.removesuffix("s"))
     assert f"the {kind} {NO_CLASS!r} cannot be used: the plug-in {NO_CLASS!r} of hijack-bro" in said

@@ -170,7 +170,7 @@ def main(argv: list[str] | None = None) -> None:
     except HijackError as error:
         fail(str(error))
     except ModuleNotFoundError as error:
-        extra = extras.extra_of(error.name or "")
+        extra = extras.find_extra(error.name or "")
         if extra is None:
             raise
         fail(str(extras.missing(f"this command needs {error.name}", extra)))

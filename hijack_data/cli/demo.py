@@ -11,7 +11,7 @@ from .. import extras
 from .._apply import apply
 from ..corruption import make_corruption
 from ..errors import HijackError, MissingDependencyError
-from ..files import encode_png, load_image, make_folder, write_atomic
+from ..file_io import encode_png, load_image, make_folder, write_atomic
 from ..gallery import contact_sheet
 from . import hijack
 from .pictures import make_scene

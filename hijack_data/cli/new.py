@@ -7,7 +7,7 @@ import click
 from .. import corruption as registry
 from .. import declaration
 from ..errors import HijackError, ParameterError
-from ..files import write_atomic
+from ..file_io import write_atomic
 
 TEMPLATE = '''"""Draws a band across the screen."""
 

@@ -16,7 +16,7 @@ from ..config import specs_from
 from ..corruption import Corruption, check_names, find_corruption
 from ..elements import scene_from
 from ..errors import HijackError, MissingDependencyError, ParameterError, PlanError
-from ..files import encode_png, load_image, sha256_of, write_atomic
+from ..file_io import encode_png, load_image, pixel_sha256, write_atomic
 from ..plan import Plan
 from ..planner import Planner
 from ..types import Scene, UInt8Array
@@ -214,7 +214,7 @@ def _refuse_for_folders(**options: str | None) -> None:
 def _report(
     plan: Plan, result: UInt8Array, notes: tuple[str, ...], backend: str, out: str, as_json: bool
 ) -> None:
-    sha = sha256_of(result)
+    sha = pixel_sha256(result)
     height, width = result.shape[:2]
     if as_json:
         row = {

@@ -25,12 +25,12 @@ from ..errors import ParameterError, ParameterTypeError, shown, suggest
 from ..params import Parameter
 from ..planner import Planner
 from .build import Builder
+from .corruption_settings import check
+from .dumping import dump
 from .files import available, read_config
+from .nodes import ConfigNode, MappingNode, Position, Problems, from_python, kind_of
 from .options import OPTIONS
 from .paper import paper_name
-from .record import dump
-from .spec import check
-from .tree import ConfigNode, MappingNode, Position, Problems, from_python, kind_of
 from .yaml_reader import read_yaml
 
 __all__ = ["OPTIONS", "Config", "available", "dump", "load_config", "paper_compat", "specs_from"]

@@ -9,9 +9,9 @@ from ..corruption import corruption_names, find_corruption
 from ..errors import HijackError, UnknownNameError, suggest
 from ..params import Parameter
 from ..planner import Planner
+from .corruption_settings import check, read_spec
+from .nodes import ConfigNode, MappingNode, Position, Problems, ScalarNode, SequenceNode, kind_of
 from .paper import paper_name
-from .spec import check, read_spec
-from .tree import ConfigNode, MappingNode, Position, Problems, ScalarNode, SequenceNode, kind_of
 
 COMBINATORS = ("one_of", "sequence")
 # Labels that have another meaning on the command line or in a dataset.

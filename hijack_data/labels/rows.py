@@ -27,7 +27,7 @@ from ..actions.recorded import SCREENAGENT, SIZELESS, map_recorded
 from ..backends import to_numpy
 from ..corruption import find_corruption
 from ..errors import HijackError, LabelError
-from ..files import sha256_of
+from ..file_io import pixel_sha256
 from ..plan import CLEAN, Plan
 from ..safety import changed_pixels, target_visible
 from ..smart_resize import smart_resize
@@ -177,7 +177,7 @@ def corrupted_row(
     if "changed_pixels" in row:
         made["changed_pixels"] = _changed(row, earlier, plan, before, after)
     if "image_sha256" in row:
-        made["image_sha256"] = sha256_of(to_numpy(after))
+        made["image_sha256"] = pixel_sha256(to_numpy(after))
     return {key: value for key, value in made.items() if key in row}
 
 

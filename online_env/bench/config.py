@@ -12,9 +12,9 @@ import yaml
 
 from hijack_data.config import dump
 from hijack_data.config.build import Builder
+from hijack_data.config.corruption_settings import check
 from hijack_data.config.files import read_config
-from hijack_data.config.spec import check
-from hijack_data.config.tree import (
+from hijack_data.config.nodes import (
     ConfigNode,
     MappingNode,
     Position,
@@ -26,7 +26,7 @@ from hijack_data.config.tree import (
 from hijack_data.config.yaml_reader import read_yaml
 from hijack_data.corruption import check_not_broken, corruption_names, make_corruption
 from hijack_data.errors import ConfigError, HijackError, ParameterError, UnknownNameError, suggest
-from hijack_data.loading import source_of
+from hijack_data.loading import find_source
 from hijack_data.params import Parameter
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
@@ -150,7 +150,7 @@ class Bench:
     def _code(self) -> Iterator[tuple[str, dict[str, str]]]:
         """Yield the files of the agents, tasks and provider that do not come with this library."""
         for _, name, entry in self.foreign():
-            source = entry.source if is_from_data(entry) else source_of(entry)
+            source = entry.source if is_from_data(entry) else find_source(entry)
             if source:
                 yield name, dict(source)
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol, cast
 
 from hijack_data.planner import Planner
 from hijack_data.registry import is_ours
-from hijack_data.runs.run_log import GIVEN, VERSION, slug_of
+from hijack_data.runs.run_log import GIVEN, VERSION, episode_slug
 
 from .. import tasks
 from ..agents.agent_calls import NEEDS_TASK, AgentError, AgentGoneError, RunningAgent
@@ -109,7 +109,7 @@ class LiveEpisodes:
         Raises `MissingCapabilityError` if the desktop cannot have the corruption at all.
         """
         bench = self._bench
-        begin(job.agent, slug_of(*job.key[1:3], job.seed, job.agent, attempt))
+        begin(job.agent, episode_slug(*job.key[1:3], job.seed, job.agent, attempt))
         settings = EvalSettings(
             max_steps=bench.max_steps, recovery=bench.recovery, log=self._folder, agent=job.agent
         )
@@ -329,7 +329,7 @@ def _not_begun(job: Job, attempt: int, problem: str, start: float) -> ResultReco
     task = tasks.get(job.task, job.seed)
     return {
         "version": VERSION,
-        "id": slug_of(task.id, job.corruption, job.seed, job.agent, attempt),
+        "id": episode_slug(task.id, job.corruption, job.seed, job.agent, attempt),
         "agent": job.agent,
         "task": task.id,
         "task_seed": job.seed,

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 from hijack_data.errors import HijackError
-from hijack_data.loading import file_of, load_reference
+from hijack_data.loading import find_loaded_file, load_reference
 
 from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
@@ -73,7 +73,7 @@ def references(bench: Bench) -> tuple[ForeignEntry, ...]:
     """Return references to the agents, tasks and provider of a run from outside the library."""
     found: list[ForeignEntry] = []
     for registry, name, entry in bench.foreign():
-        file = file_of(entry)
+        file = find_loaded_file(entry)
         if isinstance(entry, FileAgentMaker):
             found.append(ForeignEntry(registry.kind, name, name))
         elif isinstance(entry, AgentReference):

@@ -8,7 +8,7 @@ from typing import Any, cast
 import hijack_data as hj
 from hijack_data.corruption import find_corruption
 from hijack_data.errors import ConfigError
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 
 from .tasks import OsworldTask, Revision, TaskSet, load, mistakes
 

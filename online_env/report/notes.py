@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from hijack_data.errors import counted
 from hijack_data.plan import CLEAN
-from hijack_data.runs.given import given_words
+from hijack_data.runs.privileged_inputs import describe_privileged_inputs
 
 from ..bench import scores
 from ..bench.reading import Run
@@ -159,7 +159,7 @@ def _on_what_is_given(report: RunReport) -> Iterator[str]:
         listed = ", ".join(agents)
         verb = "was" if len(agents) == 1 else "were"
         if given:
-            what = given_words(given)
+            what = describe_privileged_inputs(given)
             yield f"{listed} {verb} given {what}, which agents that are compared do not get."
         elif given is None:
             yield f"What {listed} {verb} given beside instruction and pictures is not recorded."

@@ -5,7 +5,7 @@ from statistics import fmean
 from typing import Any
 
 from hijack_data.plan import CLEAN
-from hijack_data.runs.given import given_to
+from hijack_data.runs.privileged_inputs import collect_privileged_inputs
 from hijack_data.runs.run_log import GIVEN_KINDS
 
 from ..bench import scores
@@ -55,7 +55,7 @@ def _used(agent: str, labels: Iterable[str], groups: scores.GroupedRecords) -> d
 
 
 def _given(attempts: Sequence[ResultRecord]) -> tuple[str, ...] | None:
-    found = given_to(attempts)
+    found = collect_privileged_inputs(attempts)
     there = {kind for given in found for kind in given}
     return tuple(kind for kind in GIVEN_KINDS if kind in there) if found else None
 

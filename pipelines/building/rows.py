@@ -8,7 +8,7 @@ from typing import Any, cast
 
 from hijack_data import apply, scene_from
 from hijack_data.errors import ActionError, HijackError, ImageError, ParameterError
-from hijack_data.files import sha256_of
+from hijack_data.file_io import pixel_sha256
 from hijack_data.labels.rows import made_by
 from hijack_data.pack import AssetPack
 from hijack_data.plan import CLEAN, Plan
@@ -347,8 +347,8 @@ def digest_of(base: Base, picture: UInt8Array, plan: Plan) -> str:
     """
     rows = touched(plan)
     if rows is None:
-        return sha256_of(picture)
-    return base.sha256_of(picture, rows)
+        return pixel_sha256(picture)
+    return base.pixel_sha256(picture, rows)
 
 
 def _event_columns(edit: EditedStep | None) -> dict[str, Any]:

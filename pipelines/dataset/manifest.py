@@ -10,7 +10,7 @@ from typing import Any
 
 from PIL import features
 
-from hijack_data.files import read_versioned_json, write_atomic
+from hijack_data.file_io import read_versioned_json, write_atomic
 
 from ..errors import RESUME, DatasetError
 from .shard import ShardRecord, file_sha256

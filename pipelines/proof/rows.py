@@ -10,7 +10,7 @@ import numpy as np
 from hijack_data import apply
 from hijack_data.corruption import Corruption
 from hijack_data.errors import HijackError, shown
-from hijack_data.files import sha256_of
+from hijack_data.file_io import pixel_sha256
 from hijack_data.labels.rows import params_json
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner, leaves
@@ -123,7 +123,7 @@ class StepProof:
         else:
             picture = decode(picture_bytes(row["screenshot"]), "screenshot")
             stored = Stored(row, picture, stored_plan_of(row, None))
-            if sha256_of(picture) != row["image_sha256"]:
+            if pixel_sha256(picture) != row["image_sha256"]:
                 raise DatasetError("screenshot does not decode to image_sha256")
         _check_plan(row, stored.picture, stored.plan)
         return stored
@@ -163,7 +163,7 @@ class StepProof:
         """Return the SHA-256 of a lazy row's picture, reusing the hash of its step's picture."""
         if self._same and self.known is not None:
             return digest_of(self.known.sample.base, picture, plan)
-        return sha256_of(picture)
+        return pixel_sha256(picture)
 
     # --- A row and its step
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, get_args
 
-from hijack_data.apps import names_of, normalize_app
+from hijack_data.apps import collect_apps, normalize_app
 from hijack_data.errors import ParameterError, suggest
 from hijack_data.platforms import find_platform
 from hijack_data.types import Platform, Trajectory
@@ -124,5 +124,7 @@ class RecordingFacts:
 def read_facts(trajectory: Trajectory) -> RecordingFacts:
     """Return what a recording states."""
     return RecordingFacts(
-        screen_of(trajectory), platform_of(trajectory), names_of(trajectory.apps, trajectory.domain)
+        screen_of(trajectory),
+        platform_of(trajectory),
+        collect_apps(trajectory.apps, trajectory.domain),
     )

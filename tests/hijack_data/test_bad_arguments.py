@@ -15,7 +15,7 @@ from hijack_data.errors import (
     ParameterTypeError,
     shown,
 )
-from hijack_data.files import load_image, write_atomic
+from hijack_data.file_io import load_image, write_atomic
 from hijack_data.gallery import gallery
 from hijack_data.limits import SPRITE_PIXELS
 from hijack_data.pack import AssetPack

@@ -16,7 +16,7 @@ from PIL import Image
 import hijack_data as hj
 from hijack_data import cli
 from hijack_data.cli import main
-from hijack_data.files import encode_png, load_image, write_atomic
+from hijack_data.file_io import encode_png, load_image, write_atomic
 
 from support import lean
 

@@ -25,7 +25,7 @@ from hijack_data.cli import main
 from hijack_data.cli.pictures import parse_settings
 from hijack_data.corruption import find_corruption
 from hijack_data.errors import ParameterError, ParameterTypeError
-from hijack_data.files import load_image
+from hijack_data.file_io import load_image
 from hijack_data.gallery import gallery, sample_id
 from hijack_data.gallery.remake import cli_call, python_call, schedule
 from hijack_data.gallery.tiles import _start, painted

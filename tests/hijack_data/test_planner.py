@@ -10,7 +10,7 @@ from hijack_data.composites import uses_elements
 from hijack_data.config import dump
 from hijack_data.errors import ParameterTypeError
 from hijack_data.planner import leaves
-from hijack_data.runs.run_planners import label_of, params_of, written
+from hijack_data.runs.run_planners import dump_planner, get_label, planner_params
 from hijack_data.samples import SamplePlanner
 
 SIZE = (200, 320)
@@ -102,7 +102,7 @@ def test_a_batch_call_takes_it():
 def test_others_take_it():
     assert SamplePlanner(Dots()).plan(SIZE, {}, 1).ops
     assert hj.plugin.plan_avoiding(Dots(), hj.Scene(SIZE), seed=1) is not None
-    assert (label_of(Dots()), params_of(Dots()), written(Dots())) == ("dots", {}, None)
+    assert (get_label(Dots()), planner_params(Dots()), dump_planner(Dots())) == ("dots", {}, None)
 
 
 def test_a_configuration_says_what_it_cannot_hold():

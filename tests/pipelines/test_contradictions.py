@@ -12,7 +12,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("isal", reason="needs the extra [hf]")
 
 from hijack_data.corruption import make_corruption
-from hijack_data.runs.run_log import slug_of
+from hijack_data.runs.run_log import episode_slug
 from online_env import tasks
 from online_env.bench import origin, records, runner
 from online_env.bench.episodes import play
@@ -159,7 +159,7 @@ def given_other_name(name):
 
     def tamper(run):
         for label, old in zip(PLANNERS, (CLEAN, MARKS, MINIMISED), strict=True):
-            new = slug_of(f"{TASK}-{SEED}", label, SEED, name, 0)
+            new = episode_slug(f"{TASK}-{SEED}", label, SEED, name, 0)
             renamed(old, new, agent=name)(run)
         configured(lambda data: data.update(agents=[name]))(run)
 

@@ -13,7 +13,7 @@ from isal import isal_zlib
 from PIL import ExifTags, Image
 
 from hijack_data.errors import ImageError
-from hijack_data.files import decode_image
+from hijack_data.file_io import decode_image
 from hijack_data.kernels.cpu import jit
 from pipelines.dataset import png
 from pipelines.dataset.images import decode, encode

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import HijackError
-from hijack_data.files import read_regular
+from hijack_data.file_io import read_regular
 from hijack_data.planner import Planner
 from hijack_data.runs.run_head import check_head
 from hijack_data.runs.run_log import (
@@ -27,9 +27,9 @@ from hijack_data.runs.run_log import (
     SESSIONS,
     VERSION,
     digest_of,
-    digest_of_file,
+    file_digest,
 )
-from hijack_data.runs.run_planners import planners_of
+from hijack_data.runs.run_planners import read_planners
 
 from ...readers import fields
 from ...readers.fields import FieldError, FieldTypeError
@@ -157,7 +157,7 @@ class Journal:
         yield from self._missing()
 
     def _broken_links(self) -> Iterator[str]:
-        before = digest_of_file(self.folder / RUN)
+        before = file_digest(self.folder / RUN)
         name = RUN
         pairs = zip(self.lines, self.records, strict=True)
         for number, (line, record) in enumerate(pairs, 1):
@@ -169,7 +169,7 @@ class Journal:
             if self.lacks_episodes:
                 continue
             path = f"{EPISODES}/{record.get('id')}/{EPISODE}"
-            if record.get("episode_sha256") != digest_of_file(self.folder / path):
+            if record.get("episode_sha256") != file_digest(self.folder / path):
                 yield f"{RECORDS}: {here}: {path} is not what it was (episode_sha256)"
 
     def _record(self, record: Mapping[str, Any]) -> Iterator[str]:
@@ -295,7 +295,7 @@ def _read_head(journal: Journal) -> None:
     journal.oldest = head["version"]
     journal.sessions = list(_sessions(journal.folder / SESSIONS))
     if "corruptions" in journal.config:
-        journal.planners = planners_of(journal.config["corruptions"])
+        journal.planners = read_planners(journal.config["corruptions"])
 
 
 def _sessions(path: Path) -> Iterator[Mapping[str, Any]]:

@@ -11,7 +11,7 @@ from hijack_data.actions.allowed import read_action
 from hijack_data.compose import Sequence
 from hijack_data.corruption import Corruption, make_corruption
 from hijack_data.errors import ActionError
-from hijack_data.files import sha256_of
+from hijack_data.file_io import pixel_sha256
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner
 from hijack_data.types import Scene, Size, UInt8Array, as_boxes
@@ -121,13 +121,13 @@ def _picture_problems(
     told = line.get("seen_sha256")
     found: list[str] = []
     made = apply(plan, clean) if plan.ops else clean
-    if sha256_of(made) != told:
+    if pixel_sha256(made) != told:
         found.append(f"{name}: disturbed again it is not what the agent saw (seen_sha256)")
-    elif hashed and sha256_of(clean) != line.get("image_sha256"):
+    elif hashed and pixel_sha256(clean) != line.get("image_sha256"):
         found.append(f"{name}: is not what was on the screen (image_sha256)")
     if (stored is not None) != bool(plan.ops):
         found.append(f"seen is {fields.shown(stored)}, and the plan has {len(plan.ops)} operations")
-    if stored is not None and sha256_of(_picture(folder, str(stored))) != told:
+    if stored is not None and pixel_sha256(_picture(folder, str(stored))) != told:
         found.append(f"{stored}: is not what the agent saw (seen_sha256)")
     return found
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import HijackError, ParameterError
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 from hijack_data.gallery.embed import embed, scale_for
 from hijack_data.gallery.markup import Html, script_json, source_hash
 from hijack_data.runs.own_files import refuse_own_file
@@ -33,7 +33,7 @@ def export_file(source: RunSource, patterns: Sequence[str], path: Path) -> int:
     Raises:
         ParameterError: no episode matches.
         HijackError: the file is one of the run itself.
-        unwritable: the file cannot be written; see `hijack_data.files`.
+        unwritable: the file cannot be written; see `hijack_data.file_io`.
     """
     refuse_own_file(path, "--export")
     if not source.entries:

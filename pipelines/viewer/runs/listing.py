@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import shown
-from hijack_data.files import read_regular
-from hijack_data.runs.given import given_of, given_words
+from hijack_data.file_io import read_regular
+from hijack_data.runs.privileged_inputs import describe_privileged_inputs, read_privileged_inputs
 from hijack_data.runs.run_log import CHAINED, EPISODE, EPISODES, RECORDS, RUN, VERSION, digest_of
 
 from ...errors import DatasetError
@@ -194,8 +194,8 @@ def _tokens(usage: Mapping[str, Any]) -> int | None:
 
 
 def _given(record: Mapping[str, Any]) -> str:
-    given = given_of(record)
-    return given_words(given) if given else ""
+    given = read_privileged_inputs(record)
+    return describe_privileged_inputs(given) if given else ""
 
 
 def _counts(record: Mapping[str, Any]) -> bool:

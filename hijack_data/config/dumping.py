@@ -8,7 +8,7 @@ import yaml
 from ..errors import ParameterError, ParameterTypeError, shown
 from ..planner import Planner, as_planner
 from .build import Builder
-from .tree import Problems, from_python
+from .nodes import Problems, from_python
 from .yaml_reader import resolve
 
 WIDTH = 10**6  # characters of a line, so that texts are never wrapped

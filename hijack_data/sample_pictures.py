@@ -17,7 +17,7 @@ import numpy as np
 from PIL import Image
 
 from ._apply import apply
-from .backends import backend_of
+from .backends import find_backend
 from .errors import ImageError
 from .plan import Plan
 from .types import Size, size_text
@@ -115,7 +115,7 @@ def picture_size(picture: Any) -> Size:
     """
     if isinstance(picture, Image.Image):
         return picture.height, picture.width
-    backend = backend_of(picture)
+    backend = find_backend(picture)
     backend.check(picture)
     return backend.size(picture)
 
@@ -240,7 +240,7 @@ def _is_object_array(value: Any) -> bool:
 def _size_or_none(pixels: Any) -> Size | None:
     if isinstance(pixels, Image.Image):
         return pixels.height, pixels.width
-    return backend_of(pixels).size(pixels) if pixels.ndim >= 3 else None
+    return find_backend(pixels).size(pixels) if pixels.ndim >= 3 else None
 
 
 def _no_picture(entries: Mapping[str, Any], unclear: Mapping[str, Any]) -> ImageError:

@@ -32,7 +32,7 @@ NOTHING = "nothing more"
 UNKNOWN = "not recorded"
 
 
-def given_of(record: Mapping[str, Any]) -> tuple[str, ...] | None:
+def read_privileged_inputs(record: Mapping[str, Any]) -> tuple[str, ...] | None:
     """Return what the agent of a record was given; `None` if that is unknown."""
     if GIVEN not in record:
         version = record.get("version", 1)
@@ -44,13 +44,13 @@ def given_of(record: Mapping[str, Any]) -> tuple[str, ...] | None:
     return tuple(kind for kind in GIVEN_KINDS if kind in given)
 
 
-def given_to(records: Iterable[Mapping[str, Any]]) -> set[tuple[str, ...]]:
+def collect_privileged_inputs(records: Iterable[Mapping[str, Any]]) -> set[tuple[str, ...]]:
     """Return the kinds of help that the agents of some records were given, as far as known."""
-    found = (given_of(record) for record in records)
+    found = (read_privileged_inputs(record) for record in records)
     return {given for given in found if given is not None}
 
 
-def given_words(given: Iterable[str] | None) -> str:
+def describe_privileged_inputs(given: Iterable[str] | None) -> str:
     """Return what was given in words, such as `the task's plan in words`."""
     if given is None:
         return UNKNOWN

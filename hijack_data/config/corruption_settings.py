@@ -7,9 +7,9 @@ from ..corruption import Corruption
 from ..errors import HijackError, suggest
 from ..params import Parameter, parameters
 from .hints import hint
+from .nodes import ConfigNode, MappingNode, Position, Problems, plain
 from .options import Option
 from .paper import PaperKey, paper_keys
-from .tree import ConfigNode, MappingNode, Position, Problems, plain
 
 # Keys that every corruption takes in addition to its parameters.
 COMMON = ("as", "severity")

@@ -12,7 +12,8 @@ from PIL import Image
 from ..errors import ImageError, ParameterError
 from ..labels.declared import OWN
 from ..labels.tensors import corners
-from ..pictures import (
+from ..plan import Plan
+from ..sample_pictures import (
     FIRST_ITEM,
     PICTURE_KEYS,
     SamplePicture,
@@ -21,10 +22,9 @@ from ..pictures import (
     is_tensor,
     rebuilt,
 )
-from ..plan import Plan
 from ..samples import check_names, is_many
 
-__all__ = ["PICTURE_KEYS", "DatasetRow", "each_of", "unpack"]
+__all__ = ["PICTURE_KEYS", "DatasetRow", "unpack", "value_per_picture"]
 DatasetRow: TypeAlias = Mapping[str, Any]
 Rebuild: TypeAlias = Callable[[dict[str, Any]], Any]
 
@@ -66,7 +66,7 @@ def plain(entries: DatasetRow) -> DatasetRow:
     return {key: corners(value) if key in read else value for key, value in entries.items()}
 
 
-def each_of(values: Any, count: int, what: str) -> list[Any]:
+def value_per_picture(values: Any, count: int, what: str) -> list[Any]:
     """Return one value for each picture of a batch; a single integer applies to all.
 
     Raises:
@@ -153,7 +153,7 @@ def content(picture: Any) -> str:
     return hashlib.sha256(cast(Any, pixels)).hexdigest()[:32] + str(pixels.shape)
 
 
-def content_of_all(pictures: SequenceOf[SamplePicture]) -> str:
+def sample_content_id(pictures: SequenceOf[SamplePicture]) -> str:
     """Return an id computed from the pixels of all pictures of a sample."""
     ids = [content(picture.pixels) for picture in pictures]
     return ids[0] if len(ids) == 1 else hashlib.sha256("".join(ids).encode()).hexdigest()[:32]

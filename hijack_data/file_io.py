@@ -30,7 +30,7 @@ _STORAGE = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG})
 FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF")
 
 
-def sha256_of(pixels: UInt8Array) -> str:
+def pixel_sha256(pixels: UInt8Array) -> str:
     """Return the SHA-256 of a picture's pixels, as 64 hexadecimal digits.
 
     Args:
