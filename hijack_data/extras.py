@@ -91,26 +91,33 @@ def lacking(modules: Iterable[str]) -> list[str]:
 
 
 def require(what: str, extra: str, modules: Iterable[str]) -> None:
-    """Check that none of `modules` is missing.
+    """Check that none of some modules is missing.
 
-    Raises `MissingDependencyError` if one is.
+    Args:
+        what: the feature that needs them, for the message.
+        extra: the extra that installs them.
+        modules: names of top-level modules.
 
-    `what` names the feature that needs them, `extra` the extra that installs them.
+    Raises:
+        MissingDependencyError: one is missing; the message has the command that adds the extra.
     """
-    lost = lacking(modules)
-    if lost:
-        raise missing(f"{what} needs {', '.join(lost)}", extra)
+    absent = lacking(modules)
+    if absent:
+        problem = missing(f"{what} needs {', '.join(absent)}", extra)
+        raise problem
 
 
 def load(module: str, what: str, extra: str) -> Any:
     """Import and return `module`, which the feature `what` needs.
 
-    If it is missing, the `MissingDependencyError` names `extra`.
+    Raises:
+        MissingDependencyError: it is missing; the message has the command that adds `extra`.
     """
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError:
-        raise missing(f"{what} needs {module.partition('.')[0]}", extra) from None
+        problem = missing(f"{what} needs {module.partition('.')[0]}", extra)
+        raise problem from None
 
 
 @functools.lru_cache(maxsize=1)

@@ -246,7 +246,8 @@ def make_folder(folder: Path, file: Path | None = None) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise unwritable(file or folder, error) from None
+        problem = unwritable(file or folder, error)
+        raise problem from None
 
 
 def open_regular(path: Path) -> BinaryIO:
@@ -316,7 +317,8 @@ def replace_atomic(path: str | os.PathLike[str], write: Callable[[Path], object]
     try:
         temporary = _new_file_beside(target)
     except OSError as error:
-        raise unwritable(path, error) from None
+        problem = unwritable(path, error)
+        raise problem from None
     except ValueError as error:  # a NUL, or half a surrogate, in the name
         raise HijackError(f"{str(path)!r}: cannot be written ({error})") from None
     try:
@@ -325,7 +327,8 @@ def replace_atomic(path: str | os.PathLike[str], write: Callable[[Path], object]
         temporary.replace(target)
     except OSError as error:
         temporary.unlink(missing_ok=True)
-        raise unwritable(path, error) from None
+        problem = unwritable(path, error)
+        raise problem from None
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise

@@ -63,7 +63,12 @@ class _Settings:
         self._repeats = RepeatNotice(_REMEDY)
 
     def corrupt(self, element: Any, rng: np.random.Generator | None = None) -> dict[str, Any]:
-        """Return a corrupted copy of an element; Grain's generator `rng` counts its visits."""
+        """Return a corrupted copy of an element; Grain's generator `rng` counts its visits.
+
+        Raises:
+            ParameterTypeError: the element is not a dictionary, or a name in it is not a string.
+            ImageError: the element has several ids, or its pictures cannot be corrupted.
+        """
         if not isinstance(element, Mapping):
             raise ParameterTypeError(
                 f"an element must be a dictionary, got {type(element).__name__}"

@@ -263,7 +263,11 @@ def _by_name(plan: Plan) -> Mapping[str, Any]:
 
 
 def _check(value: object, kind: Any, where: str, wanted: str) -> Any:
-    """Return `value` if it has the type `kind`; a `bool` does not count as an `int`."""
+    """Return `value` if it has the type `kind`; a `bool` does not count as an `int`.
+
+    Raises:
+        PlanError: it has another type.
+    """
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
         found = f"{shown(value)} ({type(value).__name__})"
         raise PlanError(f"plan: {where} has the wrong type: {found}; it must be {wanted}")
@@ -285,7 +289,11 @@ _write = json.JSONEncoder(
 
 
 def _dump(data: object) -> str:
-    """Return one line of JSON, the form from which digests are computed."""
+    """Return one line of JSON, the form from which digests are computed.
+
+    Raises:
+        PlanError: JSON cannot hold the data.
+    """
     try:
         return _write(data)
     except (TypeError, ValueError) as error:
@@ -308,7 +316,11 @@ def _check_version(version: object) -> None:
 
 
 def _fields(data: object, kinds: Mapping[str, type], where: str) -> dict[str, Any]:
-    """Check that a JSON object has exactly the fields of `kinds`, of these types, and return it."""
+    """Check that a JSON object has exactly the fields of `kinds`, of these types, and return it.
+
+    Raises:
+        PlanError: a field is missing, unknown or of another type.
+    """
     found: dict[str, Any] = _check(data, dict, where or "it", "an object")
     dot = f"{where}." if where else ""
     for key, kind in kinds.items():

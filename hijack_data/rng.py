@@ -66,7 +66,12 @@ def branch(sample: int | str, node: int | str) -> Branch:
 
 
 def _sample_text(sample: object) -> str:
-    """Return a sample id as text: `3` and `"3"` are the same sample."""
+    """Return a sample id as text: `3` and `"3"` are the same sample.
+
+    Raises:
+        ParameterError: the id is an integer of more than 64 bits.
+        ParameterTypeError: the id is neither an integer nor a string.
+    """
     if isinstance(sample, str):
         return sample
     if isinstance(sample, bool) or not hasattr(sample, "__index__"):

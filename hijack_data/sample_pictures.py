@@ -153,7 +153,8 @@ def find_pictures(
         if is_picture_shaped(value, size) or is_picture(name)
     }
     if not pictures:
-        raise _no_picture(entries, unclear)
+        problem = _no_picture(entries, unclear)
+        raise problem
     return pictures, unclear
 
 

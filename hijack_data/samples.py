@@ -234,8 +234,8 @@ def scalar(value: Any, what: str, default: int) -> int:
     if value is None:
         return default
     try:
-        if isinstance(value, bool):
-            raise TypeError
-        return int(value.__index__())
+        if not isinstance(value, bool):
+            return int(value.__index__())
     except (AttributeError, TypeError):
-        raise ParameterTypeError(f"{what} must be an integer, got {value!r}") from None
+        pass
+    raise ParameterTypeError(f"{what} must be an integer, got {value!r}")

@@ -96,14 +96,14 @@ def as_boxes(value: BoxesLike, what: str = "boxes") -> BoxArray:
     """
     if value is None:
         return np.zeros((0, 4), np.int32)
+    expected = f"{what} must be rows of x1, y1, x2, y2"
     try:
-        if np.asarray(value).dtype == np.bool_:
-            raise TypeError  # a mask: its values would be taken for tiny boxes
+        is_mask = np.asarray(value).dtype == np.bool_
         raw = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise ParameterTypeError(
-            f"{what} must be rows of x1, y1, x2, y2, got {shown(value)}"
-        ) from None
+        raise ParameterTypeError(f"{expected}, got {shown(value)}") from None
+    if is_mask:  # its values would be taken for tiny boxes
+        raise ParameterTypeError(f"{expected}, got {shown(value)}")
     if raw.size == 0:
         return np.zeros((0, 4), np.int32)
     if raw.ndim != 2 or raw.shape[1] != 4:
@@ -161,7 +161,11 @@ def as_target(value: object, size: Size | None = None) -> Box | None:
 
 
 def _around(point: list[float], size: Size | None) -> Box:
-    """Return the square around a point target."""
+    """Return the square around a point target.
+
+    Raises:
+        ParameterError: the point is off the screen, not finite, or in fractions of the picture.
+    """
     if not all(abs(v) <= 2**30 for v in point):
         raise ParameterError(f"target {point} holds a number that is not finite or is beyond 2**30")
     _refuse_fractions(point, "target")

@@ -62,7 +62,8 @@ def convert(image: np.ndarray[Any, Any], name: str) -> Any:
     try:
         backend = _backend(name)
     except ImportError:
-        raise extras.missing(f"backend {name!r} is not installed", name) from None
+        problem = extras.missing(f"backend {name!r} is not installed", name)
+        raise problem from None
     return backend.from_numpy(image)
 
 
