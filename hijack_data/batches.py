@@ -60,9 +60,11 @@ def corrupt_batch(
 ) -> Corrupted:
     """Corrupt a batch with any planner; see `Augmentation.__call__` for the arguments.
 
-    Passes on `ParameterError` (a list does not have one entry per picture, an id appears twice, or
-    a value is out of range), `ParameterTypeError` (an argument has the wrong type) and
-    `ImageTypeError` (the pictures are of a kind that cannot be corrupted).
+    Raises:
+        ParameterError: a list does not have one entry per picture, an id appears twice, or a value
+            is out of range.
+        ParameterTypeError: an argument has the wrong type.
+        ImageTypeError: the pictures are of a kind that cannot be corrupted.
     """
     images = [_pixels(image) for image in _pictures(batch)]
     count = len(images)

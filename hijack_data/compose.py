@@ -55,6 +55,12 @@ class Augmentation(Planner):
             seed: 0 to 2**64 - 1.
             epoch: another epoch gives other plans.
             steps: for each picture, its step in the trajectory; 0 by default.
+
+        Raises:
+            ParameterError: a list does not have one entry per picture, an id appears twice, or a
+                value is out of range.
+            ParameterTypeError: an argument has the wrong type.
+            ImageTypeError: the pictures are of a kind that cannot be corrupted.
         """
         return corrupt_batch(
             self,
@@ -262,9 +268,8 @@ class Schedule(Augmentation):
 def sometimes(planner: Planner, p: float) -> Planner:
     """Return a planner that acts with probability `p`, 0..1.
 
-    Passes on `ParameterError` (`p` is out of range).
-
     Raises:
+        ParameterError: `p` is out of range.
         ParameterTypeError: `p` is not a number, or `planner` plans nothing.
     """
     if isinstance(p, list | tuple):

@@ -107,7 +107,8 @@ class Corruption(Planner):
     def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
         """Decide what to do to `scene`; each corruption overrides this method.
 
-        Passes on `ParameterError` (the screen cannot hold what the parameters ask for).
+        An implementation raises `ParameterError` for a screen that cannot hold what the parameters
+        ask for.
 
         Args:
             scene: the screen, which must not be changed.
@@ -134,8 +135,6 @@ class Corruption(Planner):
 
         The same arguments give the same plan, on any machine, in any order.
 
-        Passes on `ParameterError` (the screen cannot hold what the parameters ask for).
-
         Args:
             scene: the screen: size, element boxes, apps, target.
             seed: 0 to 2**64 - 1.
@@ -147,7 +146,8 @@ class Corruption(Planner):
             ParameterTypeError: `scene` is no `Scene`.
             PlanningError: `make_plan` raised an exception that is not a `HijackError`; it is the
                 cause.
-            HijackError: the screen cannot be corrupted as asked.
+            ParameterError: the screen cannot hold what the parameters ask for.
+            HijackError: the screen cannot be corrupted as asked for another reason.
         """
         if not isinstance(cast(object, scene), Scene):
             raise ParameterTypeError(
@@ -191,8 +191,9 @@ class Corruption(Planner):
     def replace(self, **changes: Any) -> "Corruption":
         """Return a copy with some parameters changed.
 
-        Passes on `UnknownNameError` (a name is not a parameter) and `ParameterError` (a parameter
-        does not accept its value).
+        Raises:
+            UnknownNameError: a name is not a parameter.
+            ParameterError: a parameter does not accept its value.
         """
         check_names(type(self), changes)
         return dataclasses.replace(self, **changes)
@@ -201,8 +202,6 @@ class Corruption(Planner):
     def at(cls: "type[C]", severity: int, **changes: Any) -> "C":
         """Return the corruption at a severity, with some parameters changed.
 
-        Passes on `UnknownNameError` (a name that is not a parameter).
-
         Args:
             severity: 1 (mild) to 5 (harsh); level 3 is the paper's default.
             **changes: parameters, which override those of the level.
@@ -210,6 +209,7 @@ class Corruption(Planner):
         Raises:
             ParameterTypeError: `severity` is not an integer.
             ParameterError: `severity` is out of range, or the corruption has no severity levels.
+            UnknownNameError: a name is not a parameter.
         """
         if isinstance(severity, bool) or not hasattr(severity, "__index__"):
             raise ParameterTypeError(f"severity must be an integer in 1..5, got {severity!r}")
@@ -369,7 +369,12 @@ def make_corruption(name: str, **values: Any) -> Corruption:
 
 
 def from_plan(plan: Plan) -> Corruption:
-    """Return the corruption that made a plan, from its id and parameters; not for a `Sequence`."""
+    """Return the corruption that made a plan, from its id and parameters; not for a `Sequence`.
+
+    Raises:
+        UnknownNameError: the corruption is not registered, or has another version here.
+        ParameterError: a parameter does not accept its value.
+    """
     return make_corruption(plan.corruption, **plan.params)
 
 

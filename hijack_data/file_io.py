@@ -156,9 +156,6 @@ def read_versioned_json(
 ) -> dict[str, Any]:
     """Read a JSON file whose fields `format` and `version` name its layout.
 
-    Raises `error` if the file is missing, unreadable, not JSON, has another format, or a version
-    outside 1 to `version`.
-
     Args:
         path: the file.
         format: the required value of the field `format`.
@@ -169,6 +166,10 @@ def read_versioned_json(
 
     Returns:
         The object, as read; only the two fields are checked.
+
+    Raises:
+        HijackError: `error`, a kind of it: the file is missing, unreadable, not JSON, or has
+            another format or a version outside 1 to `version`.
     """
     try:
         data: object = json.loads(Path(path).read_bytes())

@@ -51,7 +51,13 @@ class Parameter:
     def check(self, where: str, value: object) -> Any:
         """Return `value` in its normal form.
 
-        Passes on `ParameterTypeError` and `ParameterError`, which name `where`.
+        Args:
+            where: the name of the parameter in messages, such as `"marks.number"`.
+            value: the value to check.
+
+        Raises:
+            ParameterTypeError: the value has the wrong type.
+            ParameterError: the value is out of its range.
         """
         if value is None and self.optional:
             return None
@@ -208,9 +214,10 @@ def _is_channel(value: object) -> bool:
 
 
 def _opaque(color: str, where: str) -> tuple[int, int, int]:
-    """Return the channels of a colour. Passes on `ValueError` for a text that is not a colour.
+    """Return the channels of a colour.
 
     Raises:
+        ValueError: the text is not a colour.
         ParameterError: the colour has transparency.
     """
     channels = ImageColor.getrgb(color)
@@ -283,5 +290,10 @@ _CHECKS: dict[ParamKind, Callable[[Parameter, str, object], Any]] = {
 
 
 def rgb(color: str) -> tuple[int, int, int]:
-    """Return a colour as (r, g, b), each 0..255. Passes on `ValueError` for any other text."""
+    """Return a colour as (r, g, b), each 0..255.
+
+    Raises:
+        ValueError: the text is not a colour.
+        ParameterError: the colour has transparency.
+    """
     return _opaque(color, "colour")

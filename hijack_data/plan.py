@@ -69,8 +69,9 @@ class Paste:
 class Resample:
     """Resize the picture to `size` (height, width) with Pillow's bicubic filter.
 
-    Raises `ParameterTypeError` if the size is not two integers, and `ParameterError` if it exceeds
-    `limits`.
+    Raises:
+        ParameterTypeError: the size is not two integers.
+        ParameterError: the size exceeds `limits`.
     """
 
     size: Size
@@ -92,7 +93,9 @@ class Effect:
     """Something to do to the machine, carried out by `online_env`.
 
     `kind` is the name of the effect; `params` is JSON data, which is copied and made immutable.
-    Raises `PlanError` for fields of other types.
+
+    Raises:
+        PlanError: a field has another type.
     """
 
     kind: str

@@ -67,13 +67,15 @@ class Registry(EntryTable[T]):
     def find(self, text: str) -> str:
         """Return the registered name for a name or reference given by a user.
 
-        Raises `UnknownNameError` if there is no such name, module or attribute, `PluginError` if
-        the file or module cannot be loaded, and `ParameterError` as `add` does.
-
         Args:
             text: a name, `package.module:Name`, or `path/to/file.py:Name`. For the last two forms,
                 the object is loaded, and registered under its own name or, if it has none, under
                 `text`.
+
+        Raises:
+            UnknownNameError: there is no such name, module or attribute.
+            PluginError: the file or module cannot be loaded.
+            ParameterError: the object is not of this kind, or its name is taken.
         """
         if text in self.entries or not loading.is_reference(text):
             self.get(text)

@@ -49,7 +49,7 @@ class SamplePicture:
 
     @property
     def size(self) -> Size:
-        """(height, width). Raises `ImageError` or `ImageTypeError` for no usable picture."""
+        """(height, width); `ImageError` or `ImageTypeError` if the picture cannot be used."""
         return picture_size(self.pixels)
 
 
@@ -111,7 +111,9 @@ def is_picture_shaped(value: Any, size: Size | None = None) -> bool:
 def picture_size(picture: Any) -> Size:
     """Return `(height, width)` of a picture.
 
-    Raises `ImageError` or `ImageTypeError` if it is not a picture.
+    Raises:
+        ImageTypeError: it is of another kind, or its dtype is not uint8.
+        ImageError: its shape is not that of a picture.
     """
     if isinstance(picture, Image.Image):
         return picture.height, picture.width

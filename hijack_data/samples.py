@@ -101,7 +101,9 @@ class SamplePlanner:
     def keys(self, sample: Mapping[str, Any]) -> list[int | str]:
         """Return the ids of a batch.
 
-        Raises `ParameterError` or `ParameterTypeError` as `key` does.
+        Raises:
+            ParameterError: an id is empty.
+            ParameterTypeError: an id is neither a string nor an integer.
         """
         return [_id(key) for key in sample[self.id_key]]
 

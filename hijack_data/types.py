@@ -1,8 +1,9 @@
 """Plain data shared by every package: screens, actions and recordings.
 
 Coordinates are integer pixels, origin top-left, x to the right, y down. Boxes are `xyxy`,
-half-open: a box covers `x1 <= x < x2`, `y1 <= y < y2`. Sizes are `(height, width)`, as in the
-shapes of arrays.
+half-open: a box covers `x1 <= x < x2`, `y1 <= y < y2`. A `Size` is `(height, width)`, as in the
+shapes of arrays, everywhere in Python and in plans; YAML files and the command line write the width
+first (`1920x1080`, `[1920, 1080]`), as screens are named, and `size_text` prints it so.
 """
 
 import operator
@@ -15,7 +16,7 @@ import numpy.typing as npt
 
 from .errors import ParameterError, ParameterTypeError, shown
 
-Size: TypeAlias = tuple[int, int]
+Size: TypeAlias = tuple[int, int]  # (height, width) in pixels
 Box: TypeAlias = tuple[int, int, int, int]
 Point: TypeAlias = tuple[int, int]
 BoxArray: TypeAlias = npt.NDArray[np.int32]

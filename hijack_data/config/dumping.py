@@ -21,9 +21,6 @@ def dump(
 
     Every parameter is written out.
 
-    Passes on `ParameterError` (two entries of a list have the same name: give a mapping) and
-    `ConfigError` (a label that a file cannot hold, or nothing to write).
-
     Args:
         planners: corruptions, `OneOf` and `Sequence`, by label or in a list; the labels of a list
             are the names.
@@ -32,6 +29,8 @@ def dump(
     Raises:
         ParameterTypeError: a file cannot hold one of the planners, such as a `Schedule`, which is a
             function.
+        ParameterError: two entries of a list have the same name: give a mapping.
+        ConfigError: a file cannot hold a label, or there is nothing to write.
     """
     if not isinstance(cast(object, planners), Iterable):
         found = shown(planners)

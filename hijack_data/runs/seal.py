@@ -20,7 +20,7 @@ NAMESPACE = "agenthijack-run"  # signatures made for another purpose do not coun
 FORMAT = "agenthijack-seal"
 VERSION = 1
 _SIGNER = "signer"
-_PATIENCE = 120.0  # seconds, because a key on a token waits for a touch
+_TIMEOUT_S = 120.0  # because a key on a token waits for a touch
 
 
 class SealError(HijackError, ValueError):
@@ -28,7 +28,11 @@ class SealError(HijackError, ValueError):
 
 
 def check_key(key: str) -> None:
-    """Sign something, so that a wrong key is noticed before a run. Raises `SealError`."""
+    """Sign a test file, so that a wrong key is noticed before a run.
+
+    Raises:
+        SealError: the key cannot sign.
+    """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, SEAL)
         path.write_text("{}\n")
@@ -42,7 +46,9 @@ def sign(folder: Path, key: str) -> None:
         folder: of the run.
         key: path of the private key, or of the public key if `ssh-agent` holds the private one.
 
-    Raises `SealError` if the key cannot be used, `HijackError` if the files cannot be written.
+    Raises:
+        SealError: the key cannot be used.
+        HijackError: the files cannot be written.
     """
     (folder / SIGNATURE).unlink(missing_ok=True)
     write_atomic(folder / SEAL, json.dumps(contents(folder), indent=1) + "\n")
@@ -148,11 +154,11 @@ def _ssh_keygen(command: Sequence[str], said: str = "") -> "subprocess.Completed
             input=said,
             capture_output=True,
             text=True,
-            timeout=_PATIENCE,
+            timeout=_TIMEOUT_S,
             check=False,
         )
     except FileNotFoundError:
         needed = "signatures need ssh-keygen, version 8.2 or later"
         raise MissingDependencyError(f"{needed}: apt install openssh-client") from None
     except subprocess.TimeoutExpired:
-        raise SealError(f"ssh-keygen did not answer within {_PATIENCE:g} s") from None
+        raise SealError(f"ssh-keygen did not answer within {_TIMEOUT_S:g} s") from None
