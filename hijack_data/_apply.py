@@ -70,7 +70,7 @@ def _plans(plan: object) -> list[Plan]:
     listed: object = [plan] if isinstance(plan, Plan) else plan
     if isinstance(listed, list | tuple):
         plans = cast("Sequence[object]", listed)
-        if all(isinstance(each, Plan) for each in plans):
+        if all(isinstance(candidate, Plan) for candidate in plans):
             return list(cast("Sequence[Plan]", plans))
     kind = type(plan).__name__
     raise ImageTypeError(f"the first argument must be a Plan or a list of Plans, got {kind}")
@@ -93,10 +93,10 @@ def _check_sizes(plans: list[Plan], size: Size) -> None:
     for i, plan in enumerate(plans):
         if plan.size == size:
             continue
-        which = f" (plan {i})" if len(plans) > 1 else ""
-        made = f"the plan{which} was made for {size_text(plan.size)}"
-        found = f"but the picture is {size_text(size)}"
-        raise ImageError(f"{made} {found}; plan again with Scene(size={size})")
+        position = f" (plan {i})" if len(plans) > 1 else ""
+        planned_size = f"the plan{position} was made for {size_text(plan.size)}"
+        actual_size = f"but the picture is {size_text(size)}"
+        raise ImageError(f"{planned_size} {actual_size}; plan again with Scene(size={size})")
 
 
 def _apply_list(

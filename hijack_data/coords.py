@@ -193,9 +193,9 @@ class CoordMap:
         """
         sizes = cast("dict[str, Any]", data) if isinstance(data, dict) else {}
         if set(sizes) != {"observation", "screen"} or not all(_is_size(s) for s in sizes.values()):
-            found = shown(cast("object", data))
+            mapping = shown(cast("object", data))
             raise PlanError(
-                f"coords must be {{'observation': [h, w], 'screen': [h, w]}}, got {found}"
+                f"coords must be {{'observation': [h, w], 'screen': [h, w]}}, got {mapping}"
             )
         return cls(tuple(sizes["observation"]), tuple(sizes["screen"]))
 

@@ -165,8 +165,8 @@ class Corruption(Planner):
         except HijackError:
             raise
         except (Exception, SystemExit) as error:
-            said = f"make_plan raised {describe_error(error)} ({error_location(error)})"
-            raise PlanningError(f"{self.id}: {said}") from error
+            message = f"make_plan raised {describe_error(error)} ({error_location(error)})"
+            raise PlanningError(f"{self.id}: {message}") from error
 
     def first_step(self) -> int:
         """Return the first step at which the corruption acts; 0 if it acts at every step."""
@@ -270,14 +270,14 @@ def register(cls: type[C]) -> type[C]:
 
 def _suggest_parameters(cls: type[Corruption]) -> type[Corruption]:
     """Make `Marks(nmber=5)` raise an error that suggests `number`, as `get` does."""
-    plain: Any = cls.__init__
-    if hasattr(plain, "__wrapped__"):
+    original: Any = cls.__init__
+    if hasattr(original, "__wrapped__"):
         return cls  # it was registered before
 
-    @functools.wraps(plain)
+    @functools.wraps(original)
     def init(self: Corruption, *args: Any, **values: Any) -> None:
         check_names(type(self), values)
-        plain(self, *args, **values)
+        original(self, *args, **values)
 
     setattr(cls, "__init__", init)  # noqa: B010 - the checker knows it as a method that is not assigned to
     return cls
@@ -336,10 +336,10 @@ def find_corruption(name: str) -> type[Corruption]:
     if base not in CORRUPTIONS.entries:
         check_not_broken(base)
         return CORRUPTIONS.get(name)
-    found = CORRUPTIONS.get(base)
-    if int(version) != found.version:
-        raise UnknownNameError(f"{base} is at version {found.version} here, not {version}")
-    return found
+    cls = CORRUPTIONS.get(base)
+    if int(version) != cls.version:
+        raise UnknownNameError(f"{base} is at version {cls.version} here, not {version}")
+    return cls
 
 
 def check_not_broken(name: str) -> None:
@@ -384,7 +384,7 @@ def check_names(cls: type[Corruption], values: Mapping[str, Any]) -> None:
     Raises:
         UnknownNameError: a key is not a parameter.
     """
-    known = p.parameters(cls)
+    declared = p.parameters(cls)
     for key in values:
-        if key not in known:
-            raise UnknownNameError(f"{cls.name} has no parameter {key!r}{suggest(key, known)}")
+        if key not in declared:
+            raise UnknownNameError(f"{cls.name} has no parameter {key!r}{suggest(key, declared)}")

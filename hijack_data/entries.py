@@ -121,19 +121,20 @@ class EntryTable(Generic[T]):
             ParameterError: the object is not of this kind, or the name is taken.
         """
         title = getattr(thing, "__qualname__", type(thing).__qualname__)
-        own = getattr(thing, self._own_name, "") if self._own_name else ""
-        if own:
-            name = str(own)
+        own_name = getattr(thing, self._own_name, "") if self._own_name else ""
+        if own_name:
+            name = str(own_name)
         problems = "; ".join(self._problems(thing, name))
         if problems:
             raise ParameterError(f"cannot register {title}: {problems}")
         self.load_ours()
-        taken = {**self._reserved, **self.entries}
-        if name in taken and _identity(taken[name]) != _identity(thing):
+        used_names = {**self._reserved, **self.entries}
+        if name in used_names and _identity(used_names[name]) != _identity(thing):
             source = "" if is_ours(thing) else f" of {describe_origin(thing)}"
             raise ParameterError(
                 f"cannot register {title}{source}: {name!r} is taken by "
-                f"{describe_origin(taken[name])}; choose another name, or leave one of the two out"
+                f"{describe_origin(used_names[name])}; choose another name, or leave one of the "
+                "two out"
             )
         self.entries[name] = self._prepare(thing)
         return name
@@ -222,6 +223,6 @@ def _identity(thing: object) -> str:
     """Return an identity that a class keeps when it is reloaded, and that its objects share."""
     if isinstance(thing, Lazy):
         return thing.place
-    named = thing if hasattr(thing, "__qualname__") else type(thing)
-    name = getattr(named, "__qualname__", "")
+    target = thing if hasattr(thing, "__qualname__") else type(thing)
+    name = getattr(target, "__qualname__", "")
     return f"{defining_module(thing)}:{name}"

@@ -86,11 +86,11 @@ def load_plugins(group: str, registry: EntryTable[Any]) -> None:
     # imported here, because it takes a quarter of the import time of the whole package
     import importlib.metadata
 
-    found: list[Plugin] = []
-    _loaded[group] = found  # before the imports, because a plug-in may itself list names
+    plugins: list[Plugin] = []
+    _loaded[group] = plugins  # before the imports, because a plug-in may itself list names
     entries = importlib.metadata.entry_points(group=group)
     in_order = sorted(entries, key=lambda entry: entry.name)
-    found.extend(_load(entry, registry) for entry in in_order)
+    plugins.extend(_load(entry, registry) for entry in in_order)
     for plugin in broken(group):
         _warn(plugin)
 
@@ -107,10 +107,10 @@ def broken(group: str) -> tuple[Plugin, ...]:
 
 def left_out(group: str) -> str:
     """Return the addition to an error about an unknown name that lists the broken plug-ins."""
-    lost = [f"{plugin.title}: {plugin.problem}" for plugin in broken(group)]
-    if not lost:
+    reasons = [f"{plugin.title}: {plugin.problem}" for plugin in broken(group)]
+    if not reasons:
         return ""
-    return f" (left out, as they cannot be loaded: {'; '.join(lost)})"
+    return f" (left out, as they cannot be loaded: {'; '.join(reasons)})"
 
 
 def groups() -> list[str]:
@@ -154,14 +154,14 @@ def _load(entry: "EntryPoint", registry: EntryTable[Any]) -> Plugin:
         raise
     except BaseException as error:  # noqa: BLE001  (SystemExit too: a plug-in may raise anything)
         problem = describe_error(error)
-    own = [name for name in registry.of_module(module) if name not in new]
+    existing = [name for name in registry.of_module(module) if name not in new]
     return Plugin(
         group=entry.group,
         name=entry.name,
         module=module,
         package=entry.dist.name if entry.dist else "an unknown package",
         version=entry.dist.version if entry.dist else "",
-        names=(*new, *own),
+        names=(*new, *existing),
         problem=problem,
     )
 

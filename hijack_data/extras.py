@@ -58,14 +58,14 @@ def install_command(extras: Iterable[str], origin: str) -> str:
     names = ",".join(extras)
     release = f"pip install '{DISTRIBUTION}[{names}]'"
     try:
-        found: dict[str, Any] = json.loads(origin or "{}")
-        url = str(found["url"])
+        direct_url: dict[str, Any] = json.loads(origin or "{}")
+        url = str(direct_url["url"])
     except (ValueError, TypeError, KeyError):
         return release
-    if "dir_info" not in found:
+    if "dir_info" not in direct_url:
         return f"pip install '{DISTRIBUTION}[{names}] @ {url}'"
     folder = unquote(urlsplit(url).path)
-    about: dict[str, Any] = found["dir_info"] or {}
+    about: dict[str, Any] = direct_url["dir_info"] or {}
     editable = "-e " if about.get("editable") else ""
     return f"pip install {editable}{shlex.quote(f'{folder}[{names}]')}"
 
@@ -132,13 +132,15 @@ def extras() -> Mapping[str, tuple[str, ...]]:
         metadata = importlib.metadata.metadata(DISTRIBUTION)
     except importlib.metadata.PackageNotFoundError:
         return {}
-    found: dict[str, list[str]] = {name: [] for name in metadata.get_all("Provides-Extra") or ()}
+    modules_by_extra: dict[str, list[str]] = {
+        name: [] for name in metadata.get_all("Provides-Extra") or ()
+    }
     for line in importlib.metadata.requires(DISTRIBUTION) or ():
         parts = _REQUIREMENT.match(line)
         if parts is not None and parts[1] != DISTRIBUTION:
             module = _MODULES.get(parts[1], parts[1].replace("-", "_"))
-            found.setdefault(parts[2], []).append(module)
-    return {name: tuple(modules) for name, modules in sorted(found.items())}
+            modules_by_extra.setdefault(parts[2], []).append(module)
+    return {name: tuple(modules) for name, modules in sorted(modules_by_extra.items())}
 
 
 def find_extra(module: str) -> str | None:

@@ -201,11 +201,11 @@ def check_versioned(
         HijackError: of the class `error`, if the data are not an object, have another format, or a
             version outside 1 to `version`.
     """
-    found = cast("dict[str, Any]", data) if isinstance(data, dict) else {}
+    stored = cast("dict[str, Any]", data) if isinstance(data, dict) else {}
     begin = f"{where}: " if where else ""
-    if found.get("format") != format:
+    if stored.get("format") != format:
         raise error(f"{begin}not {what} (field 'format' must be {format!r})")
-    number = found.get("version")
+    number = stored.get("version")
     if isinstance(number, bool) or not isinstance(number, int) or number < 1:
         raise error(
             f"{begin}version {shown(number)} is not a version; it must be an integer,"
@@ -216,7 +216,7 @@ def check_versioned(
             f"{begin}version {number} is newer than this library reads ({version}); upgrade"
             " agenthijack"
         )
-    return found
+    return stored
 
 
 def is_full(error: OSError) -> bool:
@@ -311,9 +311,9 @@ def replace_atomic(path: str | os.PathLike[str], write: Callable[[Path], object]
         raise ParameterTypeError(f"a file is named by its path, got {shown(path)}") from None
     if _is_device(target):
         with tempfile.TemporaryDirectory() as folder:
-            whole = Path(folder) / "content"
-            write(whole)
-            _copy_to_device(whole, target)
+            content = Path(folder) / "content"
+            write(content)
+            _copy_to_device(content, target)
         return
     try:
         temporary = _new_file_beside(target)

@@ -57,8 +57,10 @@ class _Settings:
         labels: Declared | None = None,
         target: str | None = None,
     ) -> None:
-        known = make_labels(labels, target, image_key)
-        self.settings = SamplePlanner(sometimes(planner, p), seed, label_policy, id_key, known)
+        declared_labels = make_labels(labels, target, image_key)
+        self.settings = SamplePlanner(
+            sometimes(planner, p), seed, label_policy, id_key, declared_labels
+        )
         self.return_plan = return_plan
         self._repeats = RepeatNotice(_REMEDY)
 

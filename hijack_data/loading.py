@@ -202,21 +202,21 @@ def _load(path: PathLike) -> LoadedFile:
     """
     place, data = _read(path)
     sha256 = hashlib.sha256(data).hexdigest()
-    known = _files.get(place)
-    if known is not None:
-        if known.sha256 != sha256:
+    file = _files.get(place)
+    if file is not None:
+        if file.sha256 != sha256:
             raise PluginError(f"{path}: was changed since this process loaded it; start again")
-        return known
+        return file
     # Installed plug-ins are loaded first: a name that both define is an error of the file.
     load_installed(import_table("corruptions"))
     load_environment()
-    known = _files.get(place)
-    if known is None:
-        known = _installed(place, sha256)
-    if known is None:
-        known = _execute(place, data, sha256)
-    _files[place] = known
-    return known
+    file = _files.get(place)
+    if file is None:
+        file = _installed(place, sha256)
+    if file is None:
+        file = _execute(place, data, sha256)
+    _files[place] = file
+    return file
 
 
 def _read(path: PathLike) -> tuple[str, bytes]:
@@ -230,8 +230,8 @@ def _read(path: PathLike) -> tuple[str, bytes]:
         raise PluginError(f"{path}: not a Python file; give a file that ends in {SUFFIX}")
     place = os.path.realpath(path)
     if os.pathsep in place:
-        found = f"its path holds {os.pathsep!r}, which parts the paths of {VARIABLE}"
-        raise PluginError(f"{path}: {found}; rename it")
+        problem = f"its path holds {os.pathsep!r}, which parts the paths of {VARIABLE}"
+        raise PluginError(f"{path}: {problem}; rename it")
     try:
         place.encode()
     except UnicodeEncodeError:
@@ -260,11 +260,11 @@ def _import(module: str, text: str) -> ModuleType:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit too: a module may raise anything
-        why = f"{describe_error(error)} ({error_location(error)})"
+        reason = f"{describe_error(error)} ({error_location(error)})"
         missing = error.name if isinstance(error, ModuleNotFoundError) else None
         if missing is not None and missing in module:
-            why = f"there is no module {missing!r}; a file is named by its path, file.py:Class"
-        raise PluginError(f"{text}: cannot be imported: {why}") from error
+            reason = f"there is no module {missing!r}; a file is named by its path, file.py:Class"
+        raise PluginError(f"{text}: cannot be imported: {reason}") from error
 
 
 def _installed(place: str, sha256: str) -> LoadedFile | None:
@@ -324,8 +324,8 @@ def _registered(module: str) -> Iterator[tuple[EntryTable[Any], str]]:
 def _loaded(place: str, sha256: str, module: str) -> LoadedFile:
     names: dict[str, tuple[str, ...]] = {}
     for registry, name in _registered(module):
-        others = names.get(registry.kind, ())
-        names[registry.kind] = (*others, name)
+        registered = names.get(registry.kind, ())
+        names[registry.kind] = (*registered, name)
     return LoadedFile(path=place, sha256=sha256, module=module, names=names)
 
 
@@ -364,12 +364,12 @@ def _revive(path: str, sha256: str, name: str, values: Mapping[str, Any]) -> Any
     Raises:
         HijackError: the file has different bytes in this process.
     """
-    known = [file.sha256 for file in _files.values()]
-    if sha256 not in known:
-        found = load_file(path).sha256
-        if found != sha256:
+    hashes = [file.sha256 for file in _files.values()]
+    if sha256 not in hashes:
+        loaded = load_file(path).sha256
+        if loaded != sha256:
             raise HijackError(
-                f"{path}: another file (SHA-256 {found[:12]}) than the one that {name} was "
+                f"{path}: another file (SHA-256 {loaded[:12]}) than the one that {name} was "
                 f"loaded from ({sha256[:12]}); every process needs the same file under this path"
             )
     cls = import_table("corruptions").resolve(name)

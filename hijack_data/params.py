@@ -91,8 +91,8 @@ def param(
 ) -> Any:
     """Declare a field of a corruption; by default, its kind is the type of the default value."""
     kinds: dict[type, ParamKind] = {bool: "bool", int: "int", float: "float", str: "str"}
-    chosen: ParamKind = kind or ("choice" if choices else kinds[type(default)])
-    meta = Parameter(chosen, doc, low, high, tuple(choices), optional, paper)
+    kind_name: ParamKind = kind or ("choice" if choices else kinds[type(default)])
+    meta = Parameter(kind_name, doc, low, high, tuple(choices), optional, paper)
     return dataclasses.field(default=default, metadata={_KEY: meta})
 
 
@@ -124,9 +124,9 @@ def is_due(steps: Steps, step: int) -> bool:
     return step == steps
 
 
-def _wrong_type(where: str, value: object, wanted: str) -> ParameterTypeError:
-    found = f"{shown(value)} ({type(value).__name__})"
-    return ParameterTypeError(f"{where} must be {wanted}, got {found}")
+def _wrong_type(where: str, value: object, expected: str) -> ParameterTypeError:
+    actual = f"{shown(value)} ({type(value).__name__})"
+    return ParameterTypeError(f"{where} must be {expected}, got {actual}")
 
 
 def _in_range(p: Parameter, where: str, value: float) -> None:
@@ -181,9 +181,9 @@ def _check_choice(p: Parameter, where: str, value: object) -> str:
     if not isinstance(value, str):
         raise _wrong_type(where, value, f"one of {some_of(p.choices)}")
     if value not in p.choices:
-        wanted = some_of(p.choices)
+        options = some_of(p.choices)
         hint = suggest(value, p.choices)
-        raise ParameterError(f"{where} must be one of {wanted}, got {shown(value)}{hint}")
+        raise ParameterError(f"{where} must be one of {options}, got {shown(value)}{hint}")
     return value
 
 
@@ -223,8 +223,8 @@ def _opaque(color: str, where: str) -> tuple[int, int, int]:
     channels = ImageColor.getrgb(color)
     if len(channels) != 3:
         solid = "#{:02x}{:02x}{:02x}".format(*channels)
-        wrong = f"{where} = {color!r} has transparency, which is not drawn"
-        raise ParameterError(f"{wrong}; use {solid!r}, the colour without it")
+        message = f"{where} = {color!r} has transparency, which is not drawn"
+        raise ParameterError(f"{message}; use {solid!r}, the colour without it")
     return channels
 
 

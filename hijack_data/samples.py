@@ -203,9 +203,9 @@ def check_names(sample: Mapping[Any, Any]) -> None:
     Raises:
         ParameterTypeError: a name is not a string.
     """
-    other = next((key for key in sample if not isinstance(key, str)), None)
-    if other is not None:
-        raise ParameterTypeError(f"the names of a sample's entries must be strings, got {other!r}")
+    name = next((key for key in sample if not isinstance(key, str)), None)
+    if name is not None:
+        raise ParameterTypeError(f"the names of a sample's entries must be strings, got {name!r}")
 
 
 def is_many(value: Any) -> bool:

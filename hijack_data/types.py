@@ -75,8 +75,8 @@ def as_size(value: object, what: str = "size") -> Size:
     try:
         height, width = (operator.index(v) for v in cast("Sequence[int]", value))
     except (TypeError, ValueError):
-        wanted = "(height, width), two integers"
-        raise ParameterTypeError(f"{what} must be {wanted}, got {value!r}") from None
+        expected = "(height, width), two integers"
+        raise ParameterTypeError(f"{what} must be {expected}, got {value!r}") from None
     if height < 1 or width < 1:
         raise ParameterError(f"{what} must be at least (1, 1), got ({height}, {width})")
     if max(height, width) > MAX_SIDE:
@@ -146,15 +146,15 @@ def as_target(value: object, size: Size | None = None) -> Box | None:
     """
     if value is None:
         return None
-    wanted = "target must be a point (x, y) or a box (x1, y1, x2, y2)"
+    expected = "target must be a point (x, y) or a box (x1, y1, x2, y2)"
     try:
         numbers = [float(v) for v in cast("Sequence[float]", value)]
     except (TypeError, ValueError, OverflowError):
-        raise ParameterTypeError(f"{wanted}, got {value!r:.80}") from None
+        raise ParameterTypeError(f"{expected}, got {value!r:.80}") from None
     if len(numbers) == 2:
         return _around(numbers, size)
     if len(numbers) != 4:
-        raise ParameterError(f"{wanted}, got {len(numbers)} numbers")
+        raise ParameterError(f"{expected}, got {len(numbers)} numbers")
     x1, y1, x2, y2 = as_boxes([numbers], "target")[0].tolist()
     if x1 >= x2 or y1 >= y2:
         raise ParameterError(f"target {numbers} is a box without area; give a point (x, y) instead")
@@ -239,8 +239,8 @@ class Scene:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Scene):
             return NotImplemented
-        same = (self.size, self.apps, self.target) == (other.size, other.apps, other.target)
-        return same and np.array_equal(self.boxes, other.boxes)
+        fields_equal = (self.size, self.apps, self.target) == (other.size, other.apps, other.target)
+        return fields_equal and np.array_equal(self.boxes, other.boxes)
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -256,10 +256,10 @@ class Scene:
     def notes(self) -> tuple[str, ...]:
         """Remarks on the boxes for the reader of the plan."""
         count = len(self.boxes)
-        lost = count - len(self.obstacles)
-        if not lost:
+        ignored = count - len(self.obstacles)
+        if not ignored:
             return ()
-        return (f"{lost} of {count} boxes are empty or off the screen and were ignored",)
+        return (f"{ignored} of {count} boxes are empty or off the screen and were ignored",)
 
 
 def _as_apps(apps: object) -> tuple[str, ...]:

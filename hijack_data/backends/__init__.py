@@ -40,8 +40,8 @@ def find_backend(image: object) -> Backend:
         advice = "give np.asarray(picture), or make a plan and call hijack_data.apply"
         raise ImageTypeError(f"got a PIL image where an array is needed; {advice}")
     kind = type(image)
-    wanted = "give a NumPy array, torch tensor, JAX array or PIL image"
-    raise ImageTypeError(f"cannot corrupt a {kind.__module__}.{kind.__qualname__}; {wanted}")
+    remedy = "give a NumPy array, torch tensor, JAX array or PIL image"
+    raise ImageTypeError(f"cannot corrupt a {kind.__module__}.{kind.__qualname__}; {remedy}")
 
 
 @cache

@@ -92,10 +92,10 @@ def signer(folder: Path) -> str:
     It is empty, too, if the seal cannot be read: `problems` then says so.
     """
     try:
-        found = _run(["-Y", "check-novalidate", "-n", NAMESPACE], folder)
+        query = _run(["-Y", "check-novalidate", "-n", NAMESPACE], folder)
     except OSError:
         return ""
-    return found.stdout.split()[-1] if found.returncode == 0 else ""
+    return query.stdout.split()[-1] if query.returncode == 0 else ""
 
 
 def _signature_problems(folder: Path, key: str | None) -> Iterator[str]:
@@ -130,11 +130,11 @@ def _public(key: str) -> str:
 
 
 def _sign(path: Path, key: str) -> None:
-    done = _ssh_keygen(["-Y", "sign", "-q", "-n", NAMESPACE, "-f", key, str(path)])
-    if done.returncode:
-        why = " ".join(done.stderr.split()) or f"ssh-keygen ended with {done.returncode}"
+    process = _ssh_keygen(["-Y", "sign", "-q", "-n", NAMESPACE, "-f", key, str(path)])
+    if process.returncode:
+        reason = " ".join(process.stderr.split()) or f"ssh-keygen ended with {process.returncode}"
         advice = "ssh-keygen -t ed25519 -f run.key makes one"
-        raise SealError(f"{key}: is not a key that can sign ({why:.300}); {advice}")
+        raise SealError(f"{key}: is not a key that can sign ({reason:.300}); {advice}")
 
 
 def _run(command: Sequence[str], folder: Path) -> "subprocess.CompletedProcess[str]":
@@ -147,18 +147,18 @@ def _run(command: Sequence[str], folder: Path) -> "subprocess.CompletedProcess[s
     return _ssh_keygen([*command, "-s", str(folder / SIGNATURE)], content)
 
 
-def _ssh_keygen(command: Sequence[str], said: str = "") -> "subprocess.CompletedProcess[str]":
+def _ssh_keygen(command: Sequence[str], content: str = "") -> "subprocess.CompletedProcess[str]":
     try:
         return subprocess.run(
             ["ssh-keygen", *command],
-            input=said,
+            input=content,
             capture_output=True,
             text=True,
             timeout=_TIMEOUT_S,
             check=False,
         )
     except FileNotFoundError:
-        needed = "signatures need ssh-keygen, version 8.2 or later"
-        raise MissingDependencyError(f"{needed}: apt install openssh-client") from None
+        requirement = "signatures need ssh-keygen, version 8.2 or later"
+        raise MissingDependencyError(f"{requirement}: apt install openssh-client") from None
     except subprocess.TimeoutExpired:
         raise SealError(f"ssh-keygen did not answer within {_TIMEOUT_S:g} s") from None

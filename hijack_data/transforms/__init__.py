@@ -175,8 +175,8 @@ class OneOf(Corrupt):
         **shared: Any,
     ) -> None:
         planners = [unwrap_planner(option) for option in options]
-        chosen = compose.OneOf(planners, p_clean=p_clean, weights=weights)
-        super().__init__(chosen, **shared)
+        planner = compose.OneOf(planners, p_clean=p_clean, weights=weights)
+        super().__init__(planner, **shared)
 
 
 @explicit()
@@ -261,9 +261,11 @@ class FromConfig(Corrupt):
                 f"{config.source} has no corruption {label!r}; it has"
                 f" {', '.join(config.corruptions)}"
             )
-        chosen = list(config.corruptions.values()) if label is None else [config.corruptions[label]]
+        planners = (
+            list(config.corruptions.values()) if label is None else [config.corruptions[label]]
+        )
         super().__init__(
-            compose.OneOf(chosen, p_clean=p_clean),
+            compose.OneOf(planners, p_clean=p_clean),
             seed=config.options.get("seed", 0) if seed is None else seed,
             **shared,
         )
@@ -340,13 +342,13 @@ def __getattr__(name: str) -> Any:
     Raises:
         AttributeError: always.
     """
-    if name in {find_corruption(known).__name__ for known in corruption_names()}:
+    if name in {find_corruption(corruption).__name__ for corruption in corruption_names()}:
         advice = (
             "build a dataset with it (hijack build), or wrap a corruption of your own that draws:"
             " Corrupt(planner)"
         )
-        why = "it changes the machine, not the picture"
-        raise AttributeError(f"hijack_data.transforms has no {name}: {why}; {advice}")
+        reason = "it changes the machine, not the picture"
+        raise AttributeError(f"hijack_data.transforms has no {name}: {reason}; {advice}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}{suggest(name, __all__)}")
 
 

@@ -54,26 +54,30 @@ def explicit(
             for name, argument in inspect.signature(Corrupt).parameters.items()
             if name not in ("planner", *without)
         ]
-        mine = [
+        arguments_in_order = [
             argument
             for argument in inspect.signature(init).parameters.values()
             if argument.kind is not inspect.Parameter.VAR_KEYWORD
         ]
         docs = _read_args(cls)
         if spec is not None:
-            mine += [inspect.Parameter("severity", _KEYWORD, default=None, annotation="int | None")]
+            arguments_in_order += [
+                inspect.Parameter("severity", _KEYWORD, default=None, annotation="int | None")
+            ]
             docs["severity"] = _SEVERITY
-            mine += _arguments(spec, defaults or {})
+            arguments_in_order += _arguments(spec, defaults or {})
             docs |= {
                 name: f"{parameter.doc}: {parameter.accepts}."
                 for name, (parameter, _) in parameters(spec).items()
             }
-        names = {argument.name for argument in mine}
-        mine += [argument for argument in shared if argument.name not in names]
-        init.__signature__ = inspect.Signature(mine, return_annotation="None")
+        names = {argument.name for argument in arguments_in_order}
+        arguments_in_order += [argument for argument in shared if argument.name not in names]
+        init.__signature__ = inspect.Signature(arguments_in_order, return_annotation="None")
         common = _read_args(Corrupt)
         if cls.__doc__:  # python -OO removes docstrings
-            arguments = [argument.name for argument in mine if argument.name != "self"]
+            arguments = [
+                argument.name for argument in arguments_in_order if argument.name != "self"
+            ]
             cls.__doc__ = _with_args(cls.__doc__, {k: docs.get(k) or common[k] for k in arguments})
         return cls
 
@@ -83,11 +87,11 @@ def explicit(
 def _own_init(cls: type[Corrupt]) -> Any:
     """Return the `__init__` of a class itself; one that only calls its base gets its own."""
     if "__init__" not in vars(cls):
-        plain = cls.__init__
+        inherited = cls.__init__
 
-        @functools.wraps(plain, assigned=("__module__", "__name__", "__doc__"))
+        @functools.wraps(inherited, assigned=("__module__", "__name__", "__doc__"))
         def init(self: Corrupt, **values: Any) -> None:
-            plain(self, **values)
+            inherited(self, **values)
 
         del cast(Any, init).__wrapped__
         setattr(cls, "__init__", init)  # noqa: B010 - the checker knows it as a method that is not assigned to
