@@ -174,8 +174,8 @@ def common_size(pictures: Sequence[SamplePicture]) -> Size:
         )
         raise ImageError(
             f"the pictures of one sample differ in size ({listed}), but one plan is for all of"
-            " them; resize them, give each a sample of its own, or declare those that shall stay clean:"
-            " labels={...: 'leave'}"
+            " them; resize them, give each a sample of its own, or declare those that shall stay"
+            " clean: labels={...: 'leave'}"
         )
     return sizes[0]
 

@@ -290,6 +290,7 @@ def unwrap_planner(value: Planner | Corrupt) -> Planner:
         if setting_value != default:
             raise ParameterError(
                 f"{name} with {setting}={setting_value!r} is inside another transform, which"
-                f" reads samples and draws for all of its parts; give {setting}= to the outer transform alone"
+                f" reads samples and draws for all of its parts; give {setting}= to the outer"
+                " transform alone"
             )
     return settings.planner
