@@ -8,7 +8,7 @@ from ..labels import Declared
 from ..plan import Plan
 from ..planner import Planner
 from .base import Corrupt as Corrupt
-from .leaves import PICTURE_KEYS as PICTURE_KEYS
+from .sample_parts import PICTURE_KEYS as PICTURE_KEYS
 
 __all__ = [
     "PICTURE_KEYS",
