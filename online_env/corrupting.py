@@ -61,7 +61,7 @@ class AppliedPlan:
     @property
     def saw(self) -> str:
         """What the probes found; for a corruption of the picture, how much of it changed."""
-        from .effects.words import in_words
+        from .effects.descriptions import in_words
 
         if not self.records:
             return f"{self._change()}; the machine is as it was"
@@ -329,7 +329,7 @@ def _corrupt(
     as_json: bool,
     options: dict[str, Any],
 ) -> int:
-    from hijack_data.cli.pictures import parse_settings
+    from hijack_data.cli.picture_commands import parse_settings
 
     spec = cls(**parse_settings(cls, options["settings"]))
     refuse_twice(desktop, spec, ledger, desktop.id)
@@ -400,7 +400,7 @@ def _undo(desktop: Any, cls: type[Corruption] | None, ledger: Ledger, as_json: b
 
 
 def _print_undone(done: list[tuple[str, str, Any]], desktop: str, unrecorded: str | None) -> None:
-    from .effects.words import undone_in_words
+    from .effects.descriptions import undone_in_words
 
     if unrecorded is not None:
         click.echo(f"no record of {unrecorded} on {desktop}: going by what the machine shows")

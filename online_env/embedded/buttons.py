@@ -132,7 +132,7 @@ class Buttons:
         return done.ok, done.saw
 
     def _take_back(self, name: str) -> tuple[bool, str]:
-        from ..effects.words import undone_in_words
+        from ..effects.descriptions import undone_in_words
 
         if self._plans.pop(name, None) is not None:
             return True, "no longer drawn into the picture; the machine was never changed"

@@ -10,8 +10,8 @@ from hijack_data.rng import Stream
 from hijack_data.runs.run_planners import get_label
 from hijack_data.types import BoxArray, Scene, Size, as_boxes
 
+from ..desktops.capability_survey import lacks
 from ..desktops.protocol import Capability, Desktop
-from ..desktops.survey import lacks
 from ..effects import find
 from ..errors import MissingCapabilityError
 

@@ -29,7 +29,7 @@ from .wanted import Wanted
 try:
     import httpx
 except ModuleNotFoundError as _error:
-    raise extra.explained(_error, "fetching files") from None
+    raise extra.import_error(_error, "fetching files") from None
 
 MANIFEST = "manifest.json"
 PARTS = ".parts"

@@ -7,12 +7,12 @@ from hijack_data.errors import counted
 from hijack_data.plan import CLEAN
 from hijack_data.runs.privileged_inputs import describe_privileged_inputs
 
-from ..bench import scores
-from ..bench.reading import Run
+from ..results import scores
+from ..results.reading import Run
 from .model import RunReport
 
 
-def notes_of(report: RunReport, partial: int = 0) -> tuple[str, ...]:
+def report_notes(report: RunReport, partial: int = 0) -> tuple[str, ...]:
     """Return the notes on a report, of whose scores `partial` are neither 0 nor 1."""
     return tuple(_notes(report, partial))
 

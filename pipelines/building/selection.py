@@ -12,7 +12,7 @@ from hijack_data.planner import Planner, advice_for, leaves
 
 from ..edits import EDITS
 from ..errors import BuildError
-from . import inline
+from . import inline_corruptions
 
 ALL = "all"
 VISUAL = "all-visual"
@@ -74,7 +74,7 @@ def _named(text: str) -> dict[str, Planner]:
                 if find_corruption(name).scope == SCOPE
             }
         case _:
-            return inline.parse(text).planners
+            return inline_corruptions.parse(text).planners
 
 
 def _check_label(label: object) -> None:

@@ -18,7 +18,7 @@ from online_env.desktops.http import HttpDesktop
 from online_env.effects import perform
 from online_env.embedded import registry
 from online_env.embedded.runtime import kernel, rootless
-from online_env.embedded.runtime.plain import SetupError
+from online_env.embedded.runtime.desktop_config import SetupError
 from online_env.errors import MissingCapabilityError
 
 from support import needs
@@ -44,7 +44,7 @@ with EmbeddedDesktop.attach("rootless") as desktop:
 print("proved")
 """
 VERSION = "import sys; print(sys.version_info[:2])"
-READABLE = "import hijack_data.cli, numpy, online_env.cli"
+READABLE = "import hijack_data.cli, numpy, online_env.desktop_commands"
 
 
 class User:

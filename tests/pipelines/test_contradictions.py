@@ -14,12 +14,13 @@ pytest.importorskip("isal", reason="needs the extra [hf]")
 from hijack_data.corruption import make_corruption
 from hijack_data.runs.run_log import episode_slug
 from online_env import tasks
-from online_env.bench import origin, records, runner
+from online_env.bench import runner
 from online_env.bench.episodes import play
 from online_env.bench.jobs import Job
 from online_env.environment import CorruptedEnv, Setting
+from online_env.results import origin, records
 from pipelines.proof.rebuild import rebuild
-from pipelines.proof.retrace.facts import FIELDS
+from pipelines.proof.run_checks.field_checks import FIELDS
 
 from support.edited_runs import (
     both,
