@@ -19,7 +19,7 @@ TEST_LIVE := $(BIN)/python -m pytest -q tests/live -n 3 --dist loadfile --reruns
 # Where it is set, each of the hundreds of processes that the tests start compiles all modules again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help env light live demo desktop foreign check quick test test-all tail lint bench golden docs package clean
+.PHONY: help env light live demo desktop foreign check quick test test-all tail lint bench golden stubs docs package clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 18
@@ -83,6 +83,7 @@ tail: env  ## A third of what only make test-all runs: make tail PART=tail-1 (or
 lint: env
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports --no-logo --no-cache
 	$(BIN)/pyright
 
 bench: env  ## Run the benchmarks and rewrite benchmarks/RESULTS.md
@@ -90,6 +91,9 @@ bench: env  ## Run the benchmarks and rewrite benchmarks/RESULTS.md
 
 golden: env  ## Write the golden hashes anew (only together with a new version of a corruption)
 	AGENTHIJACK_UPDATE_GOLDEN=1 $(BIN)/python -m pytest -q tests/golden
+
+stubs: env  ## Write the stub of the transforms anew (after a change of their parameters)
+	PYTHONPATH=tests $(BIN)/python -m support.stubs
 
 docs: $(VENV)/.docs  ## Make the site in build/site, from the pages in docs/ (no broken link, no picture by hand)
 	$(BIN)/python docs/site/make.py

@@ -10,7 +10,6 @@ text and a button) or `resolution` (half size, bicubic).
     python peers.py PICTURE.npy FONT.ttf THREADS
 """
 
-import importlib
 import importlib.metadata
 import json
 import math

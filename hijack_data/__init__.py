@@ -3,30 +3,31 @@
 >>> import numpy as np
 >>> import hijack_data as hj
 >>> screen = np.full((1080, 1920, 3), 240, np.uint8)
->>> marks = hj.make_corruption("marks", number=5)
+>>> marks = hj.Marks(number=5)
 >>> plan = marks.plan(hj.Scene(size=(1080, 1920)), seed=7, sample="traj-3", step=0)
 >>> hj.apply(plan, screen).shape
 (1080, 1920, 3)
+
+Authors of plug-ins import from `hijack_data.plugin`; torchvision transforms are in
+`hijack_data.transforms`, Grain transforms in `hijack_data.grain`.
 """
 
 import importlib
 import sys
 from typing import TYPE_CHECKING
 
+from . import shadowed as _shadowed
+
 if TYPE_CHECKING:  # the same names, for type checkers; tests/test_api.py compares the two
+    from . import plugin as plugin
     from ._apply import apply as apply
-    from .compose import Augmentation as Augmentation
-    from .compose import Corrupted as Corrupted
     from .compose import OneOf as OneOf
     from .compose import Schedule as Schedule
     from .compose import Sequence as Sequence
     from .coords import CoordMap as CoordMap
-    from .corruption import Corruption as Corruption
-    from .corruption import Draft as Draft
+    from .corruption import corruption_names as corruption_names
     from .corruption import from_plan as from_plan
-    from .corruption import get as make_corruption
-    from .corruption import names as corruption_names
-    from .corruption import register as register
+    from .corruption import make_corruption as make_corruption
     from .corruptions import AccidentalTouch as AccidentalTouch
     from .corruptions import AppMinimization as AppMinimization
     from .corruptions import Marks as Marks
@@ -36,21 +37,13 @@ if TYPE_CHECKING:  # the same names, for type checkers; tests/test_api.py compar
     from .corruptions import Resolution as Resolution
     from .corruptions import Subtitle as Subtitle
     from .corruptions import Verification as Verification
-    from .drawing.raster import png_recipe as png_recipe
     from .elements import Elements as Elements
     from .elements import scene_from as scene_from
     from .errors import HijackError as HijackError
-    from .params import Every as Every
-    from .params import param as param
-    from .plan import Effect as Effect
-    from .plan import Paste as Paste
     from .plan import Plan as Plan
-    from .plan import Resample as Resample
     from .planner import Planner as Planner
-    from .rng import Stream as Stream
     from .safety import Safety as Safety
     from .safety import judge as judge
-    from .safety import plan_avoiding as plan_avoiding
     from .types import Action as Action
     from .types import Scene as Scene
     from .types import Step as Step
@@ -62,9 +55,9 @@ __version__ = "0.1.0"
 # needs only `errors` or `types`, such as those of a desktop, does not wait for the whole library.
 _HOMES = {
     "_apply": ("apply",),
-    "compose": ("Augmentation", "Corrupted", "OneOf", "Schedule", "Sequence"),
+    "compose": ("OneOf", "Schedule", "Sequence"),
     "coords": ("CoordMap",),
-    "corruption": ("Corruption", "Draft", "from_plan", "get", "names", "register"),
+    "corruption": ("corruption_names", "from_plan", "make_corruption"),
     "corruptions": (
         "AccidentalTouch",
         "AppMinimization",
@@ -76,16 +69,21 @@ _HOMES = {
         "Subtitle",
         "Verification",
     ),
-    "drawing.raster": ("png_recipe",),
     "elements": ("Elements", "scene_from"),
     "errors": ("HijackError",),
-    "params": ("Every", "param"),
-    "plan": ("Effect", "Paste", "Plan", "Resample"),
+    "plan": ("Plan",),
     "planner": ("Planner",),
-    "rng": ("Stream",),
-    "safety": ("Safety", "judge", "plan_avoiding"),
+    "safety": ("Safety", "judge"),
     "types": ("Action", "Scene", "Step", "Trajectory"),
 }
+# Names that only `hijack_data.plugin` has; the error for them says so.
+_FOR_AUTHORS = frozenset(
+    {
+        *("Augmentation", "Corrupted", "Corruption", "Draft", "Effect", "Every", "ParameterError"),
+        *("Paste", "Resample", "Stream", "branch", "param", "plan_avoiding", "png_recipe"),
+        "register",
+    }
+)
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = sorted(_HOME_OF)  # pyright: ignore[reportUnsupportedDunderAll]
@@ -95,10 +93,15 @@ def __getattr__(name: str) -> object:
     """Import a name from the module that defines it.
 
     Raises:
-        AttributeError: there is no such name.
+        AttributeError: there is no such name; if authors of plug-ins have it, the message says so.
     """
+    if name == "plugin":  # so that `hijack_data.plugin` needs no import of its own
+        return importlib.import_module(f".{name}", __name__)
+    if name == "get":  # a short form of `make_corruption` that is not listed
+        name = "make_corruption"
     if name not in _HOME_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        advice = f"; import it from {__name__}.plugin" if name in _FOR_AUTHORS else ""
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}{advice}")
     home = importlib.import_module(f".{_HOME_OF[name]}", __name__)
     value = getattr(home, name)
     globals()[name] = value
@@ -111,3 +114,6 @@ def __dir__() -> list[str]:
     modules = [name for name in present if f"{__name__}.{name}" in sys.modules]
     special = [name for name in present if name.startswith("__")]
     return sorted({*__all__, *modules, *special})
+
+
+_shadowed.warn_of_shadows()

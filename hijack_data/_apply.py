@@ -62,19 +62,27 @@ def apply(plan: Plan | Sequence[Plan], image: Any, *, inplace: bool = False) -> 
 
 
 def _plans(plan: object) -> list[Plan]:
-    """Return a plan, or a list of plans, as a list."""
-    given: object = [plan] if isinstance(plan, Plan) else plan
-    if isinstance(given, list | tuple):
-        plans = cast("Sequence[object]", given)
-        if all(isinstance(each, Plan) for each in plans):
+    """Return a plan, or a list of plans, as a list.
+
+    Raises:
+        ImageTypeError: `plan` is neither.
+    """
+    listed: object = [plan] if isinstance(plan, Plan) else plan
+    if isinstance(listed, list | tuple):
+        plans = cast("Sequence[object]", listed)
+        if all(isinstance(candidate, Plan) for candidate in plans):
             return list(cast("Sequence[Plan]", plans))
     kind = type(plan).__name__
     raise ImageTypeError(f"the first argument must be a Plan or a list of Plans, got {kind}")
 
 
-def _plan_per_picture(given: object, plans: list[Plan], count: int) -> list[Plan]:
-    """Return one plan for each of `count` pictures; a single `given` plan is for all of them."""
-    if isinstance(given, Plan):
+def _plan_per_picture(plan: object, plans: list[Plan], count: int) -> list[Plan]:
+    """Return one plan for each of `count` pictures; a single `plan` is for all of them.
+
+    Raises:
+        ImageError: the number of plans is not that of the pictures.
+    """
+    if isinstance(plan, Plan):
         return plans * count
     if len(plans) != count:
         raise ImageError(f"{len(plans)} plans for {count} pictures: give one plan for each")
@@ -85,10 +93,10 @@ def _check_sizes(plans: list[Plan], size: Size) -> None:
     for i, plan in enumerate(plans):
         if plan.size == size:
             continue
-        which = f" (plan {i})" if len(plans) > 1 else ""
-        made = f"the plan{which} was made for {size_text(plan.size)}"
-        found = f"but the picture is {size_text(size)}"
-        raise ImageError(f"{made} {found}; plan again with Scene(size={size})")
+        position = f" (plan {i})" if len(plans) > 1 else ""
+        planned_size = f"the plan{position} was made for {size_text(plan.size)}"
+        actual_size = f"but the picture is {size_text(size)}"
+        raise ImageError(f"{planned_size} {actual_size}; plan again with Scene(size={size})")
 
 
 def _apply_list(
@@ -115,7 +123,11 @@ def _check_item(image: Any, index: int) -> None:
 
 
 def _check_list_writable(plans: list[Plan], images: Sequence[Any]) -> None:
-    """Raise unless all pictures of a list, of any backends, can be written into."""
+    """Check that all pictures of a list, of any backends, can be written into.
+
+    Raises:
+        ParameterError: a picture cannot, or is in the list twice.
+    """
     addresses: set[int] = set()
     for i, (plan, image) in enumerate(zip(plans, images, strict=True)):
         if isinstance(image, Image.Image):

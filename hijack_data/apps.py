@@ -71,8 +71,8 @@ KNOWN: frozenset[str] = _OTHERS.union(KINDS, *KINDS.values())
 
 def normalize_app(name: str) -> str:
     """Return an application's name as the paper's list spells it: `"VS Code"` is `"vscode"`."""
-    plain = "_".join(name.strip().lower().replace("-", " ").replace("_", " ").split())
-    return ALIASES.get(plain, plain)
+    spelling = "_".join(name.strip().lower().replace("-", " ").replace("_", " ").split())
+    return ALIASES.get(spelling, spelling)
 
 
 def collect_apps(apps: Iterable[str], domain: str = "") -> frozenset[str]:
@@ -81,9 +81,9 @@ def collect_apps(apps: Iterable[str], domain: str = "") -> frozenset[str]:
     The domain counts if it is an application (`"gimp"`), not if it is a subject (`"travel"`). The
     name of a platform (`"windows"`) is not an application.
     """
-    named = {normalize_app(app) for app in apps if not _is_platform(app)} - NONE
-    said = normalize_app(domain)
-    return frozenset(named | {said} if said in KNOWN else named)
+    names = {normalize_app(app) for app in apps if not _is_platform(app)} - NONE
+    domain_app = normalize_app(domain)
+    return frozenset(names | {domain_app} if domain_app in KNOWN else names)
 
 
 def _is_platform(name: str) -> bool:
@@ -101,11 +101,13 @@ def is_mentioned(name: str, text: str, *, by_kind: bool = True) -> bool:
         text: such as an instruction.
         by_kind: whether the name of a kind (`browser`) may mean each of its members.
     """
-    meant = {name, *(kind for kind, members in KINDS.items() if by_kind and name in members)}
-    named = meant.union(alias for alias, known in ALIASES.items() if known in meant)
-    words = "|".join(re.escape(word.replace("_", " ")) for word in sorted(named))
-    plain = text.lower().replace("_", " ").replace("-", " ")
-    return re.search(rf"(?<![a-z0-9])(?:{words})(?![a-z0-9])", plain) is not None
+    meanings = {name, *(kind for kind, members in KINDS.items() if by_kind and name in members)}
+    spellings = meanings.union(
+        alias for alias, canonical in ALIASES.items() if canonical in meanings
+    )
+    words = "|".join(re.escape(word.replace("_", " ")) for word in sorted(spellings))
+    haystack = text.lower().replace("_", " ").replace("-", " ")
+    return re.search(rf"(?<![a-z0-9])(?:{words})(?![a-z0-9])", haystack) is not None
 
 
 def mentioned_programs(text: str) -> frozenset[str]:

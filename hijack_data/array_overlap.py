@@ -19,11 +19,11 @@ def overlaps(shape: tuple[int, ...], strides: tuple[int, ...]) -> bool:
     pairs = zip(strides, shape, strict=True)
     axes = sorted((abs(step), count) for step, count in pairs if count > 1)
     reach = 0  # the offset of the last element along the axes so far
-    apart = True
+    is_disjoint = True
     for step, count in axes:
-        apart = apart and step > reach
+        is_disjoint = is_disjoint and step > reach
         reach += step * (count - 1)
-    if apart or 0 in shape:
+    if is_disjoint or 0 in shape:
         return False
     total = prod(shape)
     if total > reach + 1:

@@ -60,17 +60,19 @@ def corrupt_batch(
 ) -> Corrupted:
     """Corrupt a batch with any planner; see `Augmentation.__call__` for the arguments.
 
-    Passes on `ParameterError` (a list does not have one entry per picture, an id appears twice, or
-    a value is out of range), `ParameterTypeError` (an argument has the wrong type) and
-    `ImageTypeError` (the pictures are of a kind that cannot be corrupted).
+    Raises:
+        ParameterError: a list does not have one entry per picture, an id appears twice, or a value
+            is out of range.
+        ParameterTypeError: an argument has the wrong type.
+        ImageTypeError: the pictures are of a kind that cannot be corrupted.
     """
     images = [_pixels(image) for image in _pictures(batch)]
     count = len(images)
     check_ids(ids, count)
     sizes = [_size(image) for image in images]
-    known = _labels(sizes, ids=ids, boxes=boxes, targets=targets, ends=ends, steps=steps)
+    picture_labels = _labels(sizes, ids=ids, boxes=boxes, targets=targets, ends=ends, steps=steps)
     plans: list[Plan] = []
-    for size, labels in zip(sizes, known, strict=True):
+    for size, labels in zip(sizes, picture_labels, strict=True):
         scene = Scene(size, labels.boxes, target=labels.target)
         plan = planner.plan(scene, seed=seed, sample=labels.key, step=labels.step, epoch=epoch)
         plans.append(plan)
@@ -80,11 +82,11 @@ def corrupt_batch(
         plans,
         images,
         after,
-        targets=[labels.target for labels in known],
-        ends=[labels.end for labels in known],
-        boxes=[labels.boxes for labels in known],
+        targets=[labels.target for labels in picture_labels],
+        ends=[labels.end for labels in picture_labels],
+        boxes=[labels.boxes for labels in picture_labels],
     )
-    pairs = list(zip(plans, known, strict=True))
+    pairs = list(zip(plans, picture_labels, strict=True))
     return Corrupted(
         image=out,
         plans=plans,
@@ -168,8 +170,10 @@ def _id_text(value: Any) -> str:
         return str(value.__index__())
     # an array of several numbers, or an integer of thousands of digits
     except (TypeError, ValueError):
-        found = type(value).__name__
-        raise ParameterTypeError(f"ids must hold integers or strings, got a {found}") from None
+        description = type(value).__name__
+        raise ParameterTypeError(
+            f"ids must hold integers or strings, got a {description}"
+        ) from None
 
 
 def _one_per_picture(values: Sequence[Any] | None, count: int, what: str) -> list[Any]:

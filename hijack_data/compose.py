@@ -55,6 +55,12 @@ class Augmentation(Planner):
             seed: 0 to 2**64 - 1.
             epoch: another epoch gives other plans.
             steps: for each picture, its step in the trajectory; 0 by default.
+
+        Raises:
+            ParameterError: a list does not have one entry per picture, an id appears twice, or a
+                value is out of range.
+            ParameterTypeError: an argument has the wrong type.
+            ImageTypeError: the pictures are of a kind that cannot be corrupted.
         """
         return corrupt_batch(
             self,
@@ -117,11 +123,11 @@ class OneOf(Augmentation):
         epoch: int = 0,
     ) -> Plan:
         """Draw whether to corrupt and with which option, then plan it; see `Planner.plan`."""
-        found = self.chosen(seed=seed, sample=sample, step=step, epoch=epoch)
-        if found is None:
+        choice = self.chosen(seed=seed, sample=sample, step=step, epoch=epoch)
+        if choice is None:
             return Plan.clean(scene.size)
-        option, own = found
-        return option.plan(scene, seed=seed, sample=own, step=step, epoch=epoch)
+        option, key = choice
+        return option.plan(scene, seed=seed, sample=key, step=step, epoch=epoch)
 
     def chosen(
         self, *, seed: int, sample: int | str = 0, step: int | None = None, epoch: int = 0
@@ -185,15 +191,15 @@ class Sequence(Augmentation):
         epoch: int = 0,
     ) -> Plan:
         """Plan the parts in order and join them; see `Planner.plan`."""
-        whole = Plan.clean(scene.size)
+        joined = Plan.clean(scene.size)
         for number, part in enumerate(self.parts):
-            boxes = whole.coords.boxes_to_observation(scene.boxes)
-            target = moved_target(whole, scene.target)
-            now = Scene(whole.out_size, boxes, scene.apps, target)
-            own = branch(sample, number)
-            plan = part.plan(now, seed=seed, sample=own, step=step, epoch=epoch)
-            whole = whole.then(plan)
-        return whole
+            boxes = joined.coords.boxes_to_observation(scene.boxes)
+            target = moved_target(joined, scene.target)
+            current = Scene(joined.out_size, boxes, scene.apps, target)
+            key = branch(sample, number)
+            plan = part.plan(current, seed=seed, sample=key, step=step, epoch=epoch)
+            joined = joined.then(plan)
+        return joined
 
     def params(self) -> dict[str, Any]:
         """Return the parameters of each part by its id, as plans hold them."""
@@ -244,8 +250,8 @@ class Schedule(Augmentation):
         epoch: int = 0,
     ) -> Plan:
         """Plan with the planner for `epoch`; see `Planner.plan`."""
-        planner, own = self.chosen(seed=seed, sample=sample, step=step, epoch=epoch)
-        return planner.plan(scene, seed=seed, sample=own, step=step, epoch=epoch)
+        planner, key = self.chosen(seed=seed, sample=sample, step=step, epoch=epoch)
+        return planner.plan(scene, seed=seed, sample=key, step=step, epoch=epoch)
 
     def chosen(
         self, *, seed: int, sample: int | str = 0, step: int | None = None, epoch: int = 0
@@ -262,9 +268,8 @@ class Schedule(Augmentation):
 def sometimes(planner: Planner, p: float) -> Planner:
     """Return a planner that acts with probability `p`, 0..1.
 
-    Passes on `ParameterError` (`p` is out of range).
-
     Raises:
+        ParameterError: `p` is out of range.
         ParameterTypeError: `p` is not a number, or `planner` plans nothing.
     """
     if isinstance(p, list | tuple):
@@ -296,8 +301,8 @@ def _planners(values: Iterable[Planner], who: str) -> tuple[Planner, ...]:
     is_wrong = isinstance(values, str | bytes | Mapping | Set)
     if is_wrong or not isinstance(cast(object, values), Iterable):
         raise ParameterTypeError(f"{who} takes a list of corruptions, got {values!r}")
-    wanted = f"{who} takes corruptions such as Marks()"
-    planners = tuple(as_planner(value, wanted) for value in values)
+    expected = f"{who} takes corruptions such as Marks()"
+    planners = tuple(as_planner(value, expected) for value in values)
     if not planners:
         raise ParameterError(f"{who} needs at least one corruption")
     return planners
@@ -310,16 +315,16 @@ def _weights(values: object, count: int) -> tuple[float, ...]:
         ParameterError: a value is out of its range; the message names it.
         ParameterTypeError: `values` is not a list of numbers.
     """
-    wanted = f"OneOf: weights must be {count} numbers >= 0, finite and not all 0, got {values!r}"
+    expected = f"OneOf: weights must be {count} numbers >= 0, finite and not all 0, got {values!r}"
     if isinstance(values, str | bytes) or not hasattr(values, "__len__"):
-        raise ParameterTypeError(wanted)
-    given = list(cast("SequenceOf[Any]", values))
-    if any(isinstance(weight, bool) or not isinstance(weight, Real) for weight in given):
-        raise ParameterTypeError(wanted)
-    weights = tuple(float(weight) for weight in given)
+        raise ParameterTypeError(expected)
+    listed = list(cast("SequenceOf[Any]", values))
+    if any(isinstance(weight, bool) or not isinstance(weight, Real) for weight in listed):
+        raise ParameterTypeError(expected)
+    weights = tuple(float(weight) for weight in listed)
     if len(weights) != count or any(weight < 0 for weight in weights):
-        raise ParameterError(wanted)
+        raise ParameterError(expected)
     total = sum(weights)
     if not math.isfinite(total) or total <= 0:
-        raise ParameterError(wanted)
+        raise ParameterError(expected)
     return weights

@@ -40,14 +40,15 @@ def composite(
     Only `scene` describes a single screenshot: if it names no applications, the effect is shown for
     any application for which recorded pictures exist.
 
-    Passes on `HijackError` (the effect cannot be shown on this screenshot; the message says why).
-
     Args:
         plan: with one effect or more.
         image: the screenshot, uint8 RGB `[H, W, 3]`; not modified.
         scene: its elements, and its applications as far as they are known.
         seed: 0 to 2**64 - 1.
         sample: the id that the plan was made for.
+
+    Raises:
+        HijackError: the effect cannot be shown on this screenshot; the message says why.
     """
     module, _, name = MAKER.partition(":")
     make = cast("Callable[..., Composite]", getattr(importlib.import_module(module), name))

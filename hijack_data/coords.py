@@ -86,8 +86,10 @@ class CoordMap:
         """Map points `[..., 2]` of x, y from the observation to the screen.
 
         A tuple or list of two numbers gives a tuple of two ints, anything else an int32 array of
-        the same shape. Results lie in 0..width-1 and 0..height-1. Raises `ActionError` unless the
-        points are pairs of finite numbers.
+        the same shape. Results lie in 0..width-1 and 0..height-1.
+
+        Raises:
+            ActionError: the points are not pairs of finite numbers.
         """
         return _points(points, self._forward)
 
@@ -103,7 +105,10 @@ class CoordMap:
         """Map boxes `[N, 4]` (xyxy) to int32 boxes of whole pixels.
 
         They are clipped to 0..width and 0..height. A box that overlaps the observation keeps at
-        least one pixel, and every pixel in it maps into the mapped box. Raises `ParameterError`.
+        least one pixel, and every pixel in it maps into the mapped box.
+
+        Raises:
+            ParameterError: they are not boxes in pixels; see `types.as_boxes`.
         """
         return self._forward.boxes(as_boxes(boxes))
 
@@ -114,7 +119,8 @@ class CoordMap:
     def vector_to_screen(self, dx: float, dy: float) -> tuple[int, int]:
         """Map a relative offset: scaled, rounded (halves away from zero), never clamped.
 
-        Raises `ActionError` for a number that is not finite.
+        Raises:
+            ActionError: a number is not finite.
         """
         return _vector(dx, dy, self._forward)
 
@@ -128,7 +134,9 @@ class CoordMap:
         Only the numbers change: `hijack_data.actions.dialects.pyautogui_code` describes which code
         is understood and which is refused. WAIT, FAIL and DONE pass; under an identity map all code
         passes as it is.
-        Raises `ActionError` with the line and column of what cannot be mapped.
+
+        Raises:
+            ActionError: something cannot be mapped; the message has its line and column.
         """
         return self._code(code, self._forward)
 
@@ -153,8 +161,11 @@ class CoordMap:
         """Map an action in one of `hijack_data.actions.DIALECTS`, in its own form, to the screen.
 
         For `ui_tars_1.5` the observation of this map is the smart-resized picture: see
-        `CoordMap.model`. Raises `UnknownNameError` for the dialect and `ActionError` for an action
-        that cannot be mapped.
+        `CoordMap.model`.
+
+        Raises:
+            UnknownNameError: there is no such dialect.
+            ActionError: the action cannot be mapped.
         """
         return self._typed(action, dialect, self._forward)
 
@@ -182,9 +193,9 @@ class CoordMap:
         """
         sizes = cast("dict[str, Any]", data) if isinstance(data, dict) else {}
         if set(sizes) != {"observation", "screen"} or not all(_is_size(s) for s in sizes.values()):
-            found = shown(cast("object", data))
+            mapping = shown(cast("object", data))
             raise PlanError(
-                f"coords must be {{'observation': [h, w], 'screen': [h, w]}}, got {found}"
+                f"coords must be {{'observation': [h, w], 'screen': [h, w]}}, got {mapping}"
             )
         return cls(tuple(sizes["observation"]), tuple(sizes["screen"]))
 

@@ -107,7 +107,8 @@ class Corruption(Planner):
     def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
         """Decide what to do to `scene`; each corruption overrides this method.
 
-        Passes on `ParameterError` (the screen cannot hold what the parameters ask for).
+        An implementation raises `ParameterError` for a screen that cannot hold what the parameters
+        ask for.
 
         Args:
             scene: the screen, which must not be changed.
@@ -134,8 +135,6 @@ class Corruption(Planner):
 
         The same arguments give the same plan, on any machine, in any order.
 
-        Passes on `ParameterError` (the screen cannot hold what the parameters ask for).
-
         Args:
             scene: the screen: size, element boxes, apps, target.
             seed: 0 to 2**64 - 1.
@@ -147,7 +146,8 @@ class Corruption(Planner):
             ParameterTypeError: `scene` is no `Scene`.
             PlanningError: `make_plan` raised an exception that is not a `HijackError`; it is the
                 cause.
-            HijackError: the screen cannot be corrupted as asked.
+            ParameterError: the screen cannot hold what the parameters ask for.
+            HijackError: the screen cannot be corrupted as asked for another reason.
         """
         if not isinstance(cast(object, scene), Scene):
             raise ParameterTypeError(
@@ -165,8 +165,8 @@ class Corruption(Planner):
         except HijackError:
             raise
         except (Exception, SystemExit) as error:
-            said = f"make_plan raised {describe_error(error)} ({error_location(error)})"
-            raise PlanningError(f"{self.id}: {said}") from error
+            message = f"make_plan raised {describe_error(error)} ({error_location(error)})"
+            raise PlanningError(f"{self.id}: {message}") from error
 
     def first_step(self) -> int:
         """Return the first step at which the corruption acts; 0 if it acts at every step."""
@@ -191,8 +191,9 @@ class Corruption(Planner):
     def replace(self, **changes: Any) -> "Corruption":
         """Return a copy with some parameters changed.
 
-        Passes on `UnknownNameError` (a name is not a parameter) and `ParameterError` (a parameter
-        does not accept its value).
+        Raises:
+            UnknownNameError: a name is not a parameter.
+            ParameterError: a parameter does not accept its value.
         """
         check_names(type(self), changes)
         return dataclasses.replace(self, **changes)
@@ -201,8 +202,6 @@ class Corruption(Planner):
     def at(cls: "type[C]", severity: int, **changes: Any) -> "C":
         """Return the corruption at a severity, with some parameters changed.
 
-        Passes on `UnknownNameError` (a name that is not a parameter).
-
         Args:
             severity: 1 (mild) to 5 (harsh); level 3 is the paper's default.
             **changes: parameters, which override those of the level.
@@ -210,6 +209,7 @@ class Corruption(Planner):
         Raises:
             ParameterTypeError: `severity` is not an integer.
             ParameterError: `severity` is out of range, or the corruption has no severity levels.
+            UnknownNameError: a name is not a parameter.
         """
         if isinstance(severity, bool) or not hasattr(severity, "__index__"):
             raise ParameterTypeError(f"severity must be an integer in 1..5, got {severity!r}")
@@ -243,7 +243,7 @@ def _problems(cls: type[Any], _: str) -> Iterator[str]:
         if not getattr(cls, key, ""):
             yield f"{key} is not set"
     if not issubclass(cls, Corruption):
-        yield "it is not a subclass of hijack_data.Corruption"
+        yield "it is not a subclass of hijack_data.plugin.Corruption"
         return
     if "__dataclass_fields__" not in vars(cls) or "make_plan" not in vars(cls):
         yield "it must be a frozen dataclass that defines make_plan"
@@ -270,14 +270,14 @@ def register(cls: type[C]) -> type[C]:
 
 def _suggest_parameters(cls: type[Corruption]) -> type[Corruption]:
     """Make `Marks(nmber=5)` raise an error that suggests `number`, as `get` does."""
-    plain: Any = cls.__init__
-    if hasattr(plain, "__wrapped__"):
+    original: Any = cls.__init__
+    if hasattr(original, "__wrapped__"):
         return cls  # it was registered before
 
-    @functools.wraps(plain)
+    @functools.wraps(original)
     def init(self: Corruption, *args: Any, **values: Any) -> None:
         check_names(type(self), values)
-        plain(self, *args, **values)
+        original(self, *args, **values)
 
     setattr(cls, "__init__", init)  # noqa: B010 - the checker knows it as a method that is not assigned to
     return cls
@@ -336,10 +336,10 @@ def find_corruption(name: str) -> type[Corruption]:
     if base not in CORRUPTIONS.entries:
         check_not_broken(base)
         return CORRUPTIONS.get(name)
-    found = CORRUPTIONS.get(base)
-    if int(version) != found.version:
-        raise UnknownNameError(f"{base} is at version {found.version} here, not {version}")
-    return found
+    cls = CORRUPTIONS.get(base)
+    if int(version) != cls.version:
+        raise UnknownNameError(f"{base} is at version {cls.version} here, not {version}")
+    return cls
 
 
 def check_not_broken(name: str) -> None:
@@ -352,14 +352,29 @@ def check_not_broken(name: str) -> None:
 
 
 def make_corruption(name: str, **values: Any) -> Corruption:
-    """Return a corruption by name with some parameters set: `make_corruption("marks", number=50)`."""
+    """Return a corruption by name, such as `make_corruption("marks", number=50)`.
+
+    Args:
+        name: the name, or `name-vN` for one version.
+        **values: parameters; the others have their defaults.
+
+    Raises:
+        UnknownNameError: there is no such corruption, version or parameter.
+        ParameterError: a parameter does not accept its value.
+        PluginError: the plug-in that should register the corruption is broken.
+    """
     cls = find_corruption(name)
     check_names(cls, values)
     return cls(**values)
 
 
 def from_plan(plan: Plan) -> Corruption:
-    """Return the corruption that made a plan, from its id and parameters; not for a `Sequence`."""
+    """Return the corruption that made a plan, from its id and parameters; not for a `Sequence`.
+
+    Raises:
+        UnknownNameError: the corruption is not registered, or has another version here.
+        ParameterError: a parameter does not accept its value.
+    """
     return make_corruption(plan.corruption, **plan.params)
 
 
@@ -369,7 +384,7 @@ def check_names(cls: type[Corruption], values: Mapping[str, Any]) -> None:
     Raises:
         UnknownNameError: a key is not a parameter.
     """
-    known = p.parameters(cls)
+    declared = p.parameters(cls)
     for key in values:
-        if key not in known:
-            raise UnknownNameError(f"{cls.name} has no parameter {key!r}{suggest(key, known)}")
+        if key not in declared:
+            raise UnknownNameError(f"{cls.name} has no parameter {key!r}{suggest(key, declared)}")

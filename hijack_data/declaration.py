@@ -29,10 +29,10 @@ def problems(cls: type[Any], base: type[Any], choices: AllowedValues) -> Iterato
     `choices` holds the allowed values of class attributes such as `scope`.
     """
     yield from name_problems(getattr(cls, "name", ""))
-    for key, known in choices.items():
+    for key, allowed in choices.items():
         value = getattr(cls, key, "")
-        if value and value not in known:
-            yield f"{key} {value!r} does not exist{suggest(value, known)}"
+        if value and value not in allowed:
+            yield f"{key} {value!r} does not exist{suggest(value, allowed)}"
     version = cast(object, cls.version)
     is_whole = isinstance(version, int) and not isinstance(version, bool)
     if not is_whole or cast(int, version) < 1:
@@ -75,26 +75,26 @@ def _effects(cls: type[Any]) -> Iterator[str]:
 
 
 def _fields(cls: type[Any], base: type[Any]) -> Iterator[str]:
-    known = p.parameters(cls)
-    if set(RESERVED_PARAMETERS) & set(known):
+    declared = p.parameters(cls)
+    if set(RESERVED_PARAMETERS) & set(declared):
         reserved = " and ".join(RESERVED_PARAMETERS)
         yield f"{reserved} are words of the configuration, not names for parameters"
     public = [word for word in dir(base) if not word.startswith("_")]
-    ours = {*public, "category", "scope"}
-    for key in known:
-        if key in ours:
+    reserved_attributes = {*public, "category", "scope"}
+    for key in declared:
+        if key in reserved_attributes:
             yield f"{key!r} is an attribute of every corruption, not a name for a parameter"
     fields = [field.name for field in dataclasses.fields(cls)]
     arguments = list(inspect.signature(cls).parameters)
     for key in dict.fromkeys([*fields, *arguments]):
-        if key in known:
+        if key in declared:
             continue
-        if key in ours:
+        if key in reserved_attributes:
             yield f"{key} is a field of the dataclass; write {key}: ClassVar[...] = ..."
         else:
             yield (
                 f"the field {key!r} is not declared with param, so it would be neither checked nor "
-                f'kept in plans; write {key}: ... = hj.param(DEFAULT, "what it is")'
+                f'kept in plans; write {key}: ... = param(DEFAULT, "what it is")'
             )
 
 
@@ -108,14 +108,14 @@ def _severities(cls: type[Any]) -> Iterator[str]:
     if count not in (0, 5):
         yield f"severities must hold 5 entries, not {count}"
         return
-    known = p.parameters(cls)
+    declared = p.parameters(cls)
     for number, level in enumerate(levels, 1):
         if not isinstance(level, Mapping):
             yield f"severities: level {number} must be a mapping of parameters, not {level!r}"
             continue
         for key in cast("Mapping[str, object]", level):
-            if key not in known:
-                hint = suggest(key, known)
+            if key not in declared:
+                hint = suggest(key, declared)
                 yield f"severities: level {number} sets {key!r}, which is not a parameter{hint}"
     if levels and levels[2]:
         yield f"severities: level 3 is the paper's default and must be empty, not {levels[2]!r}"

@@ -13,8 +13,8 @@ import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from .entries import PREFIX, EntryTable, import_table, undone_on_failure
 from .errors import HijackError, PluginError, PluginWarning
-from .registry import PREFIX, Registry, undone_on_failure
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -59,7 +59,19 @@ class Plugin:
 _loaded: dict[str, list[Plugin]] = {}
 
 
-def load_plugins(group: str, registry: Registry[Any]) -> None:
+def load_installed(registry: EntryTable[Any]) -> None:
+    """Import the built-in entries of a registry, then the plug-ins of installed packages.
+
+    Args:
+        registry: its `related` kinds are loaded first, because their plug-ins may register here.
+    """
+    registry.load_ours()
+    for kinds in registry.related:
+        load_installed(import_table(kinds))
+    load_plugins(registry.group, registry)
+
+
+def load_plugins(group: str, registry: EntryTable[Any]) -> None:
     """Import the plug-ins of installed packages in an entry-point group, once per process.
 
     A plug-in that raises any exception is left out: a `PluginWarning` names it, its package and the
@@ -74,11 +86,11 @@ def load_plugins(group: str, registry: Registry[Any]) -> None:
     # imported here, because it takes a quarter of the import time of the whole package
     import importlib.metadata
 
-    found: list[Plugin] = []
-    _loaded[group] = found  # before the imports, because a plug-in may itself list names
+    plugins: list[Plugin] = []
+    _loaded[group] = plugins  # before the imports, because a plug-in may itself list names
     entries = importlib.metadata.entry_points(group=group)
     in_order = sorted(entries, key=lambda entry: entry.name)
-    found.extend(_load(entry, registry) for entry in in_order)
+    plugins.extend(_load(entry, registry) for entry in in_order)
     for plugin in broken(group):
         _warn(plugin)
 
@@ -95,10 +107,10 @@ def broken(group: str) -> tuple[Plugin, ...]:
 
 def left_out(group: str) -> str:
     """Return the addition to an error about an unknown name that lists the broken plug-ins."""
-    lost = [f"{plugin.title}: {plugin.problem}" for plugin in broken(group)]
-    if not lost:
+    reasons = [f"{plugin.title}: {plugin.problem}" for plugin in broken(group)]
+    if not reasons:
         return ""
-    return f" (left out, as they cannot be loaded: {'; '.join(lost)})"
+    return f" (left out, as they cannot be loaded: {'; '.join(reasons)})"
 
 
 def groups() -> list[str]:
@@ -125,7 +137,7 @@ def error_location(error: BaseException) -> str:
     return f"{frame.filename}:{frame.lineno}"
 
 
-def _load(entry: "EntryPoint", registry: Registry[Any]) -> Plugin:
+def _load(entry: "EntryPoint", registry: EntryTable[Any]) -> Plugin:
     module = entry.value.partition(":")[0].strip()
     before = set(registry.entries)
     new: list[str] = []
@@ -137,24 +149,24 @@ def _load(entry: "EntryPoint", registry: Registry[Any]) -> Plugin:
             finally:
                 new = [name for name in registry.entries if name not in before]
             for name in new:
-                registry.check(registry.get(name))
+                registry.check(registry.resolve(name))
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # noqa: BLE001  (SystemExit too: a plug-in may raise anything)
         problem = describe_error(error)
-    own = [name for name in registry.of_module(module) if name not in new]
+    existing = [name for name in registry.of_module(module) if name not in new]
     return Plugin(
         group=entry.group,
         name=entry.name,
         module=module,
         package=entry.dist.name if entry.dist else "an unknown package",
         version=entry.dist.version if entry.dist else "",
-        names=(*new, *own),
+        names=(*new, *existing),
         problem=problem,
     )
 
 
-def _register(entry: "EntryPoint", module: str, registry: Registry[Any]) -> None:
+def _register(entry: "EntryPoint", module: str, registry: EntryTable[Any]) -> None:
     """Import the module of an entry point, and register the attribute that it may name.
 
     Raises:

@@ -129,6 +129,6 @@ def counted(number: int, one: str, several: str = "") -> str:
 
 def some_of(options: Sequence[str], most: int = 20) -> str:
     """Return options for a message: all of them, or the first `most` and the number of others."""
-    named = ", ".join(options[:most])
-    left = len(options) - most
-    return f"{named} and {left} more" if left > 0 else named
+    listed = ", ".join(options[:most])
+    remaining = len(options) - most
+    return f"{listed} and {remaining} more" if remaining > 0 else listed

@@ -58,14 +58,14 @@ def install_command(extras: Iterable[str], origin: str) -> str:
     names = ",".join(extras)
     release = f"pip install '{DISTRIBUTION}[{names}]'"
     try:
-        found: dict[str, Any] = json.loads(origin or "{}")
-        url = str(found["url"])
+        direct_url: dict[str, Any] = json.loads(origin or "{}")
+        url = str(direct_url["url"])
     except (ValueError, TypeError, KeyError):
         return release
-    if "dir_info" not in found:
+    if "dir_info" not in direct_url:
         return f"pip install '{DISTRIBUTION}[{names}] @ {url}'"
     folder = unquote(urlsplit(url).path)
-    about: dict[str, Any] = found["dir_info"] or {}
+    about: dict[str, Any] = direct_url["dir_info"] or {}
     editable = "-e " if about.get("editable") else ""
     return f"pip install {editable}{shlex.quote(f'{folder}[{names}]')}"
 
@@ -91,26 +91,33 @@ def lacking(modules: Iterable[str]) -> list[str]:
 
 
 def require(what: str, extra: str, modules: Iterable[str]) -> None:
-    """Check that none of `modules` is missing.
+    """Check that none of some modules is missing.
 
-    Raises `MissingDependencyError` if one is.
+    Args:
+        what: the feature that needs them, for the message.
+        extra: the extra that installs them.
+        modules: names of top-level modules.
 
-    `what` names the feature that needs them, `extra` the extra that installs them.
+    Raises:
+        MissingDependencyError: one is missing; the message has the command that adds the extra.
     """
-    lost = lacking(modules)
-    if lost:
-        raise missing(f"{what} needs {', '.join(lost)}", extra)
+    absent = lacking(modules)
+    if absent:
+        problem = missing(f"{what} needs {', '.join(absent)}", extra)
+        raise problem
 
 
 def load(module: str, what: str, extra: str) -> Any:
     """Import and return `module`, which the feature `what` needs.
 
-    If it is missing, the `MissingDependencyError` names `extra`.
+    Raises:
+        MissingDependencyError: it is missing; the message has the command that adds `extra`.
     """
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError:
-        raise missing(f"{what} needs {module.partition('.')[0]}", extra) from None
+        problem = missing(f"{what} needs {module.partition('.')[0]}", extra)
+        raise problem from None
 
 
 @functools.lru_cache(maxsize=1)
@@ -125,13 +132,15 @@ def extras() -> Mapping[str, tuple[str, ...]]:
         metadata = importlib.metadata.metadata(DISTRIBUTION)
     except importlib.metadata.PackageNotFoundError:
         return {}
-    found: dict[str, list[str]] = {name: [] for name in metadata.get_all("Provides-Extra") or ()}
+    modules_by_extra: dict[str, list[str]] = {
+        name: [] for name in metadata.get_all("Provides-Extra") or ()
+    }
     for line in importlib.metadata.requires(DISTRIBUTION) or ():
         parts = _REQUIREMENT.match(line)
         if parts is not None and parts[1] != DISTRIBUTION:
             module = _MODULES.get(parts[1], parts[1].replace("-", "_"))
-            found.setdefault(parts[2], []).append(module)
-    return {name: tuple(modules) for name, modules in sorted(found.items())}
+            modules_by_extra.setdefault(parts[2], []).append(module)
+    return {name: tuple(modules) for name, modules in sorted(modules_by_extra.items())}
 
 
 def find_extra(module: str) -> str | None:

@@ -156,9 +156,6 @@ def read_versioned_json(
 ) -> dict[str, Any]:
     """Read a JSON file whose fields `format` and `version` name its layout.
 
-    Raises `error` if the file is missing, unreadable, not JSON, has another format, or a version
-    outside 1 to `version`.
-
     Args:
         path: the file.
         format: the required value of the field `format`.
@@ -169,6 +166,10 @@ def read_versioned_json(
 
     Returns:
         The object, as read; only the two fields are checked.
+
+    Raises:
+        HijackError: `error`, a kind of it: the file is missing, unreadable, not JSON, or has
+            another format or a version outside 1 to `version`.
     """
     try:
         data: object = json.loads(Path(path).read_bytes())
@@ -200,11 +201,11 @@ def check_versioned(
         HijackError: of the class `error`, if the data are not an object, have another format, or a
             version outside 1 to `version`.
     """
-    found = cast("dict[str, Any]", data) if isinstance(data, dict) else {}
+    stored = cast("dict[str, Any]", data) if isinstance(data, dict) else {}
     begin = f"{where}: " if where else ""
-    if found.get("format") != format:
+    if stored.get("format") != format:
         raise error(f"{begin}not {what} (field 'format' must be {format!r})")
-    number = found.get("version")
+    number = stored.get("version")
     if isinstance(number, bool) or not isinstance(number, int) or number < 1:
         raise error(
             f"{begin}version {shown(number)} is not a version; it must be an integer,"
@@ -215,7 +216,7 @@ def check_versioned(
             f"{begin}version {number} is newer than this library reads ({version}); upgrade"
             " agenthijack"
         )
-    return found
+    return stored
 
 
 def is_full(error: OSError) -> bool:
@@ -246,7 +247,8 @@ def make_folder(folder: Path, file: Path | None = None) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise unwritable(file or folder, error) from None
+        problem = unwritable(file or folder, error)
+        raise problem from None
 
 
 def open_regular(path: Path) -> BinaryIO:
@@ -309,14 +311,15 @@ def replace_atomic(path: str | os.PathLike[str], write: Callable[[Path], object]
         raise ParameterTypeError(f"a file is named by its path, got {shown(path)}") from None
     if _is_device(target):
         with tempfile.TemporaryDirectory() as folder:
-            whole = Path(folder) / "content"
-            write(whole)
-            _copy_to_device(whole, target)
+            content = Path(folder) / "content"
+            write(content)
+            _copy_to_device(content, target)
         return
     try:
         temporary = _new_file_beside(target)
     except OSError as error:
-        raise unwritable(path, error) from None
+        problem = unwritable(path, error)
+        raise problem from None
     except ValueError as error:  # a NUL, or half a surrogate, in the name
         raise HijackError(f"{str(path)!r}: cannot be written ({error})") from None
     try:
@@ -325,7 +328,8 @@ def replace_atomic(path: str | os.PathLike[str], write: Callable[[Path], object]
         temporary.replace(target)
     except OSError as error:
         temporary.unlink(missing_ok=True)
-        raise unwritable(path, error) from None
+        problem = unwritable(path, error)
+        raise problem from None
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise

@@ -105,5 +105,5 @@ def _complaint(value: Any, where: str) -> str:
         return ""
     if isinstance(value, float):
         return f"{where} is {value}, which JSON cannot hold; use a finite number"
-    wanted = "use None, booleans, numbers, strings, lists and dictionaries"
-    return f"{where} is of type {type(value).__name__}, which JSON cannot hold; {wanted}"
+    advice = "use None, booleans, numbers, strings, lists and dictionaries"
+    return f"{where} is of type {type(value).__name__}, which JSON cannot hold; {advice}"

@@ -63,8 +63,8 @@ def largest_free_rectangle(size: Size, boxes: BoxArray) -> Box:
 def _rows(size: Size, boxes: BoxArray) -> list[_Row]:
     """Return the boxes as sorted rows; the edges of the screen are rows without height."""
     height, width = size
-    shown = _solid(clip_boxes(boxes, size))
-    rows = cast("list[_Row]", shown[:, [1, 3, 0, 2]].tolist())
+    visible = _solid(clip_boxes(boxes, size))
+    rows = cast("list[_Row]", visible[:, [1, 3, 0, 2]].tolist())
     return sorted([[0, 0, 0, width], *rows, [height, height, 0, width]])
 
 
@@ -151,8 +151,8 @@ def union_area(boxes: BoxArray) -> int:
         inside = (y1 <= tops[:-1, None]) & (y2 > tops[:-1, None])
         reach = cast("Int64Array", np.maximum.accumulate(np.where(inside, x2, lowest), axis=1))
         before = np.concatenate([np.full_like(reach[:, :1], lowest), reach[:, :-1]], axis=1)
-        added = np.where(inside, x2 - np.maximum(x1, before), 0)
-        total += int(np.maximum(added, 0).sum(axis=1) @ np.diff(tops))
+        widths = np.where(inside, x2 - np.maximum(x1, before), 0)
+        total += int(np.maximum(widths, 0).sum(axis=1) @ np.diff(tops))
     return total
 
 
@@ -180,19 +180,19 @@ def place_disjoint(
     """
     height, width = size
     centres: list[Point] = []
-    used = 0
+    attempts_used = 0
     if min(width, height) < 2 * half:
-        return centres, used
+        return centres, attempts_used
     # A centre strictly inside one of these would put a pixel of its square on a box.
     barred = _solid(boxes).T.astype(np.int64) + np.array([[-half], [-half], [half], [half]])
     # A batch has only as many attempts as are needed at least, so that the stream ends where it
     # would after drawing them one by one.
-    while (batch := min(number - len(centres), attempts - used, _MAX_BATCH)) > 0:
-        drawn = stream.integers([(half, width - half), (half, height - half)], batch)
-        kept = _outside(drawn, barred) if half else drawn
-        centres += [(x, y) for x, y in kept.tolist()]
-        used += batch
-    return centres, used
+    while (batch := min(number - len(centres), attempts - attempts_used, _MAX_BATCH)) > 0:
+        candidates = stream.integers([(half, width - half), (half, height - half)], batch)
+        free = _outside(candidates, barred) if half else candidates
+        centres += [(x, y) for x, y in free.tolist()]
+        attempts_used += batch
+    return centres, attempts_used
 
 
 def _outside(points: Int64Array, barred: Int64Array) -> Int64Array:

@@ -5,9 +5,9 @@
     hj.Marks()]), seed=3))
 
 An element is a dictionary with pictures (NumPy `[H, W, 3]` uint8, PIL, or stacks and lists of
-them; `hijack_data.sample_pictures`) and the entries that `hijack_data.samples` names. Both transforms are
-safe to call from several threads, and the number of workers, their threads and a restart from a
-checkpoint change nothing.
+them; `hijack_data.sample_pictures`) and the entries that `hijack_data.samples` names. Both
+transforms are safe to call from several threads, and the number of workers, their threads and a
+restart from a checkpoint change nothing.
 
 Epochs: Grain does not tell a `map` in which epoch an element comes. `Corrupt` takes the epoch from
 the entry `epoch`, and warns when elements without one come a second time. `RandomCorrupt` draws
@@ -42,23 +42,7 @@ _REMEDY = (
 
 
 class _Settings:
-    """The settings of both transforms.
-
-    Args:
-        planner: a corruption, `OneOf`, `Sequence` or `Schedule`.
-        seed: 0 to 2**64 - 1.
-        label_policy: `"keep"`; or `"avoid"` to draw again until the target (of a drag, both ends)
-            is visible, and to leave the element clean if no draw succeeds.
-        return_plan: put the plan under `"plan"` and the visible share of the target under
-            `"target_visible"` (for a drag, the lesser share of its two ends; NaN without a
-            target).
-        image_key: name of an entry that holds the picture, if it has no name of a picture.
-        id_key: name of the entry that holds the id.
-        p: probability that an element is corrupted at all, 0..1.
-        labels: which entries are labels, and in which format, such as `{"bbox": "xywh"}`; see
-            `hijack_data.labels`.
-        target: the declared entry that must stay visible; see `hijack_data.labels.Labels`.
-    """
+    """The settings of both transforms; see `Corrupt` for the arguments."""
 
     def __init__(
         self,
@@ -73,13 +57,20 @@ class _Settings:
         labels: Declared | None = None,
         target: str | None = None,
     ) -> None:
-        known = make_labels(labels, target, image_key)
-        self.settings = SamplePlanner(sometimes(planner, p), seed, label_policy, id_key, known)
+        declared_labels = make_labels(labels, target, image_key)
+        self.settings = SamplePlanner(
+            sometimes(planner, p), seed, label_policy, id_key, declared_labels
+        )
         self.return_plan = return_plan
         self._repeats = RepeatNotice(_REMEDY)
 
     def corrupt(self, element: Any, rng: np.random.Generator | None = None) -> dict[str, Any]:
-        """Return a corrupted copy of an element; Grain's generator `rng` counts its visits."""
+        """Return a corrupted copy of an element; Grain's generator `rng` counts its visits.
+
+        Raises:
+            ParameterTypeError: the element is not a dictionary, or a name in it is not a string.
+            ImageError: the element has several ids, or its pictures cannot be corrupted.
+        """
         if not isinstance(element, Mapping):
             raise ParameterTypeError(
                 f"an element must be a dictionary, got {type(element).__name__}"
@@ -115,25 +106,71 @@ class _Settings:
 
 
 class Corrupt(_Settings, _grain.MapTransform):
-    __doc__ = (
-        "Corrupts each element by its id, the seed and its epoch, which is 0 without an entry"
-        f" `epoch`.\n{_Settings.__doc__}"
-    )
+    """Corrupts each element by its id, the seed and its epoch, which is 0 without an entry `epoch`.
+
+    Args:
+        planner: a corruption, `OneOf`, `Sequence` or `Schedule`.
+        seed: 0 to 2**64 - 1.
+        label_policy: `"keep"`; or `"avoid"` to draw again until the target (of a drag, both ends)
+            is visible, and to leave the element clean if no draw succeeds.
+        return_plan: put the plan under `"plan"` and the visible share of the target, 0..1, under
+            `"target_visible"` (for a drag, the lesser share of its two ends; NaN without a
+            target).
+        image_key: name of an entry that holds the picture, if it has no name of a picture.
+        id_key: name of the entry that holds the id.
+        p: probability that an element is corrupted at all, 0..1.
+        labels: which entries are labels, and in which format, such as `{"bbox": "xywh"}`; see
+            `hijack_data.labels`.
+        target: the declared entry that must stay visible; see `hijack_data.labels.Labels`.
+
+    Raises:
+        ParameterError: a value is out of its range.
+        ParameterTypeError: a value has the wrong type, or `planner` plans nothing.
+
+    Example:
+        >>> rows = [{"image": np.zeros((1080, 1920, 3), np.uint8), "id": "traj-3/0"}]
+        >>> dataset = grain.MapDataset.source(rows).map(hg.Corrupt(hj.Marks(), seed=3))
+        >>> dataset[0]["image"].shape  # uint8 [H, W, 3]
+        (1080, 1920, 3)
+    """
 
     def map(self, element: Any) -> dict[str, Any]:
-        """Return the corrupted element; the one given is not modified.
-
-        Raises `ParameterError` for an element without an id.
-        """
+        """Return a corrupted copy of an element; `ParameterError` for an element without an id."""
         return self.corrupt(element)
 
 
 class RandomCorrupt(_Settings, _grain.RandomMapTransform):
-    __doc__ = (
-        "Corrupts each element anew at each visit, by Grain's generator and its id; an element with"
-        f" an id and an `epoch`, as `Corrupt` does.\n{_Settings.__doc__}"
-    )
+    """Corrupts each element anew at each visit, by Grain's generator and its id.
+
+    An element with an id and an entry `epoch` is corrupted as by `Corrupt`.
+
+    Args:
+        planner: a corruption, `OneOf`, `Sequence` or `Schedule`.
+        seed: 0 to 2**64 - 1.
+        label_policy: `"keep"`; or `"avoid"` to draw again until the target (of a drag, both ends)
+            is visible, and to leave the element clean if no draw succeeds.
+        return_plan: put the plan under `"plan"` and the visible share of the target, 0..1, under
+            `"target_visible"` (for a drag, the lesser share of its two ends; NaN without a
+            target).
+        image_key: name of an entry that holds the picture, if it has no name of a picture.
+        id_key: name of the entry that holds the id.
+        p: probability that an element is corrupted at all, 0..1.
+        labels: which entries are labels, and in which format, such as `{"bbox": "xywh"}`; see
+            `hijack_data.labels`.
+        target: the declared entry that must stay visible; see `hijack_data.labels.Labels`.
+
+    Raises:
+        ParameterError: a value is out of its range.
+        ParameterTypeError: a value has the wrong type, or `planner` plans nothing.
+
+    Example:
+        >>> rows = [{"image": np.zeros((1080, 1920, 3), np.uint8)}]
+        >>> dataset = grain.MapDataset.source(rows).seed(1)
+        >>> dataset = dataset.random_map(hg.RandomCorrupt(hj.Marks()))
+        >>> dataset[0]["image"].shape  # uint8 [H, W, 3]
+        (1080, 1920, 3)
+    """
 
     def random_map(self, element: Any, rng: np.random.Generator) -> dict[str, Any]:
-        """Return the corrupted element; the one given is not modified."""
+        """Return a corrupted copy of an element."""
         return self.corrupt(element, rng)

@@ -140,18 +140,18 @@ class Packer:
         for i, plan in enumerate(plans):
             self._check(plan, i)
         canvas = self._canvas(plans)
-        made = [_stages(plan, canvas[1]) for plan in plans]
+        staged = [_stages(plan, canvas[1]) for plan in plans]
         count = self._bucket(
-            "resizes", max((len(sizes) for _, sizes in made), default=0), exact=True
+            "resizes", max((len(sizes) for _, sizes in staged), default=0), exact=True
         )
         pastes = tuple(
             self._pastes(
-                [stages[i] if i < len(stages) else _Stage() for stages, _ in made], i, canvas
+                [stages[i] if i < len(stages) else _Stage() for stages, _ in staged], i, canvas
             )
             for i in range(count + 1)
         )
         resizes = tuple(
-            self._resizes([sizes[i] if i < len(sizes) else None for _, sizes in made], i, canvas)
+            self._resizes([sizes[i] if i < len(sizes) else None for _, sizes in staged], i, canvas)
             for i in range(count)
         )
         return PlanArrays(pastes, resizes, self.size, canvas)
@@ -169,9 +169,9 @@ class Packer:
                 " one shape; use Resolution(restore=True)"
             )
 
-    def _bucket(self, name: str, needed: int, least: int = 0, exact: bool = False) -> int:
+    def _bucket(self, name: str, required: int, least: int = 0, exact: bool = False) -> int:
         """Return the bucket `name`: the largest need so far, rounded up to a power of two."""
-        bucket = needed if exact or needed == 0 else max(least, power_of_two(needed))
+        bucket = required if exact or required == 0 else max(least, power_of_two(required))
         self._marks[name] = max(self._marks.get(name, 0), bucket)
         return self._marks[name]
 
@@ -181,8 +181,8 @@ class Packer:
         height, width = (
             (
                 side
-                if (most := max((s[axis] for s in sizes), default=0)) <= side
-                else power_of_two(most)
+                if (largest := max((s[axis] for s in sizes), default=0)) <= side
+                else power_of_two(largest)
             )
             for axis, side in enumerate(self.size)
         )
@@ -212,9 +212,9 @@ class Packer:
             for n, (sprite, y, x) in enumerate(stage.blocks):
                 block = padded_block(sprite, y, x, canvas, (shape[0], shape[1]))
                 top[b, n], left[b, n], colors[b, n], inside[b, n] = block
-        used = np.array([(len(stage.blocks), len(stage.layers)) for stage in stages], np.int32).T
+        counts = np.array([(len(stage.blocks), len(stage.layers)) for stage in stages], np.int32).T
         return Pastes(
-            top, left, colors, inside, *self._layers(stages, name, canvas), used[0], used[1]
+            top, left, colors, inside, *self._layers(stages, name, canvas), counts[0], counts[1]
         )
 
     def _layers(self, stages: list[_Stage], name: str, canvas: Size) -> Pixels:
@@ -229,10 +229,12 @@ class Packer:
         paint = np.zeros((*shape, 3), np.uint16)
         for b, stage in enumerate(stages):
             for n, layer in enumerate(stage.layers):
-                at, kept, painted = (np.concatenate(parts) for parts in zip(*layer, strict=True))
+                at, coverage, painted = (
+                    np.concatenate(parts) for parts in zip(*layer, strict=True)
+                )
                 index[b, n, : len(at)], keep[b, n, : len(at), 0], paint[b, n, : len(at)] = (
                     at,
-                    kept,
+                    coverage,
                     painted,
                 )
         return index, keep, paint
@@ -243,16 +245,18 @@ class Packer:
         )
         tables: list[_Array] = []
         for axis, side in enumerate(canvas):
-            found = [
+            weight_tables = [
                 None if pair is None else weights(pair[0][axis], pair[1][axis]) for pair in sizes
             ]
-            most = max((table.taps.shape[1] for table in found if table is not None), default=0)
-            width = self._bucket(f"resize {number}: {axis}", most)
+            largest = max(
+                (table.taps.shape[1] for table in weight_tables if table is not None), default=0
+            )
+            width = self._bucket(f"resize {number}: {axis}", largest)
             index, taps = (
                 np.zeros((len(sizes), side, width), np.int32),
                 np.zeros((len(sizes), side, width), np.int32),
             )
-            for b, table in enumerate(found):
+            for b, table in enumerate(weight_tables):
                 if table is not None:
                     rows, n = table.taps.shape
                     index[b, :rows, :n], taps[b, :rows, :n] = table.index, table.taps
@@ -346,18 +350,22 @@ def apply_arrays(plans: PlanArrays, images: Any) -> Any:
 
 def _check_images(plans: PlanArrays, images: Any) -> None:
     if not isinstance(cast(object, plans), PlanArrays):
-        found = type(plans).__name__
-        raise ParameterTypeError(f"apply_arrays takes what Packer.pack returned, got {found}")
+        shape = type(plans).__name__
+        raise ParameterTypeError(f"apply_arrays takes what Packer.pack returned, got {shape}")
     backend = find_backend(images)
     if backend.name == "torch":
         raise ImageTypeError("apply_arrays takes JAX arrays, got a tensor; use hijack_data.apply")
     backend.check(images)
     count = plans.pastes[0].blocks.shape[0]
-    wanted = (count, *plans.size, 3)
-    if tuple(images.shape) != wanted:
-        made = f"the plans are for {count} pictures of {size_text(plans.size)}, {list(wanted)}"
-        found = f"but images has the shape {list(images.shape)}"
-        raise ImageError(f"{made}, {found}; pack a plan for each, with a Packer of their size")
+    expected = (count, *plans.size, 3)
+    if tuple(images.shape) != expected:
+        packed_shape = (
+            f"the plans are for {count} pictures of {size_text(plans.size)}, {list(expected)}"
+        )
+        shape = f"but images has the shape {list(images.shape)}"
+        raise ImageError(
+            f"{packed_shape}, {shape}; pack a plan for each, with a Packer of their size"
+        )
 
 
 def _apply_one(

@@ -20,17 +20,17 @@ from types import ModuleType
 from typing import Any, cast
 
 from . import params as p
-from .entry_points import describe_error, error_location
-from .errors import HijackError, PluginError, UnknownNameError, suggest
-from .paths import PathLike
-from .registry import (
-    Registry,
+from .entries import (
+    EntryTable,
     defining_file,
     defining_module,
-    find_registry,
+    import_table,
     registries,
     undone_on_failure,
 )
+from .entry_points import describe_error, error_location, load_installed
+from .errors import HijackError, PluginError, UnknownNameError, suggest
+from .paths import PathLike
 
 VARIABLE = "AGENTHIJACK_LOAD"
 SUFFIX = ".py"
@@ -82,8 +82,8 @@ def load_file(path: PathLike) -> LoadedFile:
     file = run_file(path)
     if not file.names:
         raise PluginError(
-            f"{file.path}: registers nothing; decorate a class with @hijack_data.register, or with "
-            "the register of another kind, such as @online_env.effects.register"
+            f"{file.path}: registers nothing; decorate a class with @hijack_data.plugin.register,"
+            " or with the register of another kind, such as @online_env.effects.register"
         )
     return file
 
@@ -180,10 +180,10 @@ def holds(sha256: str, corruptions: Iterable[str]) -> bool:
     """Return whether these corruptions come from a file with this SHA-256, loaded or imported."""
     if sha256 in [file.sha256 for file in loaded_files()]:
         return True
-    registry = find_registry("corruptions")
-    known = registry.keys() & set(corruptions)
-    for name in known:
-        source = find_source(registry.get(name))
+    registry = import_table("corruptions")
+    load_installed(registry)
+    for name in registry.entries.keys() & set(corruptions):
+        source = find_source(registry.resolve(name))
         if source is not None and source["sha256"] == sha256:
             return True
     return False
@@ -202,23 +202,21 @@ def _load(path: PathLike) -> LoadedFile:
     """
     place, data = _read(path)
     sha256 = hashlib.sha256(data).hexdigest()
-    known = _files.get(place)
-    if known is not None:
-        if known.sha256 != sha256:
+    file = _files.get(place)
+    if file is not None:
+        if file.sha256 != sha256:
             raise PluginError(f"{path}: was changed since this process loaded it; start again")
-        return known
-    find_registry(
-        "corruptions"
-        # Installed plug-ins are loaded first: a name that both define is an error of the file.
-    ).load_installed()
+        return file
+    # Installed plug-ins are loaded first: a name that both define is an error of the file.
+    load_installed(import_table("corruptions"))
     load_environment()
-    known = _files.get(place)
-    if known is None:
-        known = _installed(place, sha256)
-    if known is None:
-        known = _execute(place, data, sha256)
-    _files[place] = known
-    return known
+    file = _files.get(place)
+    if file is None:
+        file = _installed(place, sha256)
+    if file is None:
+        file = _execute(place, data, sha256)
+    _files[place] = file
+    return file
 
 
 def _read(path: PathLike) -> tuple[str, bytes]:
@@ -232,8 +230,8 @@ def _read(path: PathLike) -> tuple[str, bytes]:
         raise PluginError(f"{path}: not a Python file; give a file that ends in {SUFFIX}")
     place = os.path.realpath(path)
     if os.pathsep in place:
-        found = f"its path holds {os.pathsep!r}, which parts the paths of {VARIABLE}"
-        raise PluginError(f"{path}: {found}; rename it")
+        problem = f"its path holds {os.pathsep!r}, which parts the paths of {VARIABLE}"
+        raise PluginError(f"{path}: {problem}; rename it")
     try:
         place.encode()
     except UnicodeEncodeError:
@@ -262,11 +260,11 @@ def _import(module: str, text: str) -> ModuleType:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit too: a module may raise anything
-        why = f"{describe_error(error)} ({error_location(error)})"
+        reason = f"{describe_error(error)} ({error_location(error)})"
         missing = error.name if isinstance(error, ModuleNotFoundError) else None
         if missing is not None and missing in module:
-            why = f"there is no module {missing!r}; a file is named by its path, file.py:Class"
-        raise PluginError(f"{text}: cannot be imported: {why}") from error
+            reason = f"there is no module {missing!r}; a file is named by its path, file.py:Class"
+        raise PluginError(f"{text}: cannot be imported: {reason}") from error
 
 
 def _installed(place: str, sha256: str) -> LoadedFile | None:
@@ -304,7 +302,7 @@ def _execute(place: str, data: bytes, sha256: str) -> LoadedFile:
             exec(compile(data, place, "exec", dont_inherit=True), vars(module))  # noqa: S102
             file = _loaded(place, sha256, name)
             for registry, key in _registered(name):
-                registry.check(registry.get(key))
+                registry.check(registry.resolve(key))
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit too: a file may raise anything
@@ -312,11 +310,11 @@ def _execute(place: str, data: bytes, sha256: str) -> LoadedFile:
         line = _line(error, place)
         raise PluginError(f"{place}: cannot be imported{line}: {describe_error(error)}") from error
     for corruption in file.corruptions:
-        copyreg.pickle(find_registry("corruptions").get(corruption), _reduce)
+        copyreg.pickle(import_table("corruptions").resolve(corruption), _reduce)
     return file
 
 
-def _registered(module: str) -> Iterator[tuple[Registry[Any], str]]:
+def _registered(module: str) -> Iterator[tuple[EntryTable[Any], str]]:
     """Yield the registrations of a module as pairs of a registry and a name."""
     for registry in registries():
         for name in registry.of_module(module):
@@ -326,8 +324,8 @@ def _registered(module: str) -> Iterator[tuple[Registry[Any], str]]:
 def _loaded(place: str, sha256: str, module: str) -> LoadedFile:
     names: dict[str, tuple[str, ...]] = {}
     for registry, name in _registered(module):
-        others = names.get(registry.kind, ())
-        names[registry.kind] = (*others, name)
+        registered = names.get(registry.kind, ())
+        names[registry.kind] = (*registered, name)
     return LoadedFile(path=place, sha256=sha256, module=module, names=names)
 
 
@@ -366,13 +364,13 @@ def _revive(path: str, sha256: str, name: str, values: Mapping[str, Any]) -> Any
     Raises:
         HijackError: the file has different bytes in this process.
     """
-    known = [file.sha256 for file in _files.values()]
-    if sha256 not in known:
-        found = load_file(path).sha256
-        if found != sha256:
+    hashes = [file.sha256 for file in _files.values()]
+    if sha256 not in hashes:
+        loaded = load_file(path).sha256
+        if loaded != sha256:
             raise HijackError(
-                f"{path}: another file (SHA-256 {found[:12]}) than the one that {name} was "
+                f"{path}: another file (SHA-256 {loaded[:12]}) than the one that {name} was "
                 f"loaded from ({sha256[:12]}); every process needs the same file under this path"
             )
-    cls = find_registry("corruptions").get(name)
+    cls = import_table("corruptions").resolve(name)
     return cls(**values)

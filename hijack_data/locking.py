@@ -81,8 +81,8 @@ _held: "weakref.WeakSet[Lock]" = weakref.WeakSet()
 
 
 def _forget_held() -> None:
-    for held in list(_held):
-        held.release()
+    for descriptor in list(_held):
+        descriptor.release()
 
 
 if hasattr(os, "register_at_fork"):

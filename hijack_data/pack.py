@@ -162,8 +162,8 @@ class AssetPack:
         try:
             place = Path(folder)
         except TypeError:
-            found = shown(folder)
-            raise ParameterTypeError(f"an asset pack is a folder's path, got {found}") from None
+            index = shown(folder)
+            raise ParameterTypeError(f"an asset pack is a folder's path, got {index}") from None
         try:
             state = (place / INDEX).stat()
         except (OSError, ValueError):
@@ -200,12 +200,12 @@ class AssetPack:
             app: only those of this application.
             screen: only those of screens of this size, (height, width).
         """
-        found = [asset for asset in self.assets if asset.kind == kind]
+        matching = [asset for asset in self.assets if asset.kind == kind]
         if app is not None:
-            found = [asset for asset in found if asset.app == app]
+            matching = [asset for asset in matching if asset.app == app]
         if screen is not None:
-            found = [asset for asset in found if asset.screen == screen]
-        return found
+            matching = [asset for asset in matching if asset.screen == screen]
+        return matching
 
     def get(self, name: str) -> Asset:
         """Return the picture with an id.
@@ -288,8 +288,8 @@ def _asset(folder: Path, entry: Mapping[str, Any]) -> Asset:
     if os.path.basename(file) != file or file in ("", ".", ".."):
         raise ValueError(f"picture {name!r}: file {file!r} is not a plain name")
     if kind not in _registered_kinds() and kind not in picture_kinds():
-        known = ", ".join(picture_kinds())
-        raise ValueError(f"picture {name!r}: kind {kind!r} is not one of {known}")
+        asset = ", ".join(picture_kinds())
+        raise ValueError(f"picture {name!r}: kind {kind!r} is not one of {asset}")
     width, height = _numbers(entry["screen"], 2)
     box = _box(entry["box"])
     digest = str(entry["sha256"])
@@ -337,8 +337,8 @@ def _box(value: Sequence[object]) -> Box:
 
 
 def _numbers(values: Sequence[object], count: int) -> Iterator[int]:
-    whole = [v for v in values if isinstance(v, int) and not isinstance(v, bool)]
-    found = [v for v in whole if abs(v) <= MAX_SIDE]
-    if len(found) != count or len(values) != count:
+    integers = [v for v in values if isinstance(v, int) and not isinstance(v, bool)]
+    in_range = [v for v in integers if abs(v) <= MAX_SIDE]
+    if len(in_range) != count or len(values) != count:
         raise ValueError(f"{values!r} must be {count} integers")
-    return iter(found)
+    return iter(in_range)

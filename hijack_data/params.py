@@ -51,7 +51,13 @@ class Parameter:
     def check(self, where: str, value: object) -> Any:
         """Return `value` in its normal form.
 
-        Passes on `ParameterTypeError` and `ParameterError`, which name `where`.
+        Args:
+            where: the name of the parameter in messages, such as `"marks.number"`.
+            value: the value to check.
+
+        Raises:
+            ParameterTypeError: the value has the wrong type.
+            ParameterError: the value is out of its range.
         """
         if value is None and self.optional:
             return None
@@ -85,8 +91,8 @@ def param(
 ) -> Any:
     """Declare a field of a corruption; by default, its kind is the type of the default value."""
     kinds: dict[type, ParamKind] = {bool: "bool", int: "int", float: "float", str: "str"}
-    chosen: ParamKind = kind or ("choice" if choices else kinds[type(default)])
-    meta = Parameter(chosen, doc, low, high, tuple(choices), optional, paper)
+    kind_name: ParamKind = kind or ("choice" if choices else kinds[type(default)])
+    meta = Parameter(kind_name, doc, low, high, tuple(choices), optional, paper)
     return dataclasses.field(default=default, metadata={_KEY: meta})
 
 
@@ -118,9 +124,9 @@ def is_due(steps: Steps, step: int) -> bool:
     return step == steps
 
 
-def _wrong_type(where: str, value: object, wanted: str) -> ParameterTypeError:
-    found = f"{shown(value)} ({type(value).__name__})"
-    return ParameterTypeError(f"{where} must be {wanted}, got {found}")
+def _wrong_type(where: str, value: object, expected: str) -> ParameterTypeError:
+    actual = f"{shown(value)} ({type(value).__name__})"
+    return ParameterTypeError(f"{where} must be {expected}, got {actual}")
 
 
 def _in_range(p: Parameter, where: str, value: float) -> None:
@@ -175,9 +181,9 @@ def _check_choice(p: Parameter, where: str, value: object) -> str:
     if not isinstance(value, str):
         raise _wrong_type(where, value, f"one of {some_of(p.choices)}")
     if value not in p.choices:
-        wanted = some_of(p.choices)
+        options = some_of(p.choices)
         hint = suggest(value, p.choices)
-        raise ParameterError(f"{where} must be one of {wanted}, got {shown(value)}{hint}")
+        raise ParameterError(f"{where} must be one of {options}, got {shown(value)}{hint}")
     return value
 
 
@@ -208,16 +214,17 @@ def _is_channel(value: object) -> bool:
 
 
 def _opaque(color: str, where: str) -> tuple[int, int, int]:
-    """Return the channels of a colour. Passes on `ValueError` for a text that is not a colour.
+    """Return the channels of a colour.
 
     Raises:
+        ValueError: the text is not a colour.
         ParameterError: the colour has transparency.
     """
     channels = ImageColor.getrgb(color)
     if len(channels) != 3:
         solid = "#{:02x}{:02x}{:02x}".format(*channels)
-        wrong = f"{where} = {color!r} has transparency, which is not drawn"
-        raise ParameterError(f"{wrong}; use {solid!r}, the colour without it")
+        message = f"{where} = {color!r} has transparency, which is not drawn"
+        raise ParameterError(f"{message}; use {solid!r}, the colour without it")
     return channels
 
 
@@ -283,5 +290,10 @@ _CHECKS: dict[ParamKind, Callable[[Parameter, str, object], Any]] = {
 
 
 def rgb(color: str) -> tuple[int, int, int]:
-    """Return a colour as (r, g, b), each 0..255. Passes on `ValueError` for any other text."""
+    """Return a colour as (r, g, b), each 0..255.
+
+    Raises:
+        ValueError: the text is not a colour.
+        ParameterError: the colour has transparency.
+    """
     return _opaque(color, "colour")

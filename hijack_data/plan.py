@@ -44,7 +44,7 @@ class Paste:
     def __post_init__(self) -> None:
         _check(self.sprite, Mapping, "Paste.sprite", "a mapping")
         _check(self.at, tuple, "Paste.at", "a tuple of points (x, y)")
-        if not (isinstance(given := vars(self)["fingerprint"], str) and given):
+        if not (isinstance(fingerprint := vars(self)["fingerprint"], str) and fingerprint):
             del vars(self)["fingerprint"]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -69,8 +69,9 @@ class Paste:
 class Resample:
     """Resize the picture to `size` (height, width) with Pillow's bicubic filter.
 
-    Raises `ParameterTypeError` if the size is not two integers, and `ParameterError` if it exceeds
-    `limits`.
+    Raises:
+        ParameterTypeError: the size is not two integers.
+        ParameterError: the size exceeds `limits`.
     """
 
     size: Size
@@ -92,7 +93,9 @@ class Effect:
     """Something to do to the machine, carried out by `online_env`.
 
     `kind` is the name of the effect; `params` is JSON data, which is copied and made immutable.
-    Raises `PlanError` for fields of other types.
+
+    Raises:
+        PlanError: a field has another type.
     """
 
     kind: str
@@ -232,10 +235,10 @@ class Plan:
         body = dict(cast("dict[str, Any]", data))
         _check_version(body.get("version"))
         claimed = body.pop("digest", None)
-        found = _digest(body)
-        if claimed != found:
+        digest = _digest(body)
+        if claimed != digest:
             raise PlanError(
-                f"plan: the content does not match its digest ({claimed} != {found}); "
+                f"plan: the content does not match its digest ({claimed} != {digest}); "
                 "it was edited or cut off, plan again"
             )
         try:
@@ -262,17 +265,21 @@ def _by_name(plan: Plan) -> Mapping[str, Any]:
     return plan.params if "+" in plan.corruption else {plan.corruption: plan.params}
 
 
-def _check(value: object, kind: Any, where: str, wanted: str) -> Any:
-    """Return `value` if it has the type `kind`; a `bool` does not count as an `int`."""
+def _check(value: object, kind: Any, where: str, expected: str) -> Any:
+    """Return `value` if it has the type `kind`; a `bool` does not count as an `int`.
+
+    Raises:
+        PlanError: it has another type.
+    """
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-        found = f"{shown(value)} ({type(value).__name__})"
-        raise PlanError(f"plan: {where} has the wrong type: {found}; it must be {wanted}")
+        actual = f"{shown(value)} ({type(value).__name__})"
+        raise PlanError(f"plan: {where} has the wrong type: {actual}; it must be {expected}")
     return value
 
 
-def _check_all(values: object, kind: Any, where: str, wanted: str) -> None:
+def _check_all(values: object, kind: Any, where: str, expected: str) -> None:
     for index, value in enumerate(_check(values, tuple, where, "a tuple")):
-        _check(value, kind, f"{where}[{index}]", wanted)
+        _check(value, kind, f"{where}[{index}]", expected)
 
 
 def _frozen(params: object, where: str) -> Mapping[str, Any]:
@@ -285,7 +292,11 @@ _write = json.JSONEncoder(
 
 
 def _dump(data: object) -> str:
-    """Return one line of JSON, the form from which digests are computed."""
+    """Return one line of JSON, the form from which digests are computed.
+
+    Raises:
+        PlanError: JSON cannot hold the data.
+    """
     try:
         return _write(data)
     except (TypeError, ValueError) as error:
@@ -308,17 +319,21 @@ def _check_version(version: object) -> None:
 
 
 def _fields(data: object, kinds: Mapping[str, type], where: str) -> dict[str, Any]:
-    """Check that a JSON object has exactly the fields of `kinds`, of these types, and return it."""
-    found: dict[str, Any] = _check(data, dict, where or "it", "an object")
+    """Check that a JSON object has exactly the fields of `kinds`, of these types, and return it.
+
+    Raises:
+        PlanError: a field is missing, unknown or of another type.
+    """
+    fields: dict[str, Any] = _check(data, dict, where or "it", "an object")
     dot = f"{where}." if where else ""
     for key, kind in kinds.items():
-        if key not in found:
+        if key not in fields:
             raise PlanError(f"plan: {dot}{key} is missing; the plan was cut off, plan again")
-        _check(found[key], kind, f"{dot}{key}", _WORDS[kind])
-    unknown = next((key for key in found if key not in kinds), None)
+        _check(fields[key], kind, f"{dot}{key}", _WORDS[kind])
+    unknown = next((key for key in fields if key not in kinds), None)
     if unknown is not None:
         raise PlanError(f"plan: {dot}{unknown} is not a field{suggest(unknown, kinds)}")
-    return found
+    return fields
 
 
 _WORDS = {str: "a string", int: "an integer", list: "a list", dict: "an object"}
@@ -360,8 +375,8 @@ def _parse_op(data: object, where: str) -> Op:
     if kind == "resample":
         op = _fields(data, _RESAMPLE, where)
         if op["filter"] != "bicubic":
-            found = shown(op["filter"])
-            raise PlanError(f"plan: {where}.filter = {found}; only 'bicubic' is known")
+            actual = shown(op["filter"])
+            raise PlanError(f"plan: {where}.filter = {actual}; only 'bicubic' is known")
         return Resample(_size(op["size"], f"{where}.size"))
     raise PlanError(f"plan: {where}.op = {shown(kind)} is not known; known: paste, resample")
 
@@ -377,9 +392,9 @@ def _points(values: list[Any], where: str) -> tuple[Point, ...]:
     bad = next((i for i, value in enumerate(values) if not _is_point(value)), None)
     if bad is None:
         return tuple((x, y) for x, y in values)
-    wanted = f"[x, y], two integers, pixel coordinates of at most {MAX_SIDE}"
-    wrong = f"{where}[{bad}] is out of range or has the wrong type: {shown(values[bad])}"
-    raise PlanError(f"plan: {wrong}; it must be {wanted}")
+    expected = f"[x, y], two integers, pixel coordinates of at most {MAX_SIDE}"
+    problem = f"{where}[{bad}] is out of range or has the wrong type: {shown(values[bad])}"
+    raise PlanError(f"plan: {problem}; it must be {expected}")
 
 
 def _is_point(value: Any) -> bool:

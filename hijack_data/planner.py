@@ -112,19 +112,19 @@ def leaves(planner: Planner) -> Iterator[Planner]:
         yield from leaves(part)
 
 
-def as_planner(value: object, wanted: str) -> Planner:
+def as_planner(value: object, expected: str) -> Planner:
     """Check that `value` is a planner, and return it.
 
     Args:
         value: the value given by the user.
-        wanted: the beginning of the message, such as `"OneOf takes corruptions such as Marks()"`.
+        expected: the beginning of the message, such as `"OneOf takes corruptions such as Marks()"`.
 
     Raises:
         ParameterTypeError: `value` is not an instance of `Planner`.
     """
     if isinstance(value, Planner):
         return value
-    raise ParameterTypeError(f"{wanted}, got {shown(value)}{advice_for(value)}")
+    raise ParameterTypeError(f"{expected}, got {shown(value)}{advice_for(value)}")
 
 
 def advice_for(value: object) -> str:

@@ -43,8 +43,10 @@ def find_platform(name: object) -> Platform | None:
     words = name.strip().lower().replace("_", " ").replace("-", " ").split()
     while len(words) > 1 and words[-1][0].isdigit():
         words.pop()  # a version, as in `Windows 11` and `Ubuntu 22.04`
-    plain = "-".join(words)
-    return _ALIASES.get(plain) or next((known for known in PLATFORMS if known == plain), None)
+    spelling = "-".join(words)
+    return _ALIASES.get(spelling) or next(
+        (platform for platform in PLATFORMS if platform == spelling), None
+    )
 
 
 def as_platform(name: object, what: str = "platform") -> Platform:
@@ -58,7 +60,7 @@ def as_platform(name: object, what: str = "platform") -> Platform:
         raise ParameterTypeError(
             f"{what} must be the name of a platform ({', '.join(PLATFORMS)}), got {name!r:.80}"
         )
-    found = find_platform(name)
-    if found is None:
+    platform = find_platform(name)
+    if platform is None:
         raise ParameterError(f"{what}: unknown platform {name!r:.80}{suggest(name, PLATFORMS)}")
-    return found
+    return platform

@@ -100,8 +100,8 @@ def _trim(first: npt.NDArray[np.int64], taps: npt.NDArray[np.int32], n_in: int) 
     start = np.minimum(first, n_in - used)
     shift = (first - start)[:, None]
     column = np.arange(used) - shift
-    taken = np.take_along_axis(taps, np.maximum(column, 0), axis=1)
-    moved = np.where(column >= 0, taken, 0)
+    indices = np.take_along_axis(taps, np.maximum(column, 0), axis=1)
+    moved = np.where(column >= 0, indices, 0)
     start32 = start.astype(np.int32)
     moved = np.ascontiguousarray(moved.astype(np.int32))
     start32.setflags(write=False)

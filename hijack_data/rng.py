@@ -39,10 +39,10 @@ class Branch(str):
 
     def __new__(cls, sample: str, path: tuple[str, ...]) -> "Branch":
         """Make the key; planners call `branch` instead."""
-        made = super().__new__(cls, f"{sample} at {'/'.join(path)}")
-        made.sample = sample
-        made.path = path
-        return made
+        key = super().__new__(cls, f"{sample} at {'/'.join(path)}")
+        key.sample = sample
+        key.path = path
+        return key
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle the key with its parts."""
@@ -66,12 +66,17 @@ def branch(sample: int | str, node: int | str) -> Branch:
 
 
 def _sample_text(sample: object) -> str:
-    """Return a sample id as text: `3` and `"3"` are the same sample."""
+    """Return a sample id as text: `3` and `"3"` are the same sample.
+
+    Raises:
+        ParameterError: the id is an integer of more than 64 bits.
+        ParameterTypeError: the id is neither an integer nor a string.
+    """
     if isinstance(sample, str):
         return sample
     if isinstance(sample, bool) or not hasattr(sample, "__index__"):
-        found = f"{sample!r} ({type(sample).__name__})"
-        raise ParameterTypeError(f"sample must be an integer or a string, got {found}")
+        description = f"{sample!r} ({type(sample).__name__})"
+        raise ParameterTypeError(f"sample must be an integer or a string, got {description}")
     number = cast(Any, sample).__index__()
     if abs(number) > _MASK:
         advice = "give one below 2**64, or a string"
@@ -107,8 +112,8 @@ def as_seed(value: object) -> int:
 
 def _integer(value: object, what: str, low: int, high: int) -> int:
     if isinstance(value, bool) or not hasattr(value, "__index__"):
-        found = f"{value!r} ({type(value).__name__})"
-        raise ParameterTypeError(f"{what} must be an integer, got {found}")
+        description = f"{value!r} ({type(value).__name__})"
+        raise ParameterTypeError(f"{what} must be an integer, got {description}")
     number = cast(Any, value).__index__()
     if not low <= number <= high:
         raise ParameterError(f"{what} must be in [{low}, {high}], got {number}")

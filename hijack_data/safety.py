@@ -136,12 +136,12 @@ class _Painted:
         return int(np.count_nonzero(mask))
 
 
-def _common(one: list[int], other: list[int]) -> Box:
+def _common(first: list[int], second: list[int]) -> Box:
     """Return the intersection of two overlapping boxes."""
-    left = max(one[0], other[0])
-    top = max(one[1], other[1])
-    right = min(one[2], other[2])
-    bottom = min(one[3], other[3])
+    left = max(first[0], second[0])
+    top = max(first[1], second[1])
+    right = min(first[2], second[2])
+    bottom = min(first[3], second[3])
     return left, top, right, bottom
 
 
@@ -161,8 +161,8 @@ def _painted(plan: Plan) -> _Painted | None:
             xs = stamp.xs
             ys = stamp.ys
             sprites += [stamp.sprite] * len(ys)
-            placed = np.array([xs, ys, xs + w, ys + h], np.int32)
-            boxes.append(placed.T)
+            corners = np.array([xs, ys, xs + w, ys + h], np.int32)
+            boxes.append(corners.T)
     return _Painted(sprites, np.concatenate(boxes))
 
 
@@ -186,20 +186,23 @@ def visible_share(plan: Plan, boxes: BoxesLike) -> list[float]:
         plan: the corruption.
         boxes: `[N, 4]`, `xyxy` in pixels of the screen.
     """
-    every = as_boxes(boxes)
-    return _shares(plan, _painted(plan), every) if len(every) else []
+    rows = as_boxes(boxes)
+    return _shares(plan, _painted(plan), rows) if len(rows) else []
 
 
 def _shares(plan: Plan, painted: _Painted | None, boxes: BoxArray) -> list[float]:
     """Return `visible_share` of boxes; `painted` holds the stamps of the plan."""
     moved = _on_picture(plan, boxes)
     rows = moved.tolist()
-    lost = None if painted is None else painted.hidden_in(moved)
-    if lost is None:
+    hidden_pixels = None if painted is None else painted.hidden_in(moved)
+    if hidden_pixels is None:
         mask = hidden(plan)
-        lost = [int(np.count_nonzero(mask[y1:y2, x1:x2])) for x1, y1, x2, y2 in rows]
+        hidden_pixels = [int(np.count_nonzero(mask[y1:y2, x1:x2])) for x1, y1, x2, y2 in rows]
     areas = [max(x2 - x1, 0) * max(y2 - y1, 0) for x1, y1, x2, y2 in rows]
-    return [_share(gone, area) for gone, area in zip(lost, areas, strict=True)]
+    return [
+        _share(covered_pixels, area)
+        for covered_pixels, area in zip(hidden_pixels, areas, strict=True)
+    ]
 
 
 def _on_picture(plan: Plan, boxes: BoxArray) -> BoxArray:
@@ -213,9 +216,9 @@ def _on_picture(plan: Plan, boxes: BoxArray) -> BoxArray:
     return moved
 
 
-def _share(gone: int, area: int) -> float:
+def _share(covered_pixels: int, area: int) -> float:
     """Return the share of an area that is left; 0 for an empty area."""
-    return 1.0 - gone / area if area else 0.0
+    return 1.0 - covered_pixels / area if area else 0.0
 
 
 def target_visible(plan: Plan, target: object, end: object = None) -> float | None:
@@ -328,29 +331,29 @@ def judge_all(
     A device starts counting for all pictures before the first result is awaited.
     """
     painted = [_painted(plan) for plan in plans]
-    changed = [
-        _changed(one, two, _painted_areas(plan, known))
-        for plan, known, one, two in zip(plans, painted, before, after, strict=True)
+    counts = [
+        _changed(picture, two, _painted_areas(plan, stamps))
+        for plan, stamps, picture, two in zip(plans, painted, before, after, strict=True)
     ]
-    rows = zip(plans, painted, changed, targets, ends, boxes, strict=True)
+    rows = zip(plans, painted, counts, targets, ends, boxes, strict=True)
     return [
-        _verdict(plan, known, int(count), _ends(target, end), every)
-        for plan, known, count, target, end, every in rows
+        _verdict(plan, stamps, int(count), _ends(target, end), every)
+        for plan, stamps, count, target, end, every in rows
     ]
 
 
 def _verdict(
-    plan: Plan, painted: _Painted | None, changed: int, must_show: list[Box], boxes: BoxesLike
+    plan: Plan, painted: _Painted | None, changed_count: int, must_show: list[Box], boxes: BoxesLike
 ) -> Safety:
     ends = as_boxes(must_show)
-    every = as_boxes(boxes)
-    rows = np.concatenate([ends, every])
+    element_boxes = as_boxes(boxes)
+    rows = np.concatenate([ends, element_boxes])
     shares = _shares(plan, painted, rows) if len(rows) else []
-    seen = shares[: len(ends)]
-    rest = shares[len(ends) :]
-    hits = tuple(i for i, share in enumerate(rest) if share < COVERED_BELOW)
-    visible = min(seen, default=None)
-    return Safety(visible, hits, changed)
+    target_shares = shares[: len(ends)]
+    element_shares = shares[len(ends) :]
+    hits = tuple(i for i, share in enumerate(element_shares) if share < COVERED_BELOW)
+    visible = min(target_shares, default=None)
+    return Safety(visible, hits, changed_count)
 
 
 def plan_avoiding(
@@ -391,7 +394,7 @@ def plan_avoiding(
     for attempt in range(AVOID_TRIES):
         key = sample if attempt == 0 else branch(sample, f"try {attempt}")
         plan = planner.plan(scene, seed=seed, sample=key, step=step, epoch=epoch)
-        seen = target_visible(plan, scene.target, end)
-        if seen is None or seen >= at_least:
+        share = target_visible(plan, scene.target, end)
+        if share is None or share >= at_least:
             return plan
     return None

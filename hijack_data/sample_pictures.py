@@ -49,7 +49,7 @@ class SamplePicture:
 
     @property
     def size(self) -> Size:
-        """(height, width). Raises `ImageError` or `ImageTypeError` for no usable picture."""
+        """(height, width); `ImageError` or `ImageTypeError` if the picture cannot be used."""
         return picture_size(self.pixels)
 
 
@@ -111,7 +111,9 @@ def is_picture_shaped(value: Any, size: Size | None = None) -> bool:
 def picture_size(picture: Any) -> Size:
     """Return `(height, width)` of a picture.
 
-    Raises `ImageError` or `ImageTypeError` if it is not a picture.
+    Raises:
+        ImageTypeError: it is of another kind, or its dtype is not uint8.
+        ImageError: its shape is not that of a picture.
     """
     if isinstance(picture, Image.Image):
         return picture.height, picture.width
@@ -138,22 +140,23 @@ def find_pictures(
         ImageError: there is no picture.
     """
     pictures: list[SamplePicture] = []
-    others: dict[str, Any] = {}
+    candidates: dict[str, Any] = {}
     for path, value in _arrays(entries, ()):
         name = dotted(path)
         answer = is_picture(name)
         if answer and has_pixels(value):
             pictures.append(SamplePicture(path, value))
         elif answer is None or (answer and isinstance(value, bytes)):
-            others.setdefault(name, value)
+            candidates.setdefault(name, value)
     size = _size_or_none(pictures[0].pixels) if pictures else None
     unclear = {
         name: value
-        for name, value in others.items()
+        for name, value in candidates.items()
         if is_picture_shaped(value, size) or is_picture(name)
     }
     if not pictures:
-        raise _no_picture(entries, unclear)
+        problem = _no_picture(entries, unclear)
+        raise problem
     return pictures, unclear
 
 
@@ -165,14 +168,14 @@ def common_size(pictures: Sequence[SamplePicture]) -> Size:
     """
     sizes = [picture.size for picture in pictures]
     if len(set(sizes)) > 1:
-        each = ", ".join(
+        listed = ", ".join(
             f"{dotted(picture.path)} {size_text(size)}"
             for picture, size in zip(pictures, sizes, strict=True)
         )
         raise ImageError(
-            f"the pictures of one sample differ in size ({each}), but one plan is for all of them;"
-            " resize them, give each a sample of its own, or declare those that shall stay clean:"
-            " labels={...: 'leave'}"
+            f"the pictures of one sample differ in size ({listed}), but one plan is for all of"
+            " them; resize them, give each a sample of its own, or declare those that shall stay"
+            " clean: labels={...: 'leave'}"
         )
     return sizes[0]
 
@@ -181,9 +184,9 @@ def apply_plan(plan: Plan | list[Plan], pixels: Any) -> Any:
     """Apply a plan to a picture or stack, or one each to a batch; `tv_tensors` stay such."""
     if not is_tensor(pixels, "Image", "Video"):
         return apply(plan, pixels)
-    from .labels.torchvision_labels import like_image  # here: it needs torch
+    from .torchvision_images import change_pixels  # here: it needs torch
 
-    return like_image(pixels, lambda plain: apply(plan, plain))
+    return change_pixels(pixels, lambda plain: apply(plan, plain))
 
 
 def swapped(value: Any, new: Mapping[int, Any]) -> Any:
@@ -244,11 +247,11 @@ def _size_or_none(pixels: Any) -> Size | None:
 
 
 def _no_picture(entries: Mapping[str, Any], unclear: Mapping[str, Any]) -> ImageError:
-    held = ", ".join(f"{key} ({type(value).__name__})" for key, value in entries.items())
+    listed = ", ".join(f"{key} ({type(value).__name__})" for key, value in entries.items())
     advice = f"put it under one of {', '.join(PICTURE_KEYS)}, or name its entry with image_key="
     if unclear:
         advice += f", such as image_key={next(iter(unclear))!r}"
     return ImageError(
         f"the sample holds no picture, which is a PIL image, a NumPy or JAX array [H, W, 3] or a"
-        f" tensor [3, H, W] (it holds: {held or 'nothing'}); {advice}"
+        f" tensor [3, H, W] (it holds: {listed or 'nothing'}); {advice}"
     )

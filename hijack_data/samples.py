@@ -101,7 +101,9 @@ class SamplePlanner:
     def keys(self, sample: Mapping[str, Any]) -> list[int | str]:
         """Return the ids of a batch.
 
-        Raises `ParameterError` or `ParameterTypeError` as `key` does.
+        Raises:
+            ParameterError: an id is empty.
+            ParameterTypeError: an id is neither a string nor an integer.
         """
         return [_id(key) for key in sample[self.id_key]]
 
@@ -201,9 +203,9 @@ def check_names(sample: Mapping[Any, Any]) -> None:
     Raises:
         ParameterTypeError: a name is not a string.
     """
-    other = next((key for key in sample if not isinstance(key, str)), None)
-    if other is not None:
-        raise ParameterTypeError(f"the names of a sample's entries must be strings, got {other!r}")
+    name = next((key for key in sample if not isinstance(key, str)), None)
+    if name is not None:
+        raise ParameterTypeError(f"the names of a sample's entries must be strings, got {name!r}")
 
 
 def is_many(value: Any) -> bool:
@@ -234,8 +236,8 @@ def scalar(value: Any, what: str, default: int) -> int:
     if value is None:
         return default
     try:
-        if isinstance(value, bool):
-            raise TypeError
-        return int(value.__index__())
+        if not isinstance(value, bool):
+            return int(value.__index__())
     except (AttributeError, TypeError):
-        raise ParameterTypeError(f"{what} must be an integer, got {value!r}") from None
+        pass
+    raise ParameterTypeError(f"{what} must be an integer, got {value!r}")

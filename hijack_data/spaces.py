@@ -106,10 +106,10 @@ def _write(space: Text, index: int, value: str, shared_memory: Any) -> None:
             f"an instruction of {len(content)} bytes is more than processes share ({SHARED_TEXT});"
             " make the AsyncVectorEnv with shared_memory=False"
         )
-    written = len(content).to_bytes(_HEAD, "little") + content
+    data = len(content).to_bytes(_HEAD, "little") + content
     start = index * _SLOT
-    end = start + len(written)
-    _bytes_of(shared_memory)[start:end] = written
+    end = start + len(data)
+    _bytes_of(shared_memory)[start:end] = data
 
 
 @read_from_shared_memory.register(Text)

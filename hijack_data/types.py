@@ -1,8 +1,9 @@
 """Plain data shared by every package: screens, actions and recordings.
 
 Coordinates are integer pixels, origin top-left, x to the right, y down. Boxes are `xyxy`,
-half-open: a box covers `x1 <= x < x2`, `y1 <= y < y2`. Sizes are `(height, width)`, as in the
-shapes of arrays.
+half-open: a box covers `x1 <= x < x2`, `y1 <= y < y2`. A `Size` is `(height, width)`, as in the
+shapes of arrays, everywhere in Python and in plans; YAML files and the command line write the width
+first (`1920x1080`, `[1920, 1080]`), as screens are named, and `size_text` prints it so.
 """
 
 import operator
@@ -15,7 +16,7 @@ import numpy.typing as npt
 
 from .errors import ParameterError, ParameterTypeError, shown
 
-Size: TypeAlias = tuple[int, int]
+Size: TypeAlias = tuple[int, int]  # (height, width) in pixels
 Box: TypeAlias = tuple[int, int, int, int]
 Point: TypeAlias = tuple[int, int]
 BoxArray: TypeAlias = npt.NDArray[np.int32]
@@ -74,8 +75,8 @@ def as_size(value: object, what: str = "size") -> Size:
     try:
         height, width = (operator.index(v) for v in cast("Sequence[int]", value))
     except (TypeError, ValueError):
-        wanted = "(height, width), two integers"
-        raise ParameterTypeError(f"{what} must be {wanted}, got {value!r}") from None
+        expected = "(height, width), two integers"
+        raise ParameterTypeError(f"{what} must be {expected}, got {value!r}") from None
     if height < 1 or width < 1:
         raise ParameterError(f"{what} must be at least (1, 1), got ({height}, {width})")
     if max(height, width) > MAX_SIDE:
@@ -96,14 +97,14 @@ def as_boxes(value: BoxesLike, what: str = "boxes") -> BoxArray:
     """
     if value is None:
         return np.zeros((0, 4), np.int32)
+    expected = f"{what} must be rows of x1, y1, x2, y2"
     try:
-        if np.asarray(value).dtype == np.bool_:
-            raise TypeError  # a mask: its values would be taken for tiny boxes
+        is_mask = np.asarray(value).dtype == np.bool_
         raw = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise ParameterTypeError(
-            f"{what} must be rows of x1, y1, x2, y2, got {shown(value)}"
-        ) from None
+        raise ParameterTypeError(f"{expected}, got {shown(value)}") from None
+    if is_mask:  # its values would be taken for tiny boxes
+        raise ParameterTypeError(f"{expected}, got {shown(value)}")
     if raw.size == 0:
         return np.zeros((0, 4), np.int32)
     if raw.ndim != 2 or raw.shape[1] != 4:
@@ -145,15 +146,15 @@ def as_target(value: object, size: Size | None = None) -> Box | None:
     """
     if value is None:
         return None
-    wanted = "target must be a point (x, y) or a box (x1, y1, x2, y2)"
+    expected = "target must be a point (x, y) or a box (x1, y1, x2, y2)"
     try:
         numbers = [float(v) for v in cast("Sequence[float]", value)]
     except (TypeError, ValueError, OverflowError):
-        raise ParameterTypeError(f"{wanted}, got {value!r:.80}") from None
+        raise ParameterTypeError(f"{expected}, got {value!r:.80}") from None
     if len(numbers) == 2:
         return _around(numbers, size)
     if len(numbers) != 4:
-        raise ParameterError(f"{wanted}, got {len(numbers)} numbers")
+        raise ParameterError(f"{expected}, got {len(numbers)} numbers")
     x1, y1, x2, y2 = as_boxes([numbers], "target")[0].tolist()
     if x1 >= x2 or y1 >= y2:
         raise ParameterError(f"target {numbers} is a box without area; give a point (x, y) instead")
@@ -161,7 +162,11 @@ def as_target(value: object, size: Size | None = None) -> Box | None:
 
 
 def _around(point: list[float], size: Size | None) -> Box:
-    """Return the square around a point target."""
+    """Return the square around a point target.
+
+    Raises:
+        ParameterError: the point is off the screen, not finite, or in fractions of the picture.
+    """
     if not all(abs(v) <= 2**30 for v in point):
         raise ParameterError(f"target {point} holds a number that is not finite or is beyond 2**30")
     _refuse_fractions(point, "target")
@@ -234,8 +239,8 @@ class Scene:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Scene):
             return NotImplemented
-        same = (self.size, self.apps, self.target) == (other.size, other.apps, other.target)
-        return same and np.array_equal(self.boxes, other.boxes)
+        fields_equal = (self.size, self.apps, self.target) == (other.size, other.apps, other.target)
+        return fields_equal and np.array_equal(self.boxes, other.boxes)
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -251,10 +256,10 @@ class Scene:
     def notes(self) -> tuple[str, ...]:
         """Remarks on the boxes for the reader of the plan."""
         count = len(self.boxes)
-        lost = count - len(self.obstacles)
-        if not lost:
+        ignored = count - len(self.obstacles)
+        if not ignored:
             return ()
-        return (f"{lost} of {count} boxes are empty or off the screen and were ignored",)
+        return (f"{ignored} of {count} boxes are empty or off the screen and were ignored",)
 
 
 def _as_apps(apps: object) -> tuple[str, ...]:

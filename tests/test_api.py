@@ -13,8 +13,8 @@ import pytest
 import hijack_data as hj
 
 SIGNATURES = {
-    "get": "(name: str, **values: Any) -> Corruption",
-    "names": "() -> list[str]",
+    "make_corruption": "(name: str, **values: Any) -> Corruption",
+    "corruption_names": "() -> list[str]",
     "apply": "(plan: Plan | Sequence[Plan], image: Any, *, inplace: bool = False) -> Any",
 }
 
@@ -57,7 +57,9 @@ def test_type_checkers_see_the_names_that_are_loaded():
     tree = ast.parse(Path(hj.__file__).read_text())
     (block,) = [node for node in tree.body if isinstance(node, ast.If)]
     seen: dict[str, tuple[str, ...]] = {}
-    for node in block.body:
+    plugin, *homes = block.body
+    assert ast.unparse(plugin) == "from . import plugin as plugin"
+    for node in homes:
         seen[node.module] = seen.get(node.module, ()) + tuple(each.asname for each in node.names)
     assert seen == hj._HOMES
 
@@ -111,8 +113,8 @@ def test_apply_is_the_function_whatever_was_imported_before(first):
 )
 def test_the_nine_are_known_whatever_is_imported_first(first):
     code = (
-        f"import {first}\nfrom hijack_data.corruption import get,"
-        " names\nget('marks-v1')\nprint(*names()[:2])"
+        f"import {first}\nfrom hijack_data.corruption import corruption_names,"
+        " make_corruption\nmake_corruption('marks-v1')\nprint(*corruption_names()[:2])"
     )
     assert python(code) == "pop_ups resolution"
 
@@ -128,8 +130,26 @@ def test_dir_shows_what_is_ours():
 
 
 def test_an_unknown_name_is_an_attribute_error():
-    with pytest.raises(AttributeError, match="no attribute 'Nonsense'"):
+    with pytest.raises(AttributeError, match=r"no attribute 'Nonsense'$"):
         hj.Nonsense  # noqa: B018
+    with pytest.raises(AttributeError, match=r"'Paste'; import it from hijack_data\.plugin"):
+        getattr(hj, "Paste")  # noqa: B009
+
+
+def test_no_public_name_hides_a_module_of_the_standard_library():
+    from hijack_data import plugin
+
+    assert not {*hj.__all__, *plugin.__all__} & set(sys.stdlib_module_names)
+    assert not set(hj.__all__) & {"get", "names"}
+
+
+def test_authors_of_plug_ins_have_what_users_have():
+    """A name means the same at the top and in `hijack_data.plugin`, and all are documented."""
+    for name in hj.plugin.__all__:
+        thing = getattr(hj.plugin, name)
+        assert inspect.getdoc(thing), f"{name} has no docstring"
+        assert name not in hj.__all__ or getattr(hj, name) is thing
+    assert set(hj.plugin.__all__) - set(hj.__all__) == hj._FOR_AUTHORS
 
 
 def test_errors_descend_from_the_builtin_they_refine():

@@ -27,6 +27,7 @@ from typing import ClassVar
 import numpy as np
 
 import hijack_data as hj
+from hijack_data.plugin import Corruption, Draft, Paste, Resample, register
 from hijack_data.config import load_config
 from hijack_data.file_io import encode_png, load_image, write_atomic
 from hijack_data.kernels.cpu import jit
@@ -53,9 +54,9 @@ write_atomic(folder / "screen.png", encode_png(screen))
 found["file"] = bool((load_image(folder / "screen.png")[0] == screen).all())
 
 
-@hj.register
+@register
 @dataclass(frozen=True)
-class Dot(hj.Corruption):
+class Dot(Corruption):
     """One dot."""
 
     name: ClassVar[str] = "dot"
@@ -63,7 +64,7 @@ class Dot(hj.Corruption):
     scope: ClassVar[str] = "observation"
 
     def make_plan(self, scene, stream, step):
-        return hj.Draft()
+        return Draft()
 
 
 found["plug-in"] = hj.make_corruption("dot").plan(scene, seed=1).digest()
@@ -77,7 +78,7 @@ def refused(work):
     return "accepted"
 
 
-drifted = hj.Plan("x-v1", SIZE, ops=(hj.Paste({"draw": "mark", "shape": "star", "size": 5, "color": "red"},
+drifted = hj.Plan("x-v1", SIZE, ops=(Paste({"draw": "mark", "shape": "star", "size": 5, "color": "red"},
                                               ((1, 1),), "0" * 16),))
 found["refused"] = [
     refused(lambda: hj.Plan.from_json('{"format":"agenthijack-plan","version":1,"x":NaN}')),
@@ -85,7 +86,7 @@ found["refused"] = [
     refused(lambda: hj.Subtitle(font_path="nothing")),
     refused(lambda: hj.apply(drifted, screen)),
     refused(lambda: hj.apply(plan, screen[:5])),
-    refused(lambda: hj.Resample((2**20, 2**20))),
+    refused(lambda: Resample((2**20, 2**20))),
     refused(lambda: load_config({"corruptions": ["mrks"]})),
     refused(lambda: hj.Scene((5, 5), boxes=[[5, 5, 1, 1]])),
 ]
@@ -96,17 +97,18 @@ UNDOCUMENTED = """
 from dataclasses import dataclass
 from typing import ClassVar
 import hijack_data as hj
+from hijack_data.plugin import Corruption, Draft, register
 
 @dataclass(frozen=True)
-class Bare(hj.Corruption):
+class Bare(Corruption):
     name: ClassVar[str] = "bare"
     category: ClassVar[str] = "visual_disruptor"
     scope: ClassVar[str] = "observation"
     def make_plan(self, scene, stream, step):
-        return hj.Draft()
+        return Draft()
 
 try:
-    hj.register(Bare)
+    register(Bare)
 except hj.HijackError as error:
     print(error)
 else:

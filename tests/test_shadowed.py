@@ -1,6 +1,7 @@
 """A folder of the user's with the name of one of our packages: one line that says which, never a
 traceback."""
 
+import json
 import os
 import subprocess
 import sys
@@ -8,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from hijack_data.shadowed import complaint
+from hijack_data.shadowed import find_shadow
 
 ROOT = Path(__file__).resolve().parent.parent
 NAMES = ("pipelines", "online_env")
-START = "from hijack_data.cli import main; main()"
+START = "import sys; sys.argv[0] = 'hijack'; from hijack_data.cli import main; main()"
 # A command that needs the package.
 USES = {"pipelines": ["stats", "x"], "online_env": ["desktop", "list"]}
 
@@ -62,7 +63,8 @@ def test_a_command_says_what_stands_in_its_way(name: str, place, tmp_path: Path)
 @pytest.mark.parametrize("name", NAMES)
 def test_the_module_form_says_so_too(name: str, place, tmp_path: Path) -> None:
     where = place(name)
-    refused(python(tmp_path, "import runpy; runpy.run_module('hijack_data')", *USES[name]), where)
+    code = "import runpy, sys; sys.argv[0] = '-m'; runpy.run_module('hijack_data')"
+    refused(python(tmp_path, code, *USES[name]), where)
 
 
 def test_what_does_not_need_the_package_goes_on(place, tmp_path: Path) -> None:
@@ -78,6 +80,25 @@ def test_a_folder_that_is_no_package_is_in_nobodys_way(name: str, tmp_path: Path
     assert "in the place" not in done.stderr, done.stderr
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_an_import_of_the_core_warns(name: str, place, tmp_path: Path) -> None:
+    where = place(name)
+    done = python(tmp_path, "import hijack_data")
+    assert done.returncode == 0
+    assert f"HijackWarning: {where} is imported in the place of AgentHijack's" in done.stderr
+    assert "<string>:1:" in done.stderr  # the line of the user's import
+    quiet = python(tmp_path, "import warnings; warnings.simplefilter('ignore'); import hijack_data")
+    assert quiet.stderr == ""
+
+
+def test_the_doctor_lists_it(place, tmp_path: Path) -> None:
+    where = place("online_env")
+    done = python(tmp_path, START, "doctor", "--json")
+    rows = {row["what"]: row for row in json.loads(done.stdout)["found"]}
+    assert not rows["online_env"]["ok"]
+    assert rows["online_env"]["found"].startswith(f"{where} is imported in the place of")
+
+
 def test_nothing_is_in_the_way_here() -> None:
-    assert complaint("hijack_data", *NAMES) == ""
-    assert complaint("no_such_package") == ""
+    assert find_shadow("hijack_data", *NAMES) == ""
+    assert find_shadow("no_such_package") == ""

@@ -1,12 +1,10 @@
-"""House rules that no linter knows: direction of imports, one meaning a name."""
+"""House rules that no linter knows."""
 
 import ast
 from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-
-import pytest
 
 from support import parts
 
@@ -50,35 +48,6 @@ def test_the_formatter_is_never_switched_off():
     marks = ("# fmt: " + "skip", "# fmt: " + "off")
     every = files(*PACKAGES, "tests", "benchmarks", "examples")
     assert [str(path) for path in every if any(mark in path.read_text() for mark in marks)] == []
-
-
-def imported(path: Path) -> Iterator[str]:
-    """Yield the absolute names of the modules that a file imports, anywhere in it."""
-    package = list(path.relative_to(ROOT).parts[:-1])
-    for node in ast.walk(parsed(path)):
-        if isinstance(node, ast.Import):
-            yield from (name.name for name in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            base = package[: len(package) - node.level + 1] if node.level else []
-            yield ".".join([*base, *([node.module] if node.module else [])])
-
-
-@pytest.mark.parametrize(
-    ("package", "barred"),
-    [
-        ("hijack_data", ("pipelines", "online_env")),
-        ("pipelines", ("online_env",)),
-        ("online_env", ("pipelines",)),
-    ],
-)
-def test_no_package_imports_one_above_or_beside_it(package, barred):
-    found = [
-        f"{path}: {name}"
-        for path in files(package)
-        for name in imported(path)
-        if name.split(".")[0] in barred
-    ]
-    assert found == []
 
 
 def meanings(path: Path) -> Iterator[tuple[str, str]]:

@@ -130,7 +130,8 @@ def _severities(name: str, info: dict[str, Any], folder: Path) -> Iterator[str]:
     if not levels:
         yield "It happens or it does not: there are no levels.\n"
         return
-    yield f"Level 3 is the paper's default. Another: `hj.{type(hj.make_corruption(name)).__name__}.at(4)`, or"
+    cls = type(hj.make_corruption(name)).__name__
+    yield f"Level 3 is the paper's default. Another: `hj.{cls}.at(4)`, or"
     yield f"`hijack apply ... {name} --severity 4`.\n"
     tiles: list[tuple[str, str]] = []
     for number, level in enumerate(levels, 1):

@@ -16,11 +16,12 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from ..errors import ActionError
-from ..runs.run_log import REINIT
 from .program.names import Names
 from .pyautogui_functions import AGENTNET_TRIPLE, KEYBOARD, POINTER
 from .python_source import ParsedSource, refuse_deep_nesting
 
+# An agent's request for help, which does nothing on the screen.
+REINIT = "REQUEST_REINIT"
 ActionKind: TypeAlias = Literal["wait", "done", "fail", "reinit", "code"]
 ACTION_WORDS: dict[str, ActionKind] = {
     "WAIT": "wait",

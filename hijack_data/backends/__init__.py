@@ -40,8 +40,8 @@ def find_backend(image: object) -> Backend:
         advice = "give np.asarray(picture), or make a plan and call hijack_data.apply"
         raise ImageTypeError(f"got a PIL image where an array is needed; {advice}")
     kind = type(image)
-    wanted = "give a NumPy array, torch tensor, JAX array or PIL image"
-    raise ImageTypeError(f"cannot corrupt a {kind.__module__}.{kind.__qualname__}; {wanted}")
+    remedy = "give a NumPy array, torch tensor, JAX array or PIL image"
+    raise ImageTypeError(f"cannot corrupt a {kind.__module__}.{kind.__qualname__}; {remedy}")
 
 
 @cache
@@ -62,7 +62,8 @@ def convert(image: np.ndarray[Any, Any], name: str) -> Any:
     try:
         backend = _backend(name)
     except ImportError:
-        raise extras.missing(f"backend {name!r} is not installed", name) from None
+        problem = extras.missing(f"backend {name!r} is not installed", name)
+        raise problem from None
     return backend.from_numpy(image)
 
 

@@ -214,10 +214,12 @@ class Backend(ABC):
             return ""
         if shape[self.channels] == 4:
             return "; drop the alpha channel"
-        other = -3 if self.channels == -1 else -1
-        if shape[other] != 3:
+        other_axis = -3 if self.channels == -1 else -1
+        if shape[other_axis] != 3:
             return ""
-        return f"; this looks like the other channel order, move axis {other} to {self.channels}"
+        return (
+            f"; this looks like the other channel order, move axis {other_axis} to {self.channels}"
+        )
 
 
 def places(lead: tuple[int, ...]) -> Iterator[tuple[int, ...]]:

@@ -83,7 +83,7 @@ class JaxBackend(Backend):
             return super().apply_many(plans, images, lead, inplace=inplace)
         result: Any = host_backend.BACKEND.apply_many(plans, memory, lead)
         if isinstance(result, list):
-            return [_jnp.from_dlpack(one) for one in cast("list[Any]", result)]
+            return [_jnp.from_dlpack(single) for single in cast("list[Any]", result)]
         # JAX takes over this memory, which nothing else writes into.
         return _jnp.from_dlpack(result)
 

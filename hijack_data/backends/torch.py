@@ -115,11 +115,13 @@ class TorchBackend(Backend):
         ]
         while True:
             self._paste_all(runs)
-            due = [(run, op.size) for run in runs if (op := run.resize()) is not None]
-            if not due:
+            pending = [(run, op.size) for run in runs if (op := run.resize()) is not None]
+            if not pending:
                 return [run.image for run in runs]
-            resized = resample_many([run.image for run, _ in due], [size for _, size in due])
-            for (run, _), image in zip(due, resized, strict=True):
+            resized = resample_many(
+                [run.image for run, _ in pending], [size for _, size in pending]
+            )
+            for (run, _), image in zip(pending, resized, strict=True):
                 run.image = image
                 run.writable = True
                 run.done += 1
@@ -129,13 +131,13 @@ class TorchBackend(Backend):
         painted: list[_Run] = []
         stamps: list[list[Stamp]] = []
         for run in runs:
-            due = run.take_pastes(self.size(run.image))
-            if not run.writable and (due is not None or not run.plan.ops):
+            pending = run.take_pastes(self.size(run.image))
+            if not run.writable and (pending is not None or not run.plan.ops):
                 run.image = self.copy(run.image)
                 run.writable = True
-            if due is not None:
+            if pending is not None:
                 painted.append(run)
-                stamps.append(due)
+                stamps.append(pending)
         if painted:
             paste_many([run.image for run in painted], stamps)
 
@@ -177,8 +179,8 @@ def paste_many(images: Sequence[Tensor], stamps: Sequence[list[Stamp]]) -> None:
     if device.runs_on(images[0].device):
         device.paste_many(images, stamps)
         return
-    for image, each in zip(images, stamps, strict=True):
-        torch_ops.paste_ops(image, each)
+    for image, batch in zip(images, stamps, strict=True):
+        torch_ops.paste_ops(image, batch)
 
 
 def resample_many(images: Sequence[Tensor], sizes: Sequence[Size]) -> list[Tensor]:

@@ -21,7 +21,7 @@ from click.shell_completion import CompletionItem
 from .. import extras
 from ..errors import HijackError, PluginWarning, StorageError, suggest
 from ..printable import printable
-from ..shadowed import complaint
+from ..shadowed import find_shadow
 from .help_pages import page_for
 from .options import WholeSummaries
 from .summaries import SECTIONS, SUMMARIES
@@ -83,7 +83,7 @@ class LazyGroup(WholeSummaries):
                 " users: use Linux, or WSL on Windows"
             )
         module, _, attribute = COMMANDS[cmd_name].partition(":")
-        problem = complaint(module.partition(".")[0])
+        problem = find_shadow(module.partition(".")[0])
         if problem:
             raise HijackError(problem)
         return getattr(importlib.import_module(module), attribute)

@@ -17,9 +17,10 @@ from .. import conformance, extras
 from .. import corruption as registry
 from ..errors import PluginError
 from ..loading import SUFFIX, LoadedFile, run_file
+from ..shadowed import OTHERS, find_shadow
 from . import console, doctor_rows
 from .options import FiniteRange
-from .plugin_rows import plugin_rows
+from .plugin_rows import BROKEN, plugin_rows
 
 DoctorRow: TypeAlias = tuple[str, str, str, str]
 
@@ -163,7 +164,17 @@ def _doctor_rows() -> Iterator[DoctorRow]:
     yield from doctor_rows.extra_rows()
     yield _gpu()
     yield from plugin_rows()
-    yield doctor_rows.desktop_row()
+    yield from _shadow_rows()
+    if not find_shadow("online_env"):
+        yield doctor_rows.desktop_row()
+
+
+def _shadow_rows() -> Iterator[DoctorRow]:
+    """Yield a row for each of our packages that a folder or file of the user's hides."""
+    for name in OTHERS:
+        problem = find_shadow(name)
+        if problem:
+            yield BROKEN, name, "import", escape(problem)
 
 
 def _plain(row: DoctorRow) -> dict[str, Any]:

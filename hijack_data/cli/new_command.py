@@ -16,12 +16,12 @@ from typing import ClassVar
 
 import numpy as np
 
-import hijack_data as hj
+from hijack_data.plugin import Corruption, Draft, Paste, Scene, Stream, param, png_recipe, register
 
 
-@hj.register
+@register
 @dataclass(frozen=True)
-class {cls}(hj.Corruption):
+class {cls}(Corruption):
     """Draws a band across the screen."""  # the first line is what `hijack list` shows
 
     name: ClassVar[str] = "{name}"
@@ -38,17 +38,17 @@ class {cls}(hj.Corruption):
     )
 
     # Every field is declared with param: default, documentation, range.
-    height: int = hj.param(80, "Height of the band in pixels", low=1, high=4096)
-    opacity: int = hj.param(160, "0 is invisible, 255 opaque", low=1, high=255)
+    height: int = param(80, "Height of the band in pixels", low=1, high=4096)
+    opacity: int = param(160, "0 is invisible, 255 opaque", low=1, high=255)
 
-    def make_plan(self, scene: hj.Scene, stream: hj.Stream, step: int) -> hj.Draft:
+    def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
         """Return what to do to `scene`, as data. Random numbers come from `stream` alone."""
         height, width = scene.size
         y = stream.integer(0, height - 1)
         band = np.full((self.height, width, 4), (40, 40, 40, self.opacity), np.uint8)
         # scene.boxes, scene.apps and scene.target may be empty. If you read scene.boxes, override
         # needs_elements. If the screen cannot hold the drawing, raise ParameterError.
-        return hj.Draft(ops=(hj.Paste(hj.png_recipe(band), ((0, y),)),))
+        return Draft(ops=(Paste(png_recipe(band), ((0, y),)),))
 '''
 
 

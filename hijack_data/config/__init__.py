@@ -83,16 +83,16 @@ def specs_from(text: str) -> list[Corruption]:
         ParameterError: a name is empty or appears twice.
     """
     if not isinstance(cast(object, text), str):
-        wanted = "a string such as 'marks,subtitle' or 'all'"
-        raise ParameterTypeError(f"corruptions must be {wanted}, got {shown(text)}")
-    wanted = (
+        names = "a string such as 'marks,subtitle' or 'all'"
+        raise ParameterTypeError(f"corruptions must be {names}, got {shown(text)}")
+    names = (
         corruption_names() if text.strip() == "all" else [name.strip() for name in text.split(",")]
     )
-    if "" in wanted:
+    if "" in names:
         raise ParameterError(
             f"corruptions holds an empty name: {text!r}; write 'marks,subtitle' or 'all'"
         )
-    specs = [make_corruption(name) for name in wanted]
+    specs = [make_corruption(name) for name in names]
     found = [spec.name for spec in specs]
     twice = next((name for name in found if found.count(name) > 1), None)
     if twice is not None:
@@ -147,17 +147,17 @@ def _config(tree: MappingNode, source: str, problems: Problems, paper: bool) -> 
 
 def _wrapped(tree: MappingNode) -> MappingNode:
     """Move all keys except the options under `corruptions`."""
-    own = {
+    keys = {
         key: value
         for key, value in tree.items.items()
         if key not in OPTIONS and key != "paper_compat"
     }
-    rest: dict[str, ConfigNode] = {
-        key: value for key, value in tree.items.items() if key not in own
+    option_nodes: dict[str, ConfigNode] = {
+        key: value for key, value in tree.items.items() if key not in keys
     }
-    inner = MappingNode(tree.place, own, tree.keys)
+    inner = MappingNode(tree.place, keys, tree.keys)
     return MappingNode(
-        tree.place, {**rest, "corruptions": inner}, {**tree.keys, "corruptions": tree.place}
+        tree.place, {**option_nodes, "corruptions": inner}, {**tree.keys, "corruptions": tree.place}
     )
 
 

@@ -86,10 +86,10 @@ class Builder:
             advice = (
                 "write its parameters as name: {key: value}, or indent them deeper than the name"
             )
-            found = f"got the keys {', '.join(item.items)}; {advice}"
+            planner = f"got the keys {', '.join(item.items)}; {advice}"
         else:
-            found = f"got {kind_of(item)}; write marks, or marks: {{number: 10}}"
-        self.problems.add(item.place, f"an entry of {what} names one corruption, {found}")
+            planner = f"got {kind_of(item)}; write marks, or marks: {{number: 10}}"
+        self.problems.add(item.place, f"an entry of {what} names one corruption, {planner}")
         return None
 
     def _name(self, entry: ConfigEntry) -> str:
@@ -139,9 +139,9 @@ class Builder:
             return (
                 "'clean' is not a corruption; to keep the clean rows write clean: true at the top"
             )
-        meant = paper_name(name, self.known)
-        if meant is not None:
-            return f"unknown corruption {name!r}; did you mean {meant!r}?"
+        paper_spelling = paper_name(name, self.known)
+        if paper_spelling is not None:
+            return f"unknown corruption {name!r}; did you mean {paper_spelling!r}?"
         close = suggest(name, self.known)
         if str(error).startswith("unknown"):
             return f"unknown corruption {name!r}{close}"

@@ -29,7 +29,7 @@ def read_spec(
     With `paper`, the paper's keys are read too.
     """
     before = len(problems.found)
-    known = parameters(cls)
+    declared = parameters(cls)
     keys = paper_keys(cls)
     values: dict[str, Any] = {}
     places: dict[str, Position] = {}
@@ -38,10 +38,10 @@ def read_spec(
             continue
         translation = keys.get(key) if paper else None
         name = translation.name if translation else key
-        if name not in known:
+        if name not in declared:
             problems.add(
                 settings.keys[key],
-                f"{cls.name} has no parameter {key!r}{_advice(key, list(known), keys)}",
+                f"{cls.name} has no parameter {key!r}{_advice(key, list(declared), keys)}",
             )
         elif name in places:
             problems.add(
@@ -50,7 +50,7 @@ def read_spec(
         else:
             places[name] = tree.place
             errors = len(problems.found)
-            value = check(problems, known[name][0], f"{cls.name}.{key}", tree, translation)
+            value = check(problems, declared[name][0], f"{cls.name}.{key}", tree, translation)
             if len(problems.found) == errors:
                 values[name] = value
     severity = _severity(cls, settings.items.get("severity"), problems)
@@ -105,10 +105,10 @@ def _make(
         return cls.at(severity, **values)
     except HijackError as error:
         message = str(error)
-        named = (
+        positions = (
             at
             for key, at in places.items()
             if re.match(rf"{re.escape(cls.name)}\.{key}\b", message)
         )
-        problems.add(next(named, place), message)
+        problems.add(next(positions, place), message)
         return None

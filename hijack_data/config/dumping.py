@@ -21,9 +21,6 @@ def dump(
 
     Every parameter is written out.
 
-    Passes on `ParameterError` (two entries of a list have the same name: give a mapping) and
-    `ConfigError` (a label that a file cannot hold, or nothing to write).
-
     Args:
         planners: corruptions, `OneOf` and `Sequence`, by label or in a list; the labels of a list
             are the names.
@@ -32,10 +29,12 @@ def dump(
     Raises:
         ParameterTypeError: a file cannot hold one of the planners, such as a `Schedule`, which is a
             function.
+        ParameterError: two entries of a list have the same name: give a mapping.
+        ConfigError: a file cannot hold a label, or there is nothing to write.
     """
     if not isinstance(cast(object, planners), Iterable):
-        found = shown(planners)
-        raise ParameterTypeError(f"dump takes corruptions in a mapping or a list, got {found}")
+        value = shown(planners)
+        raise ParameterTypeError(f"dump takes corruptions in a mapping or a list, got {value}")
     if isinstance(planners, Mapping):
         by_label = cast("Mapping[str, Planner]", planners)
     else:
@@ -49,13 +48,13 @@ def dump(
 
 
 def _labelled(planners: Iterable[Planner]) -> dict[str, Planner]:
-    found: dict[str, Planner] = {}
+    by_label: dict[str, Planner] = {}
     for planner in planners:
         name, _ = _named(planner)
-        if name in found:
+        if name in by_label:
             raise ParameterError(f"{name} appears twice: give dump a mapping from a label to each")
-        found[name] = planner
-    return found
+        by_label[name] = planner
+    return by_label
 
 
 def _entry(planner: Planner, label: str | None) -> dict[str, Any]:

@@ -31,11 +31,11 @@ def read_config(path_or_name: str | os.PathLike[str]) -> tuple[str, bytes]:
     if os.path.isfile(name):
         return name, _read(Path(name), name)
     packaged = _packaged()
-    found = [key for key in packaged if name in (key, key.rpartition("/")[2])]
-    if len(found) == 1:
-        return found[0], _read(packaged[found[0]], found[0])
-    if found:
-        choices = " or ".join(sorted(found))
+    path = [key for key in packaged if name in (key, key.rpartition("/")[2])]
+    if len(path) == 1:
+        return path[0], _read(packaged[path[0]], path[0])
+    if path:
+        choices = " or ".join(sorted(path))
         raise ConfigError([f"{name!r} is the name of several configurations: use {choices}"])
     if os.path.isdir(name):
         raise ConfigError([f"{name}: is a folder; give the path of a YAML file"])
@@ -44,17 +44,17 @@ def read_config(path_or_name: str | os.PathLike[str]) -> tuple[str, bytes]:
     raise ConfigError([_unknown(name, sorted(packaged))])
 
 
-def _unknown(name: str, known: list[str]) -> str:
+def _unknown(name: str, names: list[str]) -> str:
     short_name = name if len(name) <= 100 else name[:100] + "..."
-    shown = repr(short_name)
-    packaged = ", ".join(known)
+    listed = repr(short_name)
+    packaged = ", ".join(names)
     if name.endswith((".yaml", ".yml")):
         advice = "check the path, or give the name of a packaged one"
-        return f"{shown}: no such file; {advice}: {packaged}"
-    bare_names = {key.rpartition("/")[2] for key in known}
-    close = suggest(name, [*bare_names, *known])
+        return f"{listed}: no such file; {advice}: {packaged}"
+    bare_names = {key.rpartition("/")[2] for key in names}
+    close = suggest(name, [*bare_names, *names])
     advice = close if "did you mean" in close else ""
-    return f"{shown} is neither a file nor a packaged configuration{advice}; packaged: {packaged}"
+    return f"{listed} is neither a file nor a packaged configuration{advice}; packaged: {packaged}"
 
 
 def _read(file: Path | Traversable, name: str) -> bytes:

@@ -50,9 +50,9 @@ class SplitShares:
                 f"{where} must be a mapping such as {{train: 0.9, test: 0.1}}, got {value!r}"
             )
         share = Parameter("float", "", low=0, high=1)
-        given = cast("Mapping[str, object]", value)
+        entries = cast("Mapping[str, object]", value)
         shares: dict[str, float] = {}
-        for name, part in given.items():
+        for name, part in entries.items():
             shares[name] = cast(float, share.check(f"{where}.{name}", part))
         for name in shares:
             if not _SPLIT.fullmatch(name):

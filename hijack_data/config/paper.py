@@ -60,10 +60,10 @@ def paper_name(name: str, known: Iterable[str]) -> str | None:
 
     `"Pop UPs"` is `"pop_ups"`.
     """
-    wanted = _letters(name)
-    if not wanted:
+    letters = _letters(name)
+    if not letters:
         return None
-    return next((each for each in known if _letters(each) == wanted), None)
+    return next((candidate for candidate in known if _letters(candidate) == letters), None)
 
 
 def _letters(name: str) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from .. import params as p
-from ..corruption import Corruption
+from ..corruption import Corruption, find_corruption
 from ..errors import UnknownNameError
 from .base import expect, fail
 from .cases import levels
@@ -13,8 +13,10 @@ from .cases import levels
 
 def check_registered(cls: type[Corruption]) -> None:
     """It is found by name and by id, is documented, and has a default for every parameter."""
-    expect(find(cls.name) is cls, f"{cls.name!r} finds another class; call @register on it")
-    expect(find(cls().id) is cls, f"{cls().id!r} is not found")
+    expect(
+        find_corruption(cls.name) is cls, f"{cls.name!r} finds another class; call @register on it"
+    )
+    expect(find_corruption(cls().id) is cls, f"{cls().id!r} is not found")
     documented = cls.summary() or sys.flags.optimize > 1  # python -OO has removed all docstrings
     expect(documented, "the class needs a docstring: its first line is the documentation")
     for key, (parameter, _) in p.parameters(cls).items():

@@ -6,7 +6,7 @@ from typing import Any
 
 from ..compose import Sequence
 from ..composites import uses_elements
-from ..corruption import Corruption, from_plan
+from ..corruption import Corruption, from_plan, make_corruption
 from ..errors import HijackError
 from ..params import Every, parameters, to_json
 from ..plan import Plan
@@ -78,7 +78,7 @@ def _planner(plan: Plan) -> tuple[Planner, str]:
     if "+" not in plan.corruption:
         only = from_plan(plan)
         return only, _source(only)
-    parts = [get(name, **plan.params[name]) for name in plan.corruption.split("+")]
+    parts = [make_corruption(name, **plan.params[name]) for name in plan.corruption.split("+")]
     return Sequence(parts), f"hj.Sequence([{', '.join(map(_source, parts))}])"
 
 

@@ -25,6 +25,7 @@ from ..actions import (
 from ..actions.dialects.pyautogui_code import calls_pyautogui
 from ..actions.recorded_actions import SCREENAGENT, SIZELESS, map_recorded
 from ..backends import to_numpy
+from ..corruption import find_corruption
 from ..errors import HijackError, LabelError
 from ..file_io import pixel_sha256
 from ..plan import CLEAN, Plan
@@ -118,7 +119,7 @@ def find_severity(plan: Plan) -> int | None:
 @lru_cache(maxsize=256)
 def _severity(corruption: str, params: str) -> int | None:
     try:
-        cls = find(corruption)
+        cls = find_corruption(corruption)
         levels = range(1, 6) if cls.severities else ()
         return next(
             (level for level in levels if cls.at(level).params() == json.loads(params)), None

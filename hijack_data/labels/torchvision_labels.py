@@ -4,9 +4,8 @@ Needs torch and torchvision, and is imported when the first of these tensors arr
 """
 
 import importlib
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 import torch
 
@@ -19,14 +18,6 @@ from .nested_numbers import to_host
 
 tv_tensors: Any = importlib.import_module("torchvision.tv_tensors")  # torchvision is not typed
 v2: Any = importlib.import_module("torchvision.transforms.v2")
-
-
-def like_image(image: Any, change: Callable[[Any], Any]) -> Any:
-    """Change an `Image` or `Video` as a plain tensor, and wrap what comes of it."""
-    out = change(image.as_subclass(torch.Tensor))
-    if isinstance(out, list):
-        return [tv_tensors.wrap(part, like=image) for part in cast("list[Any]", out)]
-    return tv_tensors.wrap(out, like=image)
 
 
 def corners(boxes: Any) -> Any:

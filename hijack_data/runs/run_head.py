@@ -36,7 +36,7 @@ def config_digest(config: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _is_list_of_ids(found: Any) -> bool:
-    return isinstance(found, list) and all(
-        isinstance(name, str) for name in cast("list[Any]", found)
+def _is_list_of_ids(value: Any) -> bool:
+    return isinstance(value, list) and all(
+        isinstance(name, str) for name in cast("list[Any]", value)
     )

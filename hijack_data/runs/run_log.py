@@ -56,7 +56,6 @@ GIVEN = "given"  # in a record: a list of `GIVEN_KINDS`, or `null` if unknown
 GIVEN_KINDS = ("task", "plan", "process")
 MAX_TEXT = 65_536  # characters kept of an agent's words, and of an action, in a step
 CUT = "cut"  # in a step: those of `said` and `raw` that were longer; absent if none was
-REINIT = "REQUEST_REINIT"  # an agent's request for help, which does nothing on the screen
 
 _LONGEST = 200  # characters of an id, which is the name of a folder
 _FOREIGN = re.compile(r"[^\w.+-]+", re.ASCII)

@@ -61,9 +61,9 @@ def read_planners(entries: object) -> dict[str, Planner | None]:
         raise ConfigError(["corruptions: must be a list"])
     listed = cast("list[object]", entries)
     disturbing = [entry for entry in listed if entry != CLEAN]
-    found: dict[str, Planner | None] = {}
+    planners: dict[str, Planner | None] = {}
     if len(disturbing) < len(listed):
-        found[CLEAN] = None
+        planners[CLEAN] = None
     if disturbing:
-        found |= load_config({"corruptions": disturbing}).corruptions
-    return found
+        planners |= load_config({"corruptions": disturbing}).corruptions
+    return planners

@@ -20,7 +20,7 @@ NAMESPACE = "agenthijack-run"  # signatures made for another purpose do not coun
 FORMAT = "agenthijack-seal"
 VERSION = 1
 _SIGNER = "signer"
-_PATIENCE = 120.0  # seconds, because a key on a token waits for a touch
+_TIMEOUT_S = 120.0  # because a key on a token waits for a touch
 
 
 class SealError(HijackError, ValueError):
@@ -28,7 +28,11 @@ class SealError(HijackError, ValueError):
 
 
 def check_key(key: str) -> None:
-    """Sign something, so that a wrong key is noticed before a run. Raises `SealError`."""
+    """Sign a test file, so that a wrong key is noticed before a run.
+
+    Raises:
+        SealError: the key cannot sign.
+    """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, SEAL)
         path.write_text("{}\n")
@@ -42,7 +46,9 @@ def sign(folder: Path, key: str) -> None:
         folder: of the run.
         key: path of the private key, or of the public key if `ssh-agent` holds the private one.
 
-    Raises `SealError` if the key cannot be used, `HijackError` if the files cannot be written.
+    Raises:
+        SealError: the key cannot be used.
+        HijackError: the files cannot be written.
     """
     (folder / SIGNATURE).unlink(missing_ok=True)
     write_atomic(folder / SEAL, json.dumps(contents(folder), indent=1) + "\n")
@@ -86,10 +92,10 @@ def signer(folder: Path) -> str:
     It is empty, too, if the seal cannot be read: `problems` then says so.
     """
     try:
-        found = _run(["-Y", "check-novalidate", "-n", NAMESPACE], folder)
+        query = _run(["-Y", "check-novalidate", "-n", NAMESPACE], folder)
     except OSError:
         return ""
-    return found.stdout.split()[-1] if found.returncode == 0 else ""
+    return query.stdout.split()[-1] if query.returncode == 0 else ""
 
 
 def _signature_problems(folder: Path, key: str | None) -> Iterator[str]:
@@ -124,11 +130,11 @@ def _public(key: str) -> str:
 
 
 def _sign(path: Path, key: str) -> None:
-    done = _ssh_keygen(["-Y", "sign", "-q", "-n", NAMESPACE, "-f", key, str(path)])
-    if done.returncode:
-        why = " ".join(done.stderr.split()) or f"ssh-keygen ended with {done.returncode}"
+    process = _ssh_keygen(["-Y", "sign", "-q", "-n", NAMESPACE, "-f", key, str(path)])
+    if process.returncode:
+        reason = " ".join(process.stderr.split()) or f"ssh-keygen ended with {process.returncode}"
         advice = "ssh-keygen -t ed25519 -f run.key makes one"
-        raise SealError(f"{key}: is not a key that can sign ({why:.300}); {advice}")
+        raise SealError(f"{key}: is not a key that can sign ({reason:.300}); {advice}")
 
 
 def _run(command: Sequence[str], folder: Path) -> "subprocess.CompletedProcess[str]":
@@ -141,18 +147,18 @@ def _run(command: Sequence[str], folder: Path) -> "subprocess.CompletedProcess[s
     return _ssh_keygen([*command, "-s", str(folder / SIGNATURE)], content)
 
 
-def _ssh_keygen(command: Sequence[str], said: str = "") -> "subprocess.CompletedProcess[str]":
+def _ssh_keygen(command: Sequence[str], content: str = "") -> "subprocess.CompletedProcess[str]":
     try:
         return subprocess.run(
             ["ssh-keygen", *command],
-            input=said,
+            input=content,
             capture_output=True,
             text=True,
-            timeout=_PATIENCE,
+            timeout=_TIMEOUT_S,
             check=False,
         )
     except FileNotFoundError:
-        needed = "signatures need ssh-keygen, version 8.2 or later"
-        raise MissingDependencyError(f"{needed}: apt install openssh-client") from None
+        requirement = "signatures need ssh-keygen, version 8.2 or later"
+        raise MissingDependencyError(f"{requirement}: apt install openssh-client") from None
     except subprocess.TimeoutExpired:
-        raise SealError(f"ssh-keygen did not answer within {_PATIENCE:g} s") from None
+        raise SealError(f"ssh-keygen did not answer within {_TIMEOUT_S:g} s") from None

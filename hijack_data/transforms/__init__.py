@@ -8,18 +8,22 @@
 A sample is a dictionary, a tuple with a dictionary in it, or a picture alone. Its pictures are PIL
 images, uint8 tensors `[3, H, W]` or NumPy and JAX arrays `[H, W, 3]`, also lists and stacks of
 them (`[T, 3, H, W]`), that are the sample itself, the first item of a tuple, or under a name of a
-picture (`hijack_data.sample_pictures`); all of them follow one plan. Bounding boxes, key points and masks
-of `tv_tensors` follow the pixels, and so do the entries that `hijack_data.samples` names and those
-that `labels=` declares. If the size changes, any other entry that is not harmless by its type is an
-error (`hijack_data.labels.undeclared_entries`).
+picture (`hijack_data.sample_pictures`); all of them follow one plan. Bounding boxes, key points and
+masks of `tv_tensors` follow the pixels, and so do the entries that `hijack_data.samples` names and
+those that `labels=` declares. If the size changes, any other entry that is not harmless by its type
+is an error (`hijack_data.labels.undeclared_entries`).
 
 The `id` of a sample, the seed and the epoch decide its corruption, not the worker, the order or a
 global generator. A batch has a list of ids, and a picture, list or stack of pictures for each; it
 gets a plan for each id.
 """
 
+from __future__ import annotations
+
+import inspect
 from collections.abc import Callable, Iterable, Mapping
 from collections.abc import Sequence as SequenceOf
+from types import MappingProxyType
 from typing import Any
 
 from .. import compose, corruptions, extras
@@ -35,6 +39,7 @@ extras.require("hijack_data.transforms", "torch", ("torch", "torchvision"))
 
 from .base import Corrupt, unwrap_planner  # noqa: E402 - these import torch
 from .sample_parts import PICTURE_KEYS, DatasetRow, sample_content_id  # noqa: E402
+from .signatures import explicit  # noqa: E402
 
 __all__ = [
     "PICTURE_KEYS",
@@ -51,99 +56,175 @@ __all__ = [
 ]
 
 
-_SHARED = (
-    "seed",
-    "id_from",
-    "label_policy",
-    "return_plan",
-    "id_key",
-    "image_key",
-    "p",
-    "labels",
-    "target",
-)
-
-
 class _Named(Corrupt):
     """A transform named after one corruption."""
 
     spec: type[Corruption]
+    defaults: Mapping[str, Any] = MappingProxyType({})
 
     def __init__(self, *, severity: int | None = None, **values: Any) -> None:
-        shared = {key: values.pop(key) for key in _SHARED if key in values}
-        super().__init__(self.spec.at(3 if severity is None else severity, **values), **shared)
+        names = inspect.signature(Corrupt).parameters
+        shared = {key: values.pop(key) for key in names if key in values}
+        level = 3 if severity is None else severity
+        super().__init__(self.spec.at(level, **{**self.defaults, **values}), **shared)
 
 
+@explicit(corruptions.PopUps)
 class PopUps(_Named):
-    """Pop-up windows: `PopUps(seed=3, small_factor=2, ...)` takes the parameters of `hj.PopUps`."""
+    """Covers a part of each screen with a pop-up window that asks to be clicked.
+
+    Raises:
+        UnknownNameError: an argument is not a parameter; the message suggests the closest one.
+        ParameterError: a value is out of its range.
+        ParameterTypeError: a value has the wrong type.
+
+    Example:
+        >>> corrupt = tr.PopUps(seed=3, small_factor=2)
+        >>> corrupt({"image": image, "id": "traj-3/0"})["image"].shape  # uint8 [3, H, W]
+        torch.Size([3, 1080, 1920])
+    """
 
     spec = corruptions.PopUps
 
 
+@explicit(corruptions.Marks)
 class Marks(_Named):
-    """Marks over the screen: `Marks(seed=3, number=100)` takes the parameters of `hj.Marks`."""
+    """Strews stars, circles or rectangles over each screen.
+
+    Raises:
+        UnknownNameError: an argument is not a parameter; the message suggests the closest one.
+        ParameterError: a value is out of its range.
+        ParameterTypeError: a value has the wrong type.
+
+    Example:
+        >>> corrupt = tr.Marks(seed=3, number=100, color="blue")
+        >>> corrupt({"image": image, "id": "traj-3/0"})["image"].shape  # uint8 [3, H, W]
+        torch.Size([3, 1080, 1920])
+    """
 
     spec = corruptions.Marks
 
 
+@explicit(corruptions.Subtitle, defaults={"fit": "shrink"})
 class Subtitle(_Named):
-    """Lines of text: `Subtitle(seed=3, position="top")` takes the parameters of `hj.Subtitle`.
+    """Writes outlined lines of text at the top, centre or bottom of each screen.
 
     Lines that do not fit a picture are shrunk, since pictures of a training set differ in size;
     `fit="error"` raises instead.
+
+    Raises:
+        UnknownNameError: an argument is not a parameter; the message suggests the closest one.
+        ParameterError: a value is out of its range.
+        ParameterTypeError: a value has the wrong type.
+
+    Example:
+        >>> corrupt = tr.Subtitle(seed=3, position="top")
+        >>> corrupt({"image": image, "id": "traj-3/0"})["image"].shape  # uint8 [3, H, W]
+        torch.Size([3, 1080, 1920])
     """
 
     spec = corruptions.Subtitle
-
-    def __init__(self, *, severity: int | None = None, **values: Any) -> None:
-        super().__init__(severity=severity, **{"fit": "shrink", **values})
+    defaults = MappingProxyType({"fit": "shrink"})
 
 
+@explicit(corruptions.Resolution)
 class Resolution(_Named):
-    """The screen at another resolution.
+    """Resizes each screen; boxes, points and actions of the sample follow the pixels.
 
-    `Resolution(scale=0.5, restore=True)` keeps the shape of the batch.
+    `restore=True` scales back, and keeps the shape of the batch.
+
+    Raises:
+        UnknownNameError: an argument is not a parameter; the message suggests the closest one.
+        ParameterError: a value is out of its range.
+        ParameterTypeError: a value has the wrong type.
+
+    Example:
+        >>> corrupt = tr.Resolution(seed=3, scale=0.5)
+        >>> corrupt({"image": image, "id": "traj-3/0"})["image"].shape  # uint8 [3, H/2, W/2]
+        torch.Size([3, 540, 960])
     """
 
     spec = corruptions.Resolution
 
 
+@explicit()
 class OneOf(Corrupt):
     """One of several corruptions, drawn for each sample.
 
-    For example `OneOf([Marks(), Subtitle()], seed=3, p_clean=0.2, weights=[2, 1])`.
+    Args:
+        options: corruptions, combinators or transforms.
+        p_clean: probability that a sample stays clean, 0..1.
+        weights: relative weights of the options, finite and >= 0; equal by default.
+
+    Raises:
+        ParameterError: there are no options, or a number is out of its range.
+        ParameterTypeError: an option plans nothing, or a value has the wrong type.
+
+    Example:
+        >>> corrupt = tr.OneOf([tr.Marks(), tr.Subtitle()], seed=3, p_clean=0.2, weights=[2, 1])
+        >>> corrupt({"image": image, "id": "traj-3/0"})["image"].shape  # uint8 [3, H, W]
+        torch.Size([3, 1080, 1920])
     """
 
     def __init__(
         self,
-        options: "Iterable[Planner | Corrupt]",
+        options: Iterable[Planner | Corrupt],
         *,
         p_clean: float = 0.0,
         weights: SequenceOf[float] | None = None,
         **shared: Any,
     ) -> None:
         planners = [unwrap_planner(option) for option in options]
-        chosen = compose.OneOf(planners, p_clean=p_clean, weights=weights)
-        super().__init__(chosen, **shared)
+        planner = compose.OneOf(planners, p_clean=p_clean, weights=weights)
+        super().__init__(planner, **shared)
 
 
+@explicit()
 class Sequence(Corrupt):
-    """Several corruptions in order: `Sequence([Resolution(scale=0.5), Marks()], seed=3)`."""
+    """Several corruptions of each sample, one after the other.
 
-    def __init__(self, parts: "Iterable[Planner | Corrupt]", **shared: Any) -> None:
-        super().__init__(compose.Sequence([unwrap_planner(p) for p in parts]), **shared)
+    Args:
+        parts: corruptions, combinators or transforms, in their order.
+
+    Raises:
+        ParameterError: there are no parts, or a number is out of its range.
+        ParameterTypeError: a part plans nothing, or a value has the wrong type.
+
+    Example:
+        >>> corrupt = tr.Sequence([tr.Resolution(scale=0.5), tr.Marks()], seed=3)
+        >>> corrupt({"image": image, "id": "traj-3/0"})["image"].shape  # uint8 [3, H/2, W/2]
+        torch.Size([3, 540, 960])
+    """
+
+    def __init__(self, parts: Iterable[Planner | Corrupt], **shared: Any) -> None:
+        super().__init__(compose.Sequence([unwrap_planner(part) for part in parts]), **shared)
 
 
+@explicit()
 class Schedule(Corrupt):
     """A corruption that changes with the epoch.
 
-    `at` must be picklable (a module-level function) for workers.
+    Args:
+        at: called with the epoch, an integer >= 0, returns the planner for it; must be picklable (a
+            module-level function) for workers.
+
+    Raises:
+        ParameterTypeError: `at` is not callable, or returns something that plans nothing.
+
+    Example:
+        >>> def harder(epoch):
+        ...     return hj.Marks(number=10 * (1 + epoch))
+        >>> corrupt = tr.Schedule(harder, seed=3)
+        >>> corrupt.set_epoch(2)
+        >>> corrupt({"image": image, "id": "traj-3/0"})["image"].shape  # uint8 [3, H, W]
+        torch.Size([3, 1080, 1920])
     """
 
-    def __init__(self, at: "Callable[[int], Planner]", **shared: Any) -> None:
+    def __init__(self, at: Callable[[int], Planner], **shared: Any) -> None:
         super().__init__(compose.Schedule(at), **shared)
 
 
+@explicit()
 class FromConfig(Corrupt):
     """One of a configuration's corruptions for each sample, or always the one named `label`.
 
@@ -151,12 +232,28 @@ class FromConfig(Corrupt):
         source: a path, the name of a packaged configuration, or a mapping; see
             `hijack_data.config`.
         label: use this entry only.
-        p_clean: probability that a sample stays clean.
-        shared: the arguments of `Corrupt`; the seed is the configuration's by default.
+        p_clean: probability that a sample stays clean, 0..1.
+        seed: 0 to 2**64 - 1; the configuration's by default.
+
+    Raises:
+        ConfigError: the configuration has mistakes; the message lists all of them.
+        ParameterError: the configuration has no corruption `label`, or a number is out of its
+            range.
+
+    Example:
+        >>> corrupt = tr.FromConfig("paper", label="marks")
+        >>> corrupt({"image": image, "id": "traj-3/0"})["image"].shape  # uint8 [3, H, W]
+        torch.Size([3, 1080, 1920])
     """
 
     def __init__(
-        self, source: Any, *, label: str | None = None, p_clean: float = 0.0, **shared: Any
+        self,
+        source: Any,
+        *,
+        label: str | None = None,
+        p_clean: float = 0.0,
+        seed: int | None = None,
+        **shared: Any,
     ) -> None:
         config = load_config(source)
         if label is not None and label not in config.corruptions:
@@ -164,25 +261,39 @@ class FromConfig(Corrupt):
                 f"{config.source} has no corruption {label!r}; it has"
                 f" {', '.join(config.corruptions)}"
             )
-        chosen = list(config.corruptions.values()) if label is None else [config.corruptions[label]]
+        planners = (
+            list(config.corruptions.values()) if label is None else [config.corruptions[label]]
+        )
         super().__init__(
-            compose.OneOf(chosen, p_clean=p_clean),
-            **{"seed": config.options.get("seed", 0), **shared},
+            compose.OneOf(planners, p_clean=p_clean),
+            seed=config.options.get("seed", 0) if seed is None else seed,
+            **shared,
         )
 
 
+@explicit(without=("p",))
 class Replay(Corrupt):
     """Applies saved plans.
 
     Args:
         plan: a `Plan` or its JSON text for every sample, a mapping from ids to those, or `None` to
             take the plan that the sample carries under `"plan"`.
+
+    Raises:
+        ParameterError: `p` is passed, or a sample has no plan.
+        ParameterTypeError: a plan is neither a `Plan` nor its JSON text.
+        PlanError: the JSON text of a plan is damaged.
+
+    Example:
+        >>> plan = hj.Marks().plan(hj.Scene(size=(1080, 1920)), seed=3, sample="traj-3/0")
+        >>> tr.Replay(plan)({"image": image})["image"].shape  # uint8 [3, H, W]
+        torch.Size([3, 1080, 1920])
     """
 
     seeded = False
 
     def __init__(
-        self, plan: "Plan | str | Mapping[Any, Plan | str] | None" = None, **shared: Any
+        self, plan: Plan | str | Mapping[Any, Plan | str] | None = None, **shared: Any
     ) -> None:
         if "p" in shared:
             raise ParameterError(
@@ -231,13 +342,13 @@ def __getattr__(name: str) -> Any:
     Raises:
         AttributeError: always.
     """
-    if name in {find_corruption(known).__name__ for known in corruption_names()}:
+    if name in {find_corruption(corruption).__name__ for corruption in corruption_names()}:
         advice = (
             "build a dataset with it (hijack build), or wrap a corruption of your own that draws:"
             " Corrupt(planner)"
         )
-        why = "it changes the machine, not the picture"
-        raise AttributeError(f"hijack_data.transforms has no {name}: {why}; {advice}")
+        reason = "it changes the machine, not the picture"
+        raise AttributeError(f"hijack_data.transforms has no {name}: {reason}; {advice}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}{suggest(name, __all__)}")
 
 

@@ -1,5 +1,7 @@
 """The base of all transforms: it takes a sample or batch apart, plans and applies."""
 
+from __future__ import annotations
+
 import importlib
 from typing import Any, cast
 
@@ -78,16 +80,28 @@ class Corrupt(v2.Transform):
             `hijack_data.labels`.
         target: the declared entry that must stay visible; see `hijack_data.labels.Labels`.
 
-    Raises `ParameterError`, `ImageError` or `ImageTypeError` for a sample that cannot be corrupted,
-    and `LabelError` if an entry has the shape of a picture and is not known as one, if a plan moves
-    pixels and entries are neither harmless nor declared, or if a label cannot follow.
+    A call takes one sample or a batch and returns a corrupted copy; see the module for the pictures
+    and labels that a sample may hold. It raises `ParameterError`, `ImageError` or `ImageTypeError`
+    for a sample that cannot be corrupted, and `LabelError` if an entry has the shape of a picture
+    and is not known as one, if a plan moves pixels and entries are neither harmless nor declared,
+    or if a label cannot follow.
+
+    Raises:
+        ParameterError: a value is out of its range, or an inner transform has settings of its own.
+        ParameterTypeError: a value has the wrong type, or `planner` plans nothing.
+
+    Example:
+        >>> corrupt = tr.Corrupt(hj.Marks(number=100), seed=3, label_policy="avoid")
+        >>> sample = {"image": image, "id": "traj-3/0", "target": (220, 65)}
+        >>> corrupt(sample)["image"].shape  # uint8 [3, H, W]
+        torch.Size([3, 1080, 1920])
     """
 
     seeded = True  # whether plans are drawn from the seed; those of `Replay` are given
 
     def __init__(
         self,
-        planner: "Planner | Corrupt",
+        planner: Planner | Corrupt,
         *,
         seed: int = 0,
         id_from: str = "entry",
@@ -104,9 +118,11 @@ class Corrupt(v2.Transform):
             raise ParameterError(f"id_from must be entry or content, got {id_from!r}")
         if return_plan not in (True, False, "json"):
             raise ParameterError(f"return_plan must be True, False or 'json', got {return_plan!r}")
-        chosen = sometimes(unwrap_planner(planner), p)
-        known = make_labels(labels, target, image_key)
-        self.settings = SamplePlanner(chosen, scalar(seed, "seed", 0), label_policy, id_key, known)
+        acting = sometimes(unwrap_planner(planner), p)
+        declared = make_labels(labels, target, image_key)
+        self.settings = SamplePlanner(
+            acting, scalar(seed, "seed", 0), label_policy, id_key, declared
+        )
         self.id_from = id_from
         self.image_key = image_key
         self.return_plan = return_plan
@@ -132,11 +148,11 @@ class Corrupt(v2.Transform):
         count = self._count(entries)
         if count is not None:
             return rebuild({**entries, **self._corrupt_batch(entries, count)})
-        known = plain(entries)
+        readable = plain(entries)
         changes = self.settings.corrupt(
             entries,
-            known,
-            lambda size, pictures: self._plan(size, known, pictures),
+            readable,
+            lambda size, pictures: self._plan(size, readable, pictures),
             seed=self._seed,
             return_plan=self.return_plan,
         )
@@ -159,23 +175,25 @@ class Corrupt(v2.Transform):
         of_batch, _ = find_pictures(entries, labels.is_picture)
         arrays = check_pictures(entries, of_batch, count)
         shared = {key for key, value in entries.items() if is_tensor(value, *FOLLOWING)}
-        known = plain(entries)
-        rows = self._rows(known, count, {picture.path[0] for picture in of_batch})
+        readable = plain(entries)
+        rows = self._rows(readable, count, {picture.path[0] for picture in of_batch})
         pictures = [find_pictures(row, labels.is_picture) for row in rows]
         plans = [
-            self._plan(common_size(mine), row, mine)
-            for row, (mine, _) in zip(rows, pictures, strict=True)
+            self._plan(common_size(row_pictures), row, row_pictures)
+            for row, (row_pictures, _) in zip(rows, pictures, strict=True)
         ]
         changes: dict[str, Any] = {
             key: follow_tensor(entries[key], plans) for key in shared - labels.unchanged_paths
         }
         changes |= {key: apply_to_array(plans, entries[key]) for key in arrays}
-        each: list[dict[str, Any]] = []
-        for i, (plan, row, (mine, unclear)) in enumerate(zip(plans, rows, pictures, strict=True)):
-            new = corrupted_pixels(plan, [p for p in mine if p.path[0] not in arrays])
-            keys = {picture.path[0] for picture in mine} - set(arrays)
+        changed_rows: list[dict[str, Any]] = []
+        for i, (plan, row, (row_pictures, unclear)) in enumerate(
+            zip(plans, rows, pictures, strict=True)
+        ):
+            new = corrupted_pixels(plan, [p for p in row_pictures if p.path[0] not in arrays])
+            keys = {picture.path[0] for picture in row_pictures} - set(arrays)
             out = {key: swapped(row[key], new) for key in keys}
-            main = mine[0]
+            main = row_pictures[0]
             after = new.get(id(main.pixels))
             if after is None:
                 after = changes[main.path[0]][i]
@@ -184,9 +202,11 @@ class Corrupt(v2.Transform):
             )
             if self.return_plan:
                 out |= self.settings.plan_entries(plan, row, self.return_plan)
-            each.append(out)
-        for key in dict.fromkeys(key for out in each for key in out):
-            values = [out.get(key, row.get(key)) for out, row in zip(each, rows, strict=True)]
+            changed_rows.append(out)
+        for key in dict.fromkeys(key for out in changed_rows for key in out):
+            values = [
+                out.get(key, row.get(key)) for out, row in zip(changed_rows, rows, strict=True)
+            ]
             changes[key] = joined(values, entries.get(key))
         return changes
 
@@ -242,7 +262,7 @@ class Corrupt(v2.Transform):
         return self.settings.plan(size, row, key, int(self._epoch.item()))
 
 
-def unwrap_planner(value: "Planner | Corrupt") -> Planner:
+def unwrap_planner(value: Planner | Corrupt) -> Planner:
     """Return the planner of a value, which is a planner or a transform.
 
     Raises:
@@ -266,10 +286,11 @@ def unwrap_planner(value: "Planner | Corrupt") -> Planner:
         "image_key": (value.image_key, None),
         "labels": (settings.labels, None) if settings.labels.formats else (None, None),
     }
-    for setting, (given, default) in inner.items():
-        if given != default:
+    for setting, (setting_value, default) in inner.items():
+        if setting_value != default:
             raise ParameterError(
-                f"{name} with {setting}={given!r} is inside another transform, which reads samples"
-                f" and draws for all of its parts; give {setting}= to the outer transform alone"
+                f"{name} with {setting}={setting_value!r} is inside another transform, which"
+                f" reads samples and draws for all of its parts; give {setting}= to the outer"
+                " transform alone"
             )
     return settings.planner

@@ -49,12 +49,12 @@ def unpack(sample: Any) -> tuple[dict[str, Any], Rebuild]:
     }
 
     def rebuild(entries: dict[str, Any]) -> Any:
-        rest = {key: value for key, value in entries.items() if key not in names}
-        if at is None and rest:
+        named = {key: value for key, value in entries.items() if key not in names}
+        if at is None and named:
             raise ParameterError(
                 "return_plan=True needs a dictionary in the sample to put the plan in"
             )
-        new = [rest if i == at else entries[name] for i, name in enumerate(names)]
+        new = [named if i == at else entries[name] for i, name in enumerate(names)]
         return rebuilt(sample, new) if is_sequence else entries[FIRST_ITEM]
 
     return entries, rebuild
@@ -139,8 +139,8 @@ def joined(values: list[Any], like: Any) -> Any:
         arrays = [np.asarray(value, cast(Any, like).dtype) for value in values]
         return np.stack(arrays) if len({array.shape for array in arrays}) == 1 else values
     if hasattr(cast(Any, like), "__array_namespace__") and like.ndim:  # JAX
-        same = len({tuple(value.shape) for value in values}) == 1
-        return like.__array_namespace__().stack(values) if same else values
+        same_shape = len({tuple(value.shape) for value in values}) == 1
+        return like.__array_namespace__().stack(values) if same_shape else values
     return values
 
 

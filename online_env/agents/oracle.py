@@ -11,7 +11,7 @@ import threading
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hijack_data.actions.allowed import REINIT
+from hijack_data.actions.agent_actions import REINIT
 from hijack_data.coords import CoordMap
 from hijack_data.errors import HijackError
 from hijack_data.types import Size, UInt8Array

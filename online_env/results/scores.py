@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import fmean
 from typing import Any, NamedTuple, TypeAlias
 
+from hijack_data.corruption import corruption_names, find_corruption
 from hijack_data.plan import CLEAN
 
 from .records import ResultRecord
@@ -214,7 +215,7 @@ def unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, str]) -
         corruptions: the name of each label; only a corruption with effects on the machine can come
             too late.
     """
-    acting = {name for name in names() if find(name).effects}
+    acting = {name for name in corruption_names() if find_corruption(name).effects}
     waiting = {label for label, name in corruptions.items() if name in acting}
     scored = [r for r in records if r["status"] == "ok" and r["corruption"] in waiting]
     return sum(not record.get("effects") for record in scored)

@@ -8,7 +8,7 @@ import re
 import time
 from collections.abc import Callable, Iterable
 
-from hijack_data.actions.allowed import REINIT
+from hijack_data.actions.agent_actions import REINIT
 
 from ..desktops.protocol import Desktop
 from ..errors import DesktopTimeoutError

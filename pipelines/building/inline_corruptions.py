@@ -16,7 +16,7 @@ from typing import Any
 import yaml
 
 from hijack_data import params
-from hijack_data.corruption import Corruption, check_names
+from hijack_data.corruption import Corruption, check_names, find_corruption
 from hijack_data.errors import HijackError, suggest
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
@@ -155,7 +155,7 @@ def _item(text: str, start: int, end: int, after: str) -> _Item:
 
 
 def _planner(entry: _Entry) -> tuple[str, Planner]:
-    cls = find(entry.name)
+    cls = find_corruption(entry.name)
     make: Callable[..., Planner] = cls
     values: dict[str, Any] = {}
     label = cls.name

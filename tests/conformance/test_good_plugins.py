@@ -8,15 +8,15 @@ from hijack_data.conformance import fresh_processes
 from support.bad_declarations import LEVELS
 
 NEEDS = "@property\ndef needs_elements(self): return True"
-HALF = 'half: int = hj.param(9, "Radius", low=1)'
+HALF = 'half: int = param(9, "Radius", low=1)'
 LOCKS = 'effects: ClassVar[tuple[str, ...]] = ("lock",)'
-LOCK = 'hj.Draft(effects=(hj.Effect("lock", {}),))'
+LOCK = 'Draft(effects=(Effect("lock", {}),))'
 GOOD = {
     "a disc": {},
     "a disc that speaks at import": {"top": "print('hello', file=sys.stderr)\nprint('hello')"},
     "five severities": {"about": LEVELS.format(third="{}", fifth="{'half': 99}")},
     "a disc that is never drawn by chance": {"chance": "x = y = 5"},
-    "a fixed disc": {"code": "", "draft": "hj.Draft((hj.Paste(recipe, ((5, 5),)),))"},
+    "a fixed disc": {"code": "", "draft": "Draft((Paste(recipe, ((5, 5),)),))"},
     "a generator of its own, seeded by the stream": {
         "code": "x = int(np.random.default_rng(stream.word()).integers(900))"
     },
@@ -29,11 +29,9 @@ GOOD = {
         "methods": "@functools.cached_property\ndef double(self): return 2 * self.half",
         "code": "size = self.double",
     },
-    "pixels of its own": {
-        "recipe": "hj.png_recipe(np.full((9, 9, 4), (0, 255, 0, 200), np.uint8))"
-    },
+    "pixels of its own": {"recipe": "png_recipe(np.full((9, 9, 4), (0, 255, 0, 200), np.uint8))"},
     "a smaller screen": {
-        "draft": "hj.Draft((hj.Resample((max(1, height // 2), max(1, width // 2))),))",
+        "draft": "Draft((Resample((max(1, height // 2), max(1, width // 2))),))",
         "code": "x = 0",
     },
     "the first box": {
@@ -45,11 +43,11 @@ GOOD = {
         "methods": NEEDS,
         "code": "b = scene.boxes.copy(); b.sort(axis=0); x = int(b[0][0]) if len(b) else 0",
     },
-    "nothing, and says so": {"draft": 'hj.Draft(notes=("nothing to draw",))'},
+    "nothing, and says so": {"draft": 'Draft(notes=("nothing to draw",))'},
     "a state": {"scope": f'scope: ClassVar[str] = "state"\n{LOCKS}', "draft": LOCK},
     "a transition": {
         "scope": f'scope: ClassVar[str] = "transition"\n{LOCKS}',
-        "fields": f'{HALF}\nstep: Any = hj.param(3, "When", kind="steps", low=0)',
+        "fields": f'{HALF}\nstep: Any = param(3, "When", kind="steps", low=0)',
         "draft": LOCK,
     },
     "a screen that is too small": {

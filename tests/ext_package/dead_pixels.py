@@ -5,21 +5,21 @@ from typing import ClassVar
 
 import numpy as np
 
-import hijack_data as hj
+from hijack_data.plugin import Corruption, Draft, Paste, param, png_recipe, register
 
 
-@hj.register
+@register
 @dataclass(frozen=True)
-class DeadPixels(hj.Corruption):
+class DeadPixels(Corruption):
     """Burns single-coloured dots into the screen."""
 
     name: ClassVar[str] = "dead_pixels"
     category: ClassVar[str] = "visual_disruptor"
     scope: ClassVar[str] = "observation"
 
-    number: int = hj.param(20, "How many dots", low=0, high=10_000)
-    side: int = hj.param(3, "Side of a dot in pixels", low=1, high=64)
-    opacity: int = hj.param(200, "0 is invisible, 255 opaque", low=0, high=255)
+    number: int = param(20, "How many dots", low=0, high=10_000)
+    side: int = param(3, "Side of a dot in pixels", low=1, high=64)
+    opacity: int = param(200, "0 is invisible, 255 opaque", low=0, high=255)
 
     def make_plan(self, scene, stream, step):
         """Draw a place for each dot."""
@@ -30,4 +30,4 @@ class DeadPixels(hj.Corruption):
             (stream.integer(0, width - 1), stream.integer(0, height - 1))
             for _ in range(self.number)
         )
-        return hj.Draft(ops=(hj.Paste(hj.png_recipe(rgba), at),))
+        return Draft(ops=(Paste(png_recipe(rgba), at),))

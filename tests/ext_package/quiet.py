@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-import hijack_data as hj
+from hijack_data.plugin import Corruption, Draft, Effect, Paste, param, png_recipe, register
 from online_env.effects import LiveEffect, Probe, Undone
 from online_env.effects import register as register_effect
 from pipelines.edits import Edit
@@ -18,9 +18,9 @@ FLAG = "/tmp/quiet-hours"
 SIDE = 24
 
 
-@hj.register
+@register
 @dataclass(frozen=True)
-class QuietHours(hj.Corruption):
+class QuietHours(Corruption):
     """Turns notifications off."""
 
     name: ClassVar[str] = "quiet_hours"
@@ -28,12 +28,12 @@ class QuietHours(hj.Corruption):
     scope: ClassVar[str] = "state"
     effects: ClassVar[tuple[str, ...]] = ("quiet",)
 
-    step: int = hj.param(0, "When it happens", low=0, high=1000)
-    hours: int = hj.param(8, "For how long", low=1, high=24)
+    step: int = param(0, "When it happens", low=0, high=1000)
+    hours: int = param(8, "For how long", low=1, high=24)
 
     def make_plan(self, scene, stream, step):
         """One effect."""
-        return hj.Draft(effects=(hj.Effect("quiet", {"hours": self.hours}),))
+        return Draft(effects=(Effect("quiet", {"hours": self.hours}),))
 
 
 @register_effect
@@ -78,7 +78,7 @@ class QuietEdit(Edit):
         """Draw the bell."""
         rgba = np.full((SIDE, SIDE, 4), 255, np.uint8)
         rgba[np.eye(SIDE, dtype=bool)] = (200, 0, 0, 255)
-        sign = hj.Paste(hj.png_recipe(rgba), ((frame.scene.size[1] - SIDE, 0),))
+        sign = Paste(png_recipe(rgba), ((frame.scene.size[1] - SIDE, 0),))
         return self.make_step(
             ops=(sign,), fidelity="composited", detail=str(effect.params["hours"])
         )

@@ -24,7 +24,7 @@ UPDATE = os.environ.get("AGENTHIJACK_UPDATE_GOLDEN") == "1"
 SIZE = (720, 1280)
 
 CASES = {
-    **{name: (name, {}) for name in hj.names()[:9]},
+    **{name: (name, {}) for name in hj.corruption_names()[:9]},
     "pop_ups-top": ("pop_ups", {"attack_position": "top", "small_factor": 2, "edge_thickness": 5}),
     "pop_ups-random": (
         "pop_ups",
@@ -52,7 +52,9 @@ CASES = {
 
 def made(case: str) -> tuple[hj.Plan, np.ndarray]:
     name, values = CASES[case]
-    return hj.get(name, **values).plan(scene(SIZE), seed=20260, sample="golden"), picture(SIZE)
+    return hj.make_corruption(name, **values).plan(
+        scene(SIZE), seed=20260, sample="golden"
+    ), picture(SIZE)
 
 
 def sha(image) -> str:

@@ -283,12 +283,13 @@ def test_a_picture_that_cannot_show_an_effect_is_refused_not_copied(tmp_path):
 def test_check_finds_a_bad_plugin(tmp_path):
     plugin = tmp_path / "bad.py"
     plugin.write_text(
-        "import random\nfrom dataclasses import dataclass\nfrom typing import ClassVar\nimport"
-        " hijack_data as hj\n@hj.plugin.register\n@dataclass(frozen=True)\nclass Bad(hj.plugin.Corruption):\n   "
-        ' """Uses the global generator."""\n    name: ClassVar[str] = "bad"\n    category:'
+        "import random\nfrom dataclasses import dataclass\nfrom typing import ClassVar\n"
+        "from hijack_data.plugin import Corruption, Draft, Paste, register\n"
+        "@register\n@dataclass(frozen=True)\nclass Bad(Corruption):\n"
+        '    """Uses the global generator."""\n    name: ClassVar[str] = "bad"\n    category:'
         ' ClassVar[str] = "visual_disruptor"\n    scope: ClassVar[str] = "observation"\n    def'
         " make_plan(self, scene, stream, step):\n        at = ((random.randint(0, 9), 0),)\n       "
-        ' return hj.plugin.Draft(ops=(hj.plugin.Paste({"draw": "mark", "shape": "star", "size": 9, "color":'
+        ' return Draft(ops=(Paste({"draw": "mark", "shape": "star", "size": 9, "color":'
         ' "red"}, at),))\n'
     )
     done = run("check", plugin, command=lean.HIJACK)

@@ -12,15 +12,11 @@ from hijack_data.runs.privileged_inputs import (
 @pytest.mark.parametrize(
     ("record", "given"),
     [
-        ({"version": 3, "agent": "x", "given": []}, ()),
-        ({"version": 3, "agent": "x", "given": ["plan", "task"]}, ("task", "plan")),
-        ({"version": 3, "agent": "pixel", "given": None}, None),
-        ({"version": 3, "agent": "pixel"}, None),
-        ({"version": 2, "agent": "pixel"}, ("plan",)),
-        ({"agent": "recovering"}, ("task",)),
-        ({"version": 2, "agent": "random"}, ()),
-        ({"version": 2, "agent": "mine.py:Mine"}, None),
-        ({"version": 3, "agent": "x", "given": "plan"}, None),
+        ({"agent": "x", "given": []}, ()),
+        ({"agent": "x", "given": ["plan", "task"]}, ("task", "plan")),
+        ({"agent": "pixel", "given": None}, None),
+        ({"agent": "pixel"}, None),
+        ({"agent": "x", "given": "plan"}, None),
     ],
 )
 def test_a_record_tells_or_does_not(record, given):
@@ -28,7 +24,7 @@ def test_a_record_tells_or_does_not(record, given):
 
 
 def test_what_nobody_knows_is_left_out():
-    records = [{"version": 3, "given": given} for given in ([], None, ["plan"], ["plan"])]
+    records = [{"given": given} for given in ([], None, ["plan"], ["plan"])]
     assert collect_privileged_inputs(records) == {(), ("plan",)}
 
 

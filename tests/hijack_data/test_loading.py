@@ -111,7 +111,7 @@ def test_two_files_with_one_name_are_an_error(tmp_path):
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("x = 1\n", "registers nothing; decorate a class with @hijack_data.register"),
+        ("x = 1\n", "registers nothing; decorate a class with @hijack_data.plugin.register"),
         ("import sys; sys.exit(3)\n", "cannot be imported (line 1): SystemExit: 3"),
         ("x = 1\nraise RuntimeError('boom')\n", "cannot be imported (line 2): RuntimeError: boom"),
         ("def\n", "cannot be imported: SyntaxError"),

@@ -27,7 +27,7 @@ def shaped(thing, _):
 @pytest.fixture
 def tools(monkeypatch, tmp_path):
     """A registry that is forgotten after the test, as are the files that are loaded."""
-    monkeypatch.setattr("hijack_data.registry._registries", list(registries()))
+    monkeypatch.setattr("hijack_data.entries._tables", list(registries()))
     monkeypatch.setenv(loading.VARIABLE, "")
     monkeypatch.setattr(loading, "_files", {})
     monkeypatch.chdir(tmp_path)

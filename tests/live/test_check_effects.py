@@ -20,6 +20,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import hijack_data as hj
+from hijack_data import plugin
+from hijack_data.plugin import Corruption, Draft, Effect, param
 from online_env.effects import LiveEffect, Probe, Undone, register
 
 PLACE = "note-of-a-plug-in"
@@ -48,19 +50,19 @@ class Note(LiveEffect):
 '''
 CORRUPTION = '''
 
-@hj.register
+@plugin.register
 @dataclass(frozen=True)
-class Noted(hj.Corruption):
+class Noted(Corruption):
     """Leaves a note."""
 
     name: ClassVar[str] = "noted"
     category: ClassVar[str] = "environment_error"
     scope: ClassVar[str] = "state"
     effects: ClassVar[tuple[str, ...]] = ("note",)
-    step: int = hj.param(-1, "When", kind="steps", low=-1)
+    step: int = param(-1, "When", kind="steps", low=-1)
 
     def make_plan(self, scene, stream, step):
-        return hj.Draft(effects=(hj.Effect("note", {"text": "hello"}),))
+        return Draft(effects=(Effect("note", {"text": "hello"}),))
 '''
 LIES = {
     "sabotage": ('ok = found == record["text"]', "ok = True"),

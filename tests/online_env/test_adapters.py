@@ -32,7 +32,7 @@ SEEN = {"screenshot": np.full((60, 80, 3), 7, np.uint8)}
 class Wrapped:
     """An agent of OSWorld's shape, with the answer that a test wants."""
 
-    def __init__(self, answer=("I wait", ["WAIT"])):
+    def __init__(self, answer=("I wait", ["WAIT"])):  # noqa: B006
         self.answer, self.asked, self.resets = answer, [], []
 
     def reset(self, _logger=None, vm_ip=None, **kwargs):

@@ -12,6 +12,7 @@ from hijack_data import corruption as registry
 from hijack_data.cli import hijack
 from hijack_data.errors import AssetError
 from hijack_data.pack import AssetPack
+from hijack_data.plugin import Corruption, Draft, Effect, Every, Stream, register
 from pipelines import build, verify
 from pipelines.dataset.stats import stats
 from pipelines.dataset.stats_page import page
@@ -25,9 +26,9 @@ def test_plug_ins_whose_look_is_not_known_are_refused(
 ) -> None:
     monkeypatch.setattr(registry.CORRUPTIONS, "entries", dict(registry.CORRUPTIONS.entries))
 
-    @hj.register
+    @register
     @dataclass(frozen=True)
-    class Muted(hj.Corruption):
+    class Muted(Corruption):
         """Turns the sound off."""
 
         name: ClassVar[str] = "muted"
@@ -35,8 +36,8 @@ def test_plug_ins_whose_look_is_not_known_are_refused(
         scope: ClassVar[Any] = "state"
         effects: ClassVar[tuple[str, ...]] = ("mute",)
 
-        def make_plan(self, scene: hj.Scene, stream: hj.Stream, step: int) -> hj.Draft:
-            return hj.Draft(effects=(hj.Effect("mute"),))
+        def make_plan(self, scene: hj.Scene, stream: Stream, step: int) -> Draft:
+            return Draft(effects=(Effect("mute"),))
 
     for asked in ("all", "muted", {"x": hj.OneOf([hj.Sequence([Muted()])])}):
         with pytest.raises(
@@ -63,9 +64,9 @@ def test_plug_ins_with_a_known_effect_are_built(
 ) -> None:
     monkeypatch.setattr(registry.CORRUPTIONS, "entries", dict(registry.CORRUPTIONS.entries))
 
-    @hj.register
+    @register
     @dataclass(frozen=True)
-    class Locked(hj.Corruption):
+    class Locked(Corruption):
         """Locks the session at every step."""
 
         name: ClassVar[str] = "locked_out"
@@ -73,8 +74,8 @@ def test_plug_ins_with_a_known_effect_are_built(
         scope: ClassVar[Any] = "state"
         effects: ClassVar[tuple[str, ...]] = ("lock",)
 
-        def make_plan(self, scene: hj.Scene, stream: hj.Stream, step: int) -> hj.Draft:
-            return hj.Draft(effects=(hj.Effect("lock"),))
+        def make_plan(self, scene: hj.Scene, stream: Stream, step: int) -> Draft:
+            return Draft(effects=(Effect("lock"),))
 
     report = build(browsing, tmp_path / "out", corruptions="locked_out", assets=assets)
     assert dict(report.rows) == {"clean": 10, "locked_out": 10}
@@ -147,7 +148,7 @@ def test_a_planner_of_somebody_else_is_built(
 ) -> None:
     planners = {
         "dots": EveryOther(hj.Marks(number=3, mark_size=8)),
-        "locked": EveryOther(hj.OneOf([hj.Verification(step=hj.Every(2))])),
+        "locked": EveryOther(hj.OneOf([hj.Verification(step=Every(2))])),
         "all": hj.Marks(number=3, mark_size=8),
     }
     monkeypatch.setenv("AGENTHIJACK_ASSETS", str(assets))

@@ -34,7 +34,7 @@ REGISTERED = {
     ),
     "no documentation of a parameter": (
         "half has no documentation",
-        {"fields": 'half: int = hj.param(9, "", low=1, high=99)'},
+        {"fields": 'half: int = param(9, "", low=1, high=99)'},
     ),
 }
 
@@ -99,19 +99,19 @@ REFUSED = {
     ),
     "a parameter named severity": (
         "words of the configuration",
-        {"methods": 'severity: int = hj.param(3, "How bad")'},
+        {"methods": 'severity: int = param(3, "How bad")'},
     ),
     "a parameter named like a method": (
         "'plan' is an attribute of every corruption",
-        {"methods": 'plan: int = hj.param(3, "How bad")'},
+        {"methods": 'plan: int = param(3, "How bad")'},
     ),
     "a default out of range": (
         "bar.half must be int in",
-        {"fields": 'half: int = hj.param(0, "Radius in pixels", low=1, high=99)'},
+        {"fields": 'half: int = param(0, "Radius in pixels", low=1, high=99)'},
     ),
     "a default of NumPy": (
         "not JSON serializable",
-        {"fields": 'half: int = hj.param(np.int64(9), "Radius", kind="int", low=1, high=99)'},
+        {"fields": 'half: int = param(np.int64(9), "Radius", kind="int", low=1, high=99)'},
     ),
     "a start that raises": ("ZeroDivisionError", {"methods": "def __post_init__(self): 1 // 0"}),
     "four levels": ("must hold 5 entries", {"about": "severities: ClassVar[Any] = ({},) * 4"}),
@@ -131,9 +131,9 @@ REFUSED = {
     "version 0": ("version must be", {"about": "version: ClassVar[int] = 0"}),
     "a version as text": ("version must be", {"about": 'version: ClassVar[str] = "2"'}),
     "a version that is true": ("version must be", {"about": "version: ClassVar[int] = True"}),
-    "no dataclass": ("must be a frozen dataclass", {"decorators": "@hj.register"}),
+    "no dataclass": ("must be a frozen dataclass", {"decorators": "@register"}),
     "the decorators in the wrong order": (
         "must be a frozen dataclass",
-        {"decorators": "@dataclass(frozen=True)\n@hj.register"},
+        {"decorators": "@dataclass(frozen=True)\n@register"},
     ),
 }

@@ -6,12 +6,12 @@ a check are told in the same words. `load` means that the class is refused when 
 
 from support.bad_declarations import LEVELS, PARAMETERS, REFUSED, REGISTERED
 
-EFFECT = 'hj.Draft(effects=(hj.Effect("lock", {}),))'
+EFFECT = 'Draft(effects=(Effect("lock", {}),))'
 DECLARED = 'effects: ClassVar[tuple[str, ...]] = ("lock", "touch", "x")'
 STATE = {"scope": f'scope: ClassVar[str] = "state"\n{DECLARED}', "draft": EFFECT}
 TRANSITION = {"scope": f'scope: ClassVar[str] = "transition"\n{DECLARED}'}
-AT = "hj.Draft(ops=(hj.Paste(recipe, {}),))"
-HALF = 'half: int = hj.param(9, "Radius", low=1, high=99)'
+AT = "Draft(ops=(Paste(recipe, {}),))"
+HALF = 'half: int = param(9, "Radius", low=1, high=99)'
 RECIPE = 'RECIPE = {"draw": "mark", "shape": "circle", "size": 9, "color": "red"}'
 LOOK = {"font": "DejaVuSans", "size": 20, "color": "red", "edge_color": "red", "edge": 0}
 ONCE = """
@@ -100,14 +100,14 @@ DATA = {
     "NumPy's integer": ("JSON", {"code": "size = np.int64(9)"}),
     "NumPy's float": ("JSON", {"code": "size = np.float32(9)"}),
     "a tuple in a recipe": ("tuples", {"recipe": "{**RECIPE, 'more': (1, 2)}"}),
-    "a set": ("JSON", {"draft": 'hj.Draft(effects=(hj.Effect("x", {"a": {1, 2}}),))'}),
-    "not a number": ("JSON", {"draft": 'hj.Draft(effects=(hj.Effect("x", {"a": math.nan}),))'}),
-    "infinity": ("JSON", {"draft": 'hj.Draft(effects=(hj.Effect("x", {"a": math.inf}),))'}),
+    "a set": ("JSON", {"draft": 'Draft(effects=(Effect("x", {"a": {1, 2}}),))'}),
+    "not a number": ("JSON", {"draft": 'Draft(effects=(Effect("x", {"a": math.nan}),))'}),
+    "infinity": ("JSON", {"draft": 'Draft(effects=(Effect("x", {"a": math.inf}),))'}),
     "bytes": ("JSON", {"recipe": "{**RECIPE, 'more': b'x'}"}),
     "an object": ("JSON", {"recipe": "{**RECIPE, 'more': object()}"}),
     "a number as a key": (
         "tuples|keys must be strings",
-        {"draft": 'hj.Draft(effects=(hj.Effect("x", {1: 2}),))'},
+        {"draft": 'Draft(effects=(Effect("x", {1: 2}),))'},
     ),
     "a place far away": ("pixel coordinates", {"draft": AT.format("((2**21, 0),)")}),
     "a place with a fraction": ("pixel coordinates", {"draft": AT.format("((x + 0.5, y),)")}),
@@ -117,33 +117,30 @@ DATA = {
     "a place of three": ("too many values|pixel coordinates", {"draft": AT.format("((x, y, 0),)")}),
     "operations as a list": (
         "tuples|must be a tuple",
-        {"draft": "hj.Draft(ops=[hj.Paste(recipe, ((x, y),))])"},
+        {"draft": "Draft(ops=[Paste(recipe, ((x, y),))])"},
     ),
     "operations as data": (
         "no attribute 'to_data'|must be a Paste",
-        {"draft": "hj.Draft(ops=(recipe,))"},
+        {"draft": "Draft(ops=(recipe,))"},
     ),
     "effects as a list": (
         "tuples|must be a tuple",
-        {**STATE, "draft": 'hj.Draft(effects=[hj.Effect("lock", {})])'},
+        {**STATE, "draft": 'Draft(effects=[Effect("lock", {})])'},
     ),
     "effects as data": (
         "no attribute 'to_data'|must be an Effect",
-        {**STATE, "draft": 'hj.Draft(effects=({"effect": "lock"},))'},
+        {**STATE, "draft": 'Draft(effects=({"effect": "lock"},))'},
     ),
-    "a note as text": ("can only concatenate tuple", {"draft": 'hj.Draft(notes="nothing")'}),
-    "a number as a note": ("tuples|must be a string", {"draft": "hj.Draft(notes=(5,))"}),
-    "a note of NumPy": ("JSON|must be a string", {"draft": "hj.Draft(notes=(np.int64(5),))"}),
+    "a note as text": ("can only concatenate tuple", {"draft": 'Draft(notes="nothing")'}),
+    "a number as a note": ("tuples|must be a string", {"draft": "Draft(notes=(5,))"}),
+    "a note of NumPy": ("JSON|must be a string", {"draft": "Draft(notes=(np.int64(5),))"}),
     "no plan": ("NoneType", {"draft": "None"}),
-    "operations only": ("no attribute", {"draft": "(hj.Paste(recipe, ((x, y),)),)"}),
+    "operations only": ("no attribute", {"draft": "(Paste(recipe, ((x, y),)),)"}),
     "an unknown drawing": ("not a known drawing", {"recipe": '{"draw": "blob"}'}),
     "half a recipe": ("cannot be drawn|has no field", {"recipe": '{"draw": "mark"}'}),
     "a sprite of no size": ("a sprite of 0x0 pixels", {"code": "size = 0"}),
-    "a picture of no size": (
-        "size must be at least",
-        {"draft": "hj.Draft(ops=(hj.Resample((0, 9)),))"},
-    ),
-    "a size with a fraction": ("two integers", {"draft": "hj.Draft(ops=(hj.Resample((9.5, 9)),))"}),
+    "a picture of no size": ("size must be at least", {"draft": "Draft(ops=(Resample((0, 9)),))"}),
+    "a size with a fraction": ("two integers", {"draft": "Draft(ops=(Resample((9.5, 9)),))"}),
     "an exception": ("ZeroDivisionError", {"code": "1 // 0"}),
     "an assertion": ("AssertionError: no", {"code": "raise AssertionError('no')"}),
     "the end of the program": ("SystemExit", {"code": "raise SystemExit(3)"}),
@@ -226,33 +223,33 @@ ELEMENTS = {
     "an obstacle": {"code": READ.replace("boxes", "obstacles")},
     "how many boxes there are": {"code": "x = len(scene.boxes)"},
     "a box, when asked to": {
-        "fields": f'{HALF}\nnear: bool = hj.param(False, "Draw at a box")',
+        "fields": f'{HALF}\nnear: bool = param(False, "Draw at a box")',
         "code": f"if self.near: {READ}",
     },
     "a box, in one of its modes": {
         "fields": (
-            'half: int = hj.param(9, "Radius", low=1, high=99)\n'
-            'where: str = hj.param("any", "Where", choices=("any", "box"))'
+            'half: int = param(9, "Radius", low=1, high=99)\n'
+            'where: str = param("any", "Where", choices=("any", "box"))'
         ),
         "code": f"if self.where == 'box': {READ}",
     },
     "a box, now and then": {"code": f"if x % 2: {READ}"},
     "boxes in a note": {
-        "draft": 'hj.Draft((hj.Paste(recipe, ((x, y),)),), (), (f"{len(scene.boxes)} boxes",))'
+        "draft": 'Draft((Paste(recipe, ((x, y),)),), (), (f"{len(scene.boxes)} boxes",))'
     },
     "boxes in an effect": {
         **STATE,
-        "draft": 'hj.Draft(effects=(hj.Effect("touch", {"boxes": scene.boxes.tolist()}),))',
+        "draft": 'Draft(effects=(Effect("touch", {"boxes": scene.boxes.tolist()}),))',
     },
 }
 
-BOTH = 'hj.Draft((hj.Paste(recipe, ((x, y),)),), (hj.Effect("lock", {}),))'
-SOMETIMES = 'hj.Draft((hj.Paste(recipe, ((x, y),)),) if {} else (), (hj.Effect("lock", {{}}),))'
+BOTH = 'Draft((Paste(recipe, ((x, y),)),), (Effect("lock", {}),))'
+SOMETIMES = 'Draft((Paste(recipe, ((x, y),)),) if {} else (), (Effect("lock", {{}}),))'
 SCOPES = {
     "state that draws": {**STATE, "draft": BOTH},
-    "state that only draws": {**STATE, "draft": "hj.Draft((hj.Paste(recipe, ((x, y),)),))"},
+    "state that only draws": {**STATE, "draft": "Draft((Paste(recipe, ((x, y),)),))"},
     "transition that draws": {**TRANSITION, "draft": BOTH},
-    "state that resizes": {**STATE, "draft": "hj.Draft((hj.Resample((9, 9)),))"},
+    "state that resizes": {**STATE, "draft": "Draft((Resample((9, 9)),))"},
     "state that draws at its worst": {
         **STATE,
         "about": LEVELS.format(third="{}", fifth="{'half': 99}"),
@@ -262,36 +259,33 @@ SCOPES = {
     "state that draws now and then": {**STATE, "draft": SOMETIMES.format("x % 2")},
     "state with an effect that it does not declare": {
         **STATE,
-        "draft": 'hj.Draft(effects=(hj.Effect("mute", {}),))',
+        "draft": 'Draft(effects=(Effect("mute", {}),))',
     },
     "observation with an effect": {"draft": BOTH},
     "observation with only an effect": {"draft": EFFECT},
 }
 
-FIXED = "hj.Draft(ops=(hj.Paste(recipe, ((-900, 0),)),))"
+FIXED = "Draft(ops=(Paste(recipe, ((-900, 0),)),))"
 VISIBLE = {
-    "nothing": ("no note says why", {"draft": "hj.Draft()"}),
+    "nothing": ("no note says why", {"draft": "Draft()"}),
     "all beside the screen": ("no note says why", {"draft": FIXED}),
-    "a clear sprite": (
-        "no note says why",
-        {"recipe": "hj.png_recipe(np.zeros((9, 9, 4), np.uint8))"},
-    ),
+    "a clear sprite": ("no note says why", {"recipe": "png_recipe(np.zeros((9, 9, 4), np.uint8))"}),
     "nothing at its mildest": (
         "no note says why",
         {
-            "fields": 'half: int = hj.param(9, "Radius", low=0, high=99)',
+            "fields": 'half: int = param(9, "Radius", low=0, high=99)',
             "about": "severities: ClassVar[Any] = ({'half': 0}, {}, {}, {}, {})",
-            "draft": "hj.Draft(ops=(hj.Paste(recipe, ((x, y),)),) if size else ())",
+            "draft": "Draft(ops=(Paste(recipe, ((x, y),)),) if size else ())",
         },
     ),
-    "a state without an effect": ("has no effect", {**STATE, "draft": "hj.Draft()"}),
-    "a transition without an effect": ("has no effect", {**TRANSITION, "draft": "hj.Draft()"}),
+    "a state without an effect": ("has no effect", {**STATE, "draft": "Draft()"}),
+    "a transition without an effect": ("has no effect", {**TRANSITION, "draft": "Draft()"}),
 }
 
 BACKENDS = {
     "a foreign fingerprint": (
         "draws differently",
-        {"draft": 'hj.Draft(ops=(hj.Paste(recipe, ((x, y),), "0" * 16),))'},
+        {"draft": 'Draft(ops=(Paste(recipe, ((x, y),), "0" * 16),))'},
     )
 }
 

@@ -13,11 +13,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 import hijack_data as hj
+from hijack_data.plugin import Corruption, Draft, Effect, Paste, Plan, Resample, Scene
+from hijack_data.plugin import param, png_recipe, register
 
 {top}
 
 {decorators}
-class Bar(hj.Corruption):
+class Bar(Corruption):
     {doc}
 
     {name}
@@ -39,18 +41,18 @@ class Bar(hj.Corruption):
 '''
 SLOTS = {
     "top": "",
-    "decorators": "@hj.register\n@dataclass(frozen=True)",
+    "decorators": "@register\n@dataclass(frozen=True)",
     "doc": '"""Draws a disc."""',
     "name": 'name: ClassVar[str] = "bar"',
     "category": 'category: ClassVar[str] = "visual_disruptor"',
     "scope": 'scope: ClassVar[str] = "observation"',
     "about": "",
-    "fields": 'half: int = hj.param(9, "Radius in pixels", low=1, high=99)',
+    "fields": 'half: int = param(9, "Radius in pixels", low=1, high=99)',
     "methods": "",
     "chance": "x, y = stream.integer(0, width - 1), stream.integer(0, height - 1)",
     "code": "",
     "recipe": '{"draw": "mark", "shape": "circle", "size": size, "color": "red"}',
-    "draft": "hj.Draft(ops=(hj.Paste(recipe, ((x, y),)),))",
+    "draft": "Draft(ops=(Paste(recipe, ((x, y),)),))",
 }
 
 

@@ -3,7 +3,7 @@
 import re
 from typing import ClassVar
 
-from hijack_data.actions.allowed import REINIT
+from hijack_data.actions.agent_actions import REINIT
 
 from ...errors import AgentSetupError
 from ..settings import AgentSettings, KnownError

@@ -8,7 +8,7 @@ modules can be left out: `NoCheck`, `NoSummary`.
 from collections.abc import Sequence
 from typing import ClassVar
 
-from hijack_data.actions.allowed import REINIT
+from hijack_data.actions.agent_actions import REINIT
 from hijack_data.types import UInt8Array
 
 from ...tasks.plan_words import PlanStep, read_plan

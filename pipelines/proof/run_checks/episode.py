@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
-from hijack_data.actions.allowed import REINIT
+from hijack_data.actions.agent_actions import REINIT
 from hijack_data.errors import HijackError
 from hijack_data.plan import CLEAN, Effect, Plan
 from hijack_data.planner import Planner
 from hijack_data.runs.run_log import CHAINED, EPISODE, RUN, STEPS, VERSION, digest_of
-from hijack_data.runs.run_planners import planner_params
+from hijack_data.runs.run_planners import dump_planner, load_planner, planner_params
 from hijack_data.types import Scene, Size
 
 from ...readers import fields
@@ -110,7 +110,7 @@ def _planner(record: Mapping[str, Any], journal: Journal) -> tuple[Planner | Non
         is_clean = label == CLEAN and not record.get("params")
         return None, is_clean
     try:
-        return read_back(fields.text(record, "planner")), True
+        return load_planner(fields.text(record, "planner")), True
     except HijackError as error:
         raise FieldError("planner", f"is {error}") from None
 
@@ -122,7 +122,7 @@ def _agrees(record: Mapping[str, Any], planner: Planner | None, known: bool) -> 
         if record.get("params") != params:
             yield "params are not those of the corruption"
         recorded = record.get("planner")
-        if recorded is not None and recorded != written(planner):
+        if recorded is not None and recorded != dump_planner(planner):
             yield f"planner is not what {RUN} has under {record.get('corruption')!r}"
 
 

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import hijack_data as hj
+from hijack_data.plugin import Corruption, Draft, register
 
 
-@hj.register
+@register
 @dataclass(frozen=True)
-class Half(hj.Corruption):
+class Half(Corruption):
     """Draws nothing."""
 
     name: ClassVar[str] = "half_done"
@@ -17,7 +17,7 @@ class Half(hj.Corruption):
 
     def make_plan(self, scene, stream, step):
         """Nothing."""
-        return hj.Draft(notes=("nothing",))
+        return Draft(notes=("nothing",))
 
 
 raise RuntimeError("boom: [the moon]\nis in the wrong house")

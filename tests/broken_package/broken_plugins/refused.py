@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import hijack_data as hj
+from hijack_data.plugin import Corruption, Draft, register
 
 
-@hj.register
+@register
 @dataclass(frozen=True)
-class Plain(hj.Corruption):
+class Plain(Corruption):
     """Draws a line."""
 
     name: ClassVar[str] = "plain_line"
@@ -19,4 +19,4 @@ class Plain(hj.Corruption):
 
     def make_plan(self, scene, stream, step):
         """Nothing."""
-        return hj.Draft(notes=("nothing",))
+        return Draft(notes=("nothing",))

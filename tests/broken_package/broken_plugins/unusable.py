@@ -3,20 +3,20 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import hijack_data as hj
+from hijack_data.plugin import Corruption, Draft, param, register
 
 
-@hj.register
+@register
 @dataclass(frozen=True)
-class OutOfRange(hj.Corruption):
+class OutOfRange(Corruption):
     """Draws a line."""
 
     name: ClassVar[str] = "out_of_range"
     category: ClassVar[str] = "visual_disruptor"
     scope: ClassVar[str] = "observation"
 
-    thickness: int = hj.param(0, "Thickness in pixels", low=1)
+    thickness: int = param(0, "Thickness in pixels", low=1)
 
     def make_plan(self, scene, stream, step):
         """Nothing."""
-        return hj.Draft(notes=("nothing",))
+        return Draft(notes=("nothing",))

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import hijack_data as hj
+from hijack_data.plugin import Corruption, Draft, Paste, register
 
 
-@hj.register
+@register
 @dataclass(frozen=True)
-class Whole(hj.Corruption):
+class Whole(Corruption):
     """Draws a blue disc."""
 
     name: ClassVar[str] = "whole"
@@ -18,4 +18,4 @@ class Whole(hj.Corruption):
     def make_plan(self, scene, stream, step):
         """In the corner."""
         recipe = {"draw": "mark", "shape": "circle", "size": 20, "color": "blue"}
-        return hj.Draft(ops=(hj.Paste(recipe, ((0, 0),)),))
+        return Draft(ops=(Paste(recipe, ((0, 0),)),))
