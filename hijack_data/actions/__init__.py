@@ -31,11 +31,11 @@ that cannot be read or mapped raises `ActionError`. The dialects:
 | `gemini` | function calls | 0..1000 of the picture |
 
 Inside, `dialects/` has one table of all dialects; most are a table of actions and a syntax.
-`program/` analyses Python code without running it, because mapping code requires the value of the
-coordinates at each call that moves the pointer.
+`pyautogui_grammar` reads Python code without running it: straight-line calls with literal
+arguments, and nothing else.
 """
 
-from .allowed import fenced_blocks, read_action, unreadable
+from .agent_actions import fenced_blocks, read_action, unreadable
 from .dialects import (
     DIALECTS,
     DICT_DIALECTS,
@@ -50,7 +50,7 @@ from .dialects import (
 from .dialects.pyautogui_code import calls_pyautogui, count_points, map_code, scale_normalized
 from .dialects.pyautogui_parse import parse_pyautogui
 from .dialects.pyautogui_write import write_pyautogui
-from .recorded import map_recorded
+from .recorded_actions import map_recorded
 from .scaling import Scaling
 
 __all__ = [

@@ -20,7 +20,7 @@ from typing import Any, cast
 import numpy as np
 
 from ..actions import Scaling
-from ..actions.program.source import TextEdit, spliced
+from ..actions.python_source import TextEdit, spliced
 from ..errors import LabelError, shown
 from ..smart_resize import smart_resize
 from ..types import Size

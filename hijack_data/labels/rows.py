@@ -23,7 +23,7 @@ from ..actions import (
     parse_actions,
 )
 from ..actions.dialects.pyautogui_code import calls_pyautogui
-from ..actions.recorded import SCREENAGENT, SIZELESS, map_recorded
+from ..actions.recorded_actions import SCREENAGENT, SIZELESS, map_recorded
 from ..backends import to_numpy
 from ..corruption import find
 from ..errors import HijackError, LabelError

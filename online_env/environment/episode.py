@@ -13,7 +13,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from hijack_data.actions import count_points
-from hijack_data.actions.allowed import Request, read_action
+from hijack_data.actions.agent_actions import Request, read_action
 from hijack_data.errors import ActionError
 from hijack_data.runs.run_log import CUT, MAX_TEXT, slug_of
 from hijack_data.types import Size

@@ -14,7 +14,7 @@ import anyio.to_thread
 import numpy as np
 from PIL import Image
 
-from hijack_data.actions.allowed import WORDS
+from hijack_data.actions.agent_actions import WORDS
 from hijack_data.coords import CoordMap
 from hijack_data.errors import HijackError
 from hijack_data.png import encode

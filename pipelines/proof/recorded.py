@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hijack_data import Augmentation, Corruption
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import ImageError, LabelError, shown
 from hijack_data.labels.actions import own_action
 from hijack_data.labels.rows import dialect_of

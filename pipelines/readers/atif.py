@@ -9,7 +9,7 @@ from typing import Any
 from hijack_data.actions import DIALECTS
 from hijack_data.actions.dialects.fields import at, click_type, key_names, number
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import ActionError
 from hijack_data.types import Action, Box, Size, Step, Trajectory
 

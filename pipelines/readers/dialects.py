@@ -12,7 +12,7 @@ from typing import cast
 from hijack_data.actions import FRACTIONS as DIALECT_FRACTIONS
 from hijack_data.actions import RESIZED_DIALECTS, Scaling, map_code, parse_pyautogui, parse_with
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
-from hijack_data.actions.recorded import map_recorded
+from hijack_data.actions.recorded_actions import map_recorded
 from hijack_data.coords import CoordMap
 from hijack_data.errors import ActionError, HijackError, ParameterError
 from hijack_data.smart_resize import smart_resize
@@ -140,7 +140,7 @@ def _pointless(raw: object, dialect: str, size: Size, field: str) -> Recorded:
 def _in_pixels(raw: object, dialect: str, action: Action, scaling: Scaling) -> str:
     """Return the code of an action in pixels; `""` if pyautogui cannot express it."""
     if dialect == PYAUTOGUI:
-        return map_code(cast("str", raw), scaling, None)
+        return map_code(cast("str", raw), scaling)
     try:
         return write_pyautogui(action)
     except ActionError:
@@ -197,7 +197,7 @@ def _parsed(raw: object, dialect: str, scaling: Scaling) -> Action:
     if dialect == PYAUTOGUI:
         code = cast("str", raw)
         in_pixels = scaling == Scaling.pixels(None)
-        return parse_pyautogui(code if in_pixels else map_code(code, scaling, None), None)
+        return parse_pyautogui(code if in_pixels else map_code(code, scaling), None)
     return parse_with(raw, dialect, scaling)[0]
 
 

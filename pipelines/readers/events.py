@@ -8,7 +8,7 @@ from typing import Any
 from hijack_data.actions import Scaling
 from hijack_data.actions.dialects.fields import at, key_names, number
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import ActionError, HijackError
 from hijack_data.platforms import find_platform
 from hijack_data.types import Action, Platform, Size, Step, Trajectory

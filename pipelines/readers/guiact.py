@@ -10,7 +10,7 @@ from hijack_data.actions import Scaling
 from hijack_data.actions.dialects.fields import at, number
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
 from hijack_data.actions.dialects.tool_calls import PIXELS_PER_NOTCH
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import ActionError, HijackError
 from hijack_data.types import Action, Box, Size, Step, Trajectory
 

@@ -9,7 +9,7 @@ from typing import Any, cast
 from hijack_data.actions import Scaling
 from hijack_data.actions.dialects.fields import at, number
 from hijack_data.actions.dialects.ui_tars import WAIT_SECONDS
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import HijackError, counted
 from hijack_data.types import Action, Size, Step, Trajectory
 

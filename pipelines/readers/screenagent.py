@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from hijack_data.actions.dialects.fields import at, click_type, key_names, number, text
-from hijack_data.actions.recorded import SCREENAGENT
+from hijack_data.actions.recorded_actions import SCREENAGENT
 from hijack_data.errors import HijackError
 from hijack_data.platforms import find_platform
 from hijack_data.types import Action, Size, Step, Trajectory, are_fractions

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from hijack_data.actions import map_typed, parse_actions
 from hijack_data.actions.dialects.qwen import tool_call_text
-from hijack_data.actions.recorded import map_recorded
+from hijack_data.actions.recorded_actions import map_recorded
 from hijack_data.actions.scaling import Scaling
 from hijack_data.coords import CoordMap, smart_resize
 from hijack_data.errors import ActionError, ParameterError

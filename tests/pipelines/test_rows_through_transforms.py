@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import hijack_data as hj
-from hijack_data.actions.recorded import SCREENAGENT, SIZELESS
+from hijack_data.actions.recorded_actions import SCREENAGENT, SIZELESS
 from hijack_data.coords import CoordMap
 from hijack_data.errors import LabelError
 from hijack_data.labels import Move

@@ -13,7 +13,7 @@ from typing import Any
 from ...errors import ActionError, ParameterError, UnknownNameError, suggest
 from ...smart_resize import smart_resize
 from ...types import Action, Size, as_size
-from ..allowed import fenced_spans
+from ..agent_actions import fenced_spans
 from ..scaling import Scaling
 from .computer_13 import map_computer_13, parse_computer_13
 from .opencua import fenced_code, map_fenced, parse_fenced
@@ -69,7 +69,7 @@ def _of_ui_tars(unit: int) -> Dialect:
 def _map_pyautogui(code: Any, scaling: Scaling) -> str:
     if isinstance(code, str) and "```" in code and fenced_spans(code):
         return map_fenced(code, scaling)
-    return map_code(code, scaling, scaling.source)
+    return map_code(code, scaling)
 
 
 def _parse_pyautogui(code: Any, scaling: Scaling) -> list[Action]:

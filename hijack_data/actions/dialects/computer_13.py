@@ -7,7 +7,7 @@ from typing import Any
 
 from ...errors import ActionError, shown
 from ...types import Action
-from ..program.signatures import SPECIAL
+from ..pyautogui_functions import SPECIAL
 from ..scaling import Scaling
 from .fields import as_fields, at, click_type, key_names, number, text, unknown
 from .unmapped import check_fields

@@ -12,9 +12,9 @@ from typing import cast
 
 from ...errors import ActionError, shown
 from ...types import Action
-from ..allowed import fenced_spans
-from ..program.signatures import AGENTNET_TRIPLE
-from ..program.source import ParsedSource, TextEdit, shallow, spliced
+from ..agent_actions import fenced_spans
+from ..pyautogui_functions import AGENTNET_TRIPLE
+from ..python_source import ParsedSource, TextEdit, shallow, spliced
 from ..scaling import Scaling
 from .answers import answer_text
 from .pyautogui_code import calls_pyautogui, map_code
@@ -31,7 +31,7 @@ def map_fenced(reply: object, scaling: Scaling) -> str:
     text = cast("str", reply)
     spans = fenced_spans(answer)
     if not spans:
-        return map_code(text, scaling, scaling.source)
+        return map_code(text, scaling)
     edits = [TextEdit(start, end, _map_block(text[start:end], scaling)) for start, end in spans]
     return spliced(text, edits)
 
@@ -44,7 +44,7 @@ def parse_fenced(reply: object, scaling: Scaling) -> list[Action]:
     if scaling == Scaling.pixels(None):
         return [parse_pyautogui(block, None) for block in blocks]
     size = scaling.target if scaling.clamp else None
-    return [parse_pyautogui(map_code(block, scaling, scaling.source), size) for block in blocks]
+    return [parse_pyautogui(map_code(block, scaling), size) for block in blocks]
 
 
 def fenced_code(reply: object, scaling: Scaling) -> list[str]:
@@ -52,7 +52,7 @@ def fenced_code(reply: object, scaling: Scaling) -> list[str]:
     answer = answer_text(reply, "opencua")
     spans = fenced_spans(answer) or [(0, len(answer))]
     blocks = [textwrap.dedent(answer[start:end]).strip() for start, end in spans]
-    codes = [plain_code(map_code(block, scaling, scaling.source), scaling) for block in blocks]
+    codes = [plain_code(map_code(block, scaling), scaling) for block in blocks]
     for code in codes:
         if not calls_pyautogui(code) and parse_pyautogui(code, None).type == "other":
             raise ActionError(
@@ -93,6 +93,6 @@ def _map_block(block: str, scaling: Scaling) -> str:
     """Return a block of code scaled; a block that is indented as a whole keeps its indentation."""
     plain = textwrap.dedent(block)
     if plain == block:
-        return map_code(block, scaling, scaling.source)
+        return map_code(block, scaling)
     indent = block[: len(block) - len(block.lstrip(" \t"))]
-    return textwrap.indent(map_code(plain, scaling, scaling.source), indent)
+    return textwrap.indent(map_code(plain, scaling), indent)

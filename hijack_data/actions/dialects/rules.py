@@ -12,7 +12,7 @@ from typing import Any, TypeAlias, cast
 
 from ...errors import ActionError, shown, suggest
 from ...types import Action
-from ..program.source import TextEdit, spliced
+from ..python_source import TextEdit, spliced
 from ..scaling import Scaling
 from .fields import at, combination, number
 from .pyautogui_write import hscroll_code, write_pyautogui

@@ -11,8 +11,8 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, NamedTuple, TypeAlias, cast
 
 from ...errors import ActionError, shown
-from ..allowed import fenced_spans
-from ..program.source import TextEdit, spliced
+from ..agent_actions import fenced_spans
+from ..python_source import TextEdit, spliced
 from .fields import as_fields
 from .rules import ActionCall
 

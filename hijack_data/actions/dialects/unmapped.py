@@ -5,13 +5,14 @@ from collections.abc import Collection, Mapping
 from typing import Any, cast
 
 from ...errors import ActionError, shown, suggest
-from ..program.signatures import words
 
 # Numeric fields that tools and logs add to an action and that are not coordinates.
-_AMOUNTS = words("""
-    amount clicks duration id index interval ms num_clicks presses repeat seconds step steps times
-    timestamp
-""")
+_AMOUNTS = frozenset(
+    {
+        *("amount", "clicks", "duration", "id", "index", "interval", "ms", "num_clicks"),
+        *("presses", "repeat", "seconds", "step", "steps", "times", "timestamp"),
+    }
+)
 _PLACE = re.compile(r"coord|point|pos|box|region|path|offset|location|^[xy]\d*$")
 _NUMBER = re.compile(r"\d")
 _NUMERIC = re.compile(r"[^\w]*-?\d[\d\s.,;:()\[\]<>x-]*")

@@ -150,11 +150,11 @@ class ReplyParser:
         """
         if self.coordinates == "resized":
             source = self._resized(size)
-            code = map_code(code, Scaling(source, size), source)
+            code = map_code(code, Scaling(source, size))
         elif self.coordinates == "thousandths":
-            code = map_code(code, Scaling.fractions(size, 1000), (1000, 1000))
+            code = map_code(code, Scaling.fractions(size, 1000))
         elif self.coordinates == "fractions":
-            code = map_code(code, Scaling.fractions(size), None)
+            code = map_code(code, Scaling.fractions(size))
         # AgentNet's `computer.wait()`, `.terminate(status='success')` and `.tripleClick(x, y)`
         return plain_code(code, Scaling.pixels(size)) if _AGENTNET.search(code) else code
 

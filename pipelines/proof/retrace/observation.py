@@ -7,7 +7,7 @@ from typing import Any
 
 from hijack_data import Corruption, apply
 from hijack_data.actions import count_points
-from hijack_data.actions.allowed import read_action
+from hijack_data.actions.agent_actions import read_action
 from hijack_data.compose import Sequence
 from hijack_data.corruption import get
 from hijack_data.errors import ActionError

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from itertools import accumulate
 from typing import NamedTuple, NoReturn
 
-from ...errors import ActionError
+from ..errors import ActionError
 
 # Line ends as Python's tokenizer counts them; str.splitlines splits at more characters.
 _LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n)?")

@@ -1,0 +1,63 @@
+"""The functions of pyautogui and of AgentNet's `computer` that actions may call."""
+
+from collections.abc import Mapping
+from typing import TypeAlias
+
+FunctionNames: TypeAlias = Mapping[str, frozenset[str]]
+
+# Parameters in order, up to the last one that this library reads: `x, y` are absolute, `xOffset,
+# yOffset` relative.
+_POINT = ("x", "y")
+_CLICK = ("x", "y", "interval", "button")
+_HOLD = ("x", "y", "button")
+_OFFSET = ("xOffset", "yOffset")
+_DRAG = ("duration", "tween", "button")
+_WHEEL = ("clicks", "x", "y")
+
+# OpenCUA's computer.triple_click(x, y), which pyautogui does not have.
+AGENTNET_TRIPLE = "triple_click"
+
+POINTER: dict[str, tuple[str, ...]] = {
+    "moveTo": _POINT,
+    "click": ("x", "y", "clicks", "interval", "button"),
+    "leftClick": _POINT,
+    "rightClick": _POINT,
+    "middleClick": _POINT,
+    "doubleClick": _CLICK,
+    "tripleClick": _CLICK,
+    AGENTNET_TRIPLE: _CLICK,
+    "mouseDown": _HOLD,
+    "mouseUp": _HOLD,
+    "dragTo": (*_POINT, *_DRAG),
+    "scroll": _WHEEL,
+    "hscroll": _WHEEL,
+    "vscroll": _WHEEL,
+    "moveRel": _OFFSET,
+    "move": _OFFSET,
+    "dragRel": (*_OFFSET, *_DRAG),
+    "drag": (*_OFFSET, *_DRAG),
+}
+KEYBOARD: dict[str, tuple[str, ...]] = {
+    "write": ("message",),
+    "typewrite": ("message",),
+    "press": ("keys", "presses"),
+    "hotkey": ("keys",),
+    "keyDown": ("key",),
+    "keyUp": ("key",),
+}
+SETTINGS = frozenset({"PAUSE", "FAILSAFE", "MINIMUM_DURATION", "MINIMUM_SLEEP"})
+BUTTONS = {name.upper(): name for name in ("left", "middle", "right", "primary", "secondary")}
+
+# What code may call on a live desktop: the functions of each module.
+LIVE_FUNCTIONS: FunctionNames = {
+    "pyautogui": frozenset({*POINTER, *KEYBOARD, "sleep"} - {AGENTNET_TRIPLE}),
+    "time": frozenset({"sleep"}),
+}
+# What recorded code may call: also AgentNet's `computer`, and texts pasted from the clipboard.
+RECORDED_FUNCTIONS: FunctionNames = {
+    **LIVE_FUNCTIONS,
+    "computer": frozenset({*POINTER, *KEYBOARD, "sleep", "wait", "terminate"}),
+    "pyperclip": frozenset({"copy"}),
+}
+
+SPECIAL = {"WAIT": "wait", "DONE": "done", "FAIL": "fail"}
