@@ -86,7 +86,7 @@ def fenced_blocks(text: str) -> list[str]:
 
 def fenced_spans(text: str) -> list[tuple[int, int]]:
     """Return where the contents of the ``` fences begin and end, see `fenced_blocks`."""
-    spans = [found.span(1) for found in _FENCE.finditer(text) if found[1].strip()]
+    spans = [match.span(1) for match in _FENCE.finditer(text) if match[1].strip()]
     if spans and _FENCE.sub("", text).count("```"):
         raise ActionError(
             f"the action holds {len(spans)} blocks in ``` fences and a fence of no block, not one"

@@ -191,8 +191,8 @@ class _GrammarReader:
                     self._bind(alias.asname or alias.name, origin, statement)
             case _:
                 kind = type(statement).__name__.lower()
-                other = (f"the statement {kind!r}", _CALLS)
-                self._refuse(statement, *_STATEMENTS.get(type(statement), other))
+                unnamed = (f"the statement {kind!r}", _CALLS)
+                self._refuse(statement, *_STATEMENTS.get(type(statement), unnamed))
 
     def _check_module(self, module: str, node: ast.AST) -> None:
         if module not in self._functions:
@@ -200,9 +200,9 @@ class _GrammarReader:
             self._refuse(node, f"an import of {module!r}", f"import only {modules}")
 
     def _function(self, module: str, name: str, node: ast.AST) -> _Origin:
-        known = self._functions[module]
-        if name not in known:
-            fix = f"call what moves the pointer or presses keys{suggest(name, known)}"
+        functions = self._functions[module]
+        if name not in functions:
+            fix = f"call what moves the pointer or presses keys{suggest(name, functions)}"
             if _READS_SCREEN.match(name):
                 fix = "code cannot read the screen; write the numbers"
             self._refuse(node, f"{module}.{name}", fix)

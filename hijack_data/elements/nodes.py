@@ -176,15 +176,15 @@ def nodes_from_tree(xml: str | bytes) -> list[AccessibleNode]:
     Args:
         xml: the tree, text or bytes (UTF-8, or UTF-16 with its mark), at most `MAX_BYTES`.
     """
-    found: list[AccessibleNode] = []
+    nodes: list[AccessibleNode] = []
 
     def keep(node: AccessibleNode) -> None:
-        if len(found) == MAX_NODES:
+        if len(nodes) == MAX_NODES:
             refuse(node, f"has more than {MAX_NODES} nodes")
-        found.append(node)
+        nodes.append(node)
 
     read_nodes(xml, keep, with_text=True)
-    return found
+    return nodes
 
 
 def read_nodes(
@@ -329,8 +329,8 @@ def _role(name: str) -> str:
 def is_interactive(platform: TreePlatform, roles: list[str]) -> bool:
     """Return whether one of the roles is one that a user can click, type into or drag."""
     for role in roles:
-        known = role in INTERACTIVE_ROLES or role.endswith(INTERACTIVE_ENDINGS)
-        if known and role != platform.passive:
+        is_known = role in INTERACTIVE_ROLES or role.endswith(INTERACTIVE_ENDINGS)
+        if is_known and role != platform.passive:
             return True
     return False
 

@@ -44,13 +44,13 @@ def boxes_from_ocr(image: object) -> Elements:
     height, width = pixels.shape[:2]
     engine = _engine(os.getpid())
     readable = min(height, width) >= max(MIN_SIDE, max(height, width) / MAX_RATIO)
-    found = engine(np.ascontiguousarray(pixels[..., ::-1])) if readable else None
-    corners = getattr(found, "boxes", None)  # [N, 4 corners, x and y], or None
-    if found is None or corners is None:
+    result = engine(np.ascontiguousarray(pixels[..., ::-1])) if readable else None
+    corners = getattr(result, "boxes", None)  # [N, 4 corners, x and y], or None
+    if result is None or corners is None:
         return Elements(source="ocr", notes=("no text was found in the picture",))
     places = np.asarray(corners, np.float64)
     boxes = np.concatenate([np.floor(places.min(1)), np.ceil(places.max(1))], 1)
-    names = tuple(cast("tuple[str, ...]", found.txts))
+    names = tuple(cast("tuple[str, ...]", result.txts))
     return Elements(
         clip_boxes(as_boxes(boxes), (height, width)), names, ("text",) * len(names), "ocr"
     )

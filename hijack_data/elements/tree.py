@@ -143,14 +143,14 @@ class _Collector:
         return Elements(boxes, tuple(self.names), tuple(self.roles), "tree", notes)
 
     def _notes(self) -> list[str]:
-        lost = self.left_out.total()
-        total = len(self.boxes) + lost
+        left_out = self.left_out.total()
+        total = len(self.boxes) + left_out
         if not total:
             return ["the accessibility tree has no interactive node"]
         notes: list[str] = []
-        if lost:
+        if left_out:
             reasons = [f"{count} {reason}" for reason, count in sorted(self.left_out.items())]
-            notes.append(f"left out {lost} of {total} interactive nodes: {', '.join(reasons)}")
+            notes.append(f"left out {left_out} of {total} interactive nodes: {', '.join(reasons)}")
         if self.clipped:
             notes.append(f"clipped {self.clipped} boxes that reach over the edge of the screen")
         return notes

@@ -53,15 +53,15 @@ class Labels:
             raise ParameterTypeError(
                 f"labels must be a dictionary such as {{'bbox': 'xyxy'}}, got {declared!r}"
             )
-        given = declared or {}
-        for key in given:
+        formats = declared or {}
+        for key in formats:
             if not isinstance(cast(object, key), str):
                 raise ParameterTypeError(f"labels: {key!r} is not a string; give strings")
-        self.declared = {key.removesuffix("?"): format_of(name) for key, name in given.items()}
-        if len(self.declared) < len(given):
-            twice = next(key for key in given if f"{key}?" in given)
+        self.declared = {key.removesuffix("?"): format_of(name) for key, name in formats.items()}
+        if len(self.declared) < len(formats):
+            twice = next(key for key in formats if f"{key}?" in formats)
             raise ParameterError(f"labels: {twice!r} is declared twice, with and without '?'")
-        self.optional = frozenset(key.removesuffix("?") for key in given if key.endswith("?"))
+        self.optional = frozenset(key.removesuffix("?") for key in formats if key.endswith("?"))
         if target is not None and target not in {*self.declared, *OWN}:
             raise ParameterError(
                 f"target={target!r} is not among the labels; declare it: labels={{{target!r}:"
@@ -152,11 +152,11 @@ class Labels:
         for path, form in self.declared.items():
             key, steps = _split(path, sample)
             if not steps and "." in path and path.partition(".")[0] in sample:
-                first, *rest = path.split(".")
-                if _names_at(sample[first], rest) is None:
+                first, *inner_steps = path.split(".")
+                if _names_at(sample[first], inner_steps) is None:
                     raise LabelError(
                         f"labels={{{path!r}: ...}} means two entries of the sample: {path!r}, and"
-                        f" {'.'.join(rest)!r} inside {first!r}; rename one of them"
+                        f" {'.'.join(inner_steps)!r} inside {first!r}; rename one of them"
                     )
             if path in self.optional or form.name == LEAVE:
                 continue
@@ -212,13 +212,13 @@ class Labels:
                 key: self._with_tensors_moved(f"{path}.{key}", part, plan)
                 for key, part in entries.items()
             }
-            same = all(parts[key] is part for key, part in entries.items())
-            return entries if same else parts
+            is_unchanged = all(parts[key] is part for key, part in entries.items())
+            return entries if is_unchanged else parts
         if not is_sequence(value) or not any(_may_hold_tensors(part) for part in value):
             return value
         after = [self._with_tensors_moved(path, part, plan) for part in value]
-        same = all(new is old for new, old in zip(after, value, strict=True))
-        return value if same else rebuilt(value, after)
+        is_unchanged = all(new is old for new, old in zip(after, value, strict=True))
+        return value if is_unchanged else rebuilt(value, after)
 
     def _follow_fixed(
         self, key: str, sample: SampleDict, move: Move, moved: dict[str, Any], row: bool
@@ -256,9 +256,9 @@ class Labels:
             raise LabelError(f"the sample's entry 'action_code' must be text, got {value!r:.80}")
         code = value.decode("utf-8") if isinstance(value, bytes) else value
         action: Any = sample.get("action")
-        known = action if row or is_own_action(action) else None
+        known_action = action if row or is_own_action(action) else None
         try:
-            text = moved_code(code, known, move)
+            text = moved_code(code, known_action, move)
         except LabelError:
             raise
         except HijackError as error:
@@ -274,10 +274,10 @@ class Labels:
 
         Raises `LabelError` for labels that cannot be right on such a picture.
         """
-        found = next(iter(self._places(sample, size)), None)
-        if found is None or found.end is not None:
-            return found
-        return Location(found.target, self._end(sample, size))
+        location = next(iter(self._places(sample, size)), None)
+        if location is None or location.end is not None:
+            return location
+        return Location(location.target, self._end(sample, size))
 
     def boxes(self, sample: SampleDict, key: str, size: Size) -> list[tuple[float, ...]]:
         """Return the boxes of an entry in pixels, `xyxy`. Raises `LabelError`."""
@@ -295,16 +295,16 @@ class Labels:
         Raises:
             LabelError: an entry could be the target, but none is declared, or several are.
         """
-        known = [path for path in self._pointing() if _split(path, sample)[0] in sample]
+        candidates = [path for path in self._pointing() if _split(path, sample)[0] in sample]
         fixed = ("target", "target_box", "action")
-        known += [key for key in fixed if _has_fixed_format(key, sample)]
-        several = [path for path in known if path in self.declared and path not in OWN]
-        if len(several) > 1 and len(several) == len(known) and self.target is None:
+        candidates += [key for key in fixed if _has_fixed_format(key, sample)]
+        several = [path for path in candidates if path in self.declared and path not in OWN]
+        if len(several) > 1 and len(several) == len(candidates) and self.target is None:
             raise LabelError(
                 "label_policy='avoid' keeps the target of a sample in sight, and "
                 f"{' and '.join(several)} could be it; say which: target={several[0]!r}"
             )
-        if known or is_row(sample):
+        if candidates or is_row(sample):
             for path in several if self.target is None else ():
                 if any(
                     not _has_area(place.target) for place in self._places_at(path, sample, size)
@@ -338,17 +338,17 @@ class Labels:
         if self.target is not None:
             return _only(self.target, self._places_at(self.target, sample, size))
         for key in ("target", "target_box", "action"):
-            found = self._places_at(key, sample, size)
-            if found:
-                return _only(key, found)
-        found: list[Location] = []
+            locations = self._places_at(key, sample, size)
+            if locations:
+                return _only(key, locations)
+        locations: list[Location] = []
         for path in self._pointing():
             if path not in OWN:
-                found += self._places_at(path, sample, size)
-        if not found and "action_code" in self.declared:
+                locations += self._places_at(path, sample, size)
+        if not locations and "action_code" in self.declared:
             return self._places_at("action_code", sample, size)[:1]
         # A box without area is a label like others, but nothing that could be in sight.
-        return found if len(found) == 1 and _has_area(found[0].target) else []
+        return locations if len(locations) == 1 and _has_area(locations[0].target) else []
 
     def _places_at(self, path: str, sample: SampleDict, size: Size) -> list[Location]:
         key, steps = _split(path, sample)
@@ -361,13 +361,13 @@ class Labels:
             return []
         else:
             form = _fixed_format(path, value)
-        found: list[Location] = []
+        locations: list[Location] = []
 
         def collect(part: Any) -> None:
-            found.extend(places_of(path, form, part, size))
+            locations.extend(places_of(path, form, part, size))
 
         _changed_at(value, steps, collect)
-        return found
+        return locations
 
     def _end(self, sample: SampleDict, size: Size) -> tuple[float, ...] | None:
         """Return where a drag from the target ends, from the action or from `action_code`."""
@@ -527,10 +527,10 @@ def _lost_step(path: str, sample: SampleDict) -> str:
     key, steps = _split(path, sample)
     if key not in sample:
         return path if "." not in path else key
-    done = next(
+    count = next(
         n for n in range(1, len(steps) + 1) if _names_at(sample[key], steps[:n]) is not None
     )
-    return steps[done - 1]
+    return steps[count - 1]
 
 
 def _changed_at(value: Any, steps: list[str], change: Callable[[Any], Any]) -> Any:

@@ -143,11 +143,11 @@ def parse_actions(action: Any, dialect: str, size: Size | None = None) -> list[A
     Raises:
         ParameterError: the dialect needs `size`, and it is missing.
     """
-    found = _dialect(dialect)
+    entry = _dialect(dialect)
     if dialect == "pyautogui" and not (isinstance(action, str) and "```" in action):
         return [parse_pyautogui(action, size)]
     checked = None if size is None else as_size(size)
-    return found.parse(action, fraction_scaling(dialect, checked) or Scaling.pixels(checked))
+    return entry.parse(action, fraction_scaling(dialect, checked) or Scaling.pixels(checked))
 
 
 def parse_with(action: Any, dialect: str, scaling: Scaling) -> list[Action]:
@@ -211,7 +211,7 @@ def _live_scaling(dialect: str, size: Size, resized: Size | None) -> Scaling:
 
 
 def _dialect(name: object) -> Dialect:
-    found = _TABLE.get(name) if isinstance(name, str) else None
-    if found is None:
+    dialect = _TABLE.get(name) if isinstance(name, str) else None
+    if dialect is None:
         raise UnknownNameError(f"unknown dialect {name!r}{suggest(name, DIALECTS)}")
-    return found
+    return dialect

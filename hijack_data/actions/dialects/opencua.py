@@ -83,16 +83,16 @@ def plain_code(code: str, scaling: Scaling) -> str:
             and node.value.id == "computer"
             and node.attr in ("tripleClick", AGENTNET_TRIPLE)
         ]
-        plain = source.edited(edits)
-    if not re.search(r"\bcomputer\s*\.\s*\w+\s*\(", plain):
-        return plain
-    return write_pyautogui(parse_pyautogui(plain, scaling.target if scaling.clamp else None))
+        rewritten = source.edited(edits)
+    if not re.search(r"\bcomputer\s*\.\s*\w+\s*\(", rewritten):
+        return rewritten
+    return write_pyautogui(parse_pyautogui(rewritten, scaling.target if scaling.clamp else None))
 
 
 def _map_block(block: str, scaling: Scaling) -> str:
     """Return a block of code scaled; a block that is indented as a whole keeps its indentation."""
-    plain = textwrap.dedent(block)
-    if plain == block:
+    dedented = textwrap.dedent(block)
+    if dedented == block:
         return map_code(block, scaling)
     indent = block[: len(block) - len(block.lstrip(" \t"))]
-    return textwrap.indent(map_code(plain, scaling), indent)
+    return textwrap.indent(map_code(dedented, scaling), indent)

@@ -112,7 +112,7 @@ def map_openai(action: object, scaling: Scaling) -> Any:
     if len(actions) == 1 and actions[0] is action:
         return _map_openai(action, scaling)
     fields = as_fields(action, OPENAI)
-    mapped = [_map_openai(one, scaling) for one in actions]
+    mapped = [_map_openai(item, scaling) for item in actions]
     if fields.get("actions") is not None:
         fields["actions"] = mapped
     else:
@@ -125,7 +125,7 @@ def parse_openai(action: object, scaling: Scaling) -> list[Action]:
 
     A drag runs from the first to the last point of its path.
     """
-    return [parse_openai_action(one, scaling) for one in openai_actions(action)]
+    return [parse_openai_action(item, scaling) for item in openai_actions(action)]
 
 
 def _map_openai(action: object, scaling: Scaling) -> dict[str, Any]:
@@ -137,10 +137,10 @@ def _map_openai(action: object, scaling: Scaling) -> dict[str, Any]:
     fields, name = _openai(action)
     if name == "drag":
         path = [scaling.point(*p) for p in drag_points(fields)]
-        given = cast("list[Any]", fields["path"])
+        points = cast("list[Any]", fields["path"])
         fields["path"] = [
             {**cast("dict[str, Any]", old), "x": x, "y": y} if isinstance(old, dict) else [x, y]
-            for old, (x, y) in zip(given, path, strict=True)
+            for old, (x, y) in zip(points, path, strict=True)
         ]
     elif name in _OPENAI_POINT:
         fields["x"], fields["y"] = scaling.point(*_xy(fields, name))
@@ -150,11 +150,11 @@ def _map_openai(action: object, scaling: Scaling) -> dict[str, Any]:
 def parse_openai_action(action: object, scaling: Scaling) -> Action:
     """Read one OpenAI action. Raises `ActionError` as `map_openai`."""
     fields, name = _openai(action)
-    held = combination(fields["keys"], f"{name} keys") if fields.get("keys") else None
+    keys = combination(fields["keys"], f"{name} keys") if fields.get("keys") else None
     match name:
         case "drag":
             path = [scaling.point(*p) for p in drag_points(fields)]
-            return Action("drag", *path[0], *path[-1], keys=held)
+            return Action("drag", *path[0], *path[-1], keys=keys)
         case "keypress":
             return Action("hotkey", keys=combination(fields.get("keys"), "keypress keys"))
         case "type":
@@ -168,12 +168,12 @@ def parse_openai_action(action: object, scaling: Scaling) -> Action:
     if name == "scroll":
         across, down = (number(fields.get(f, 0), f"scroll {f}") for f in ("scroll_x", "scroll_y"))
         return (
-            at("scroll", place, amount=-down / PIXELS_PER_NOTCH, keys=held)
+            at("scroll", place, amount=-down / PIXELS_PER_NOTCH, keys=keys)
             if down or not across
             else at("other", place)
         )
     types = {"click": click_type(fields.get("button", "left"), 1), "move": "move"}
-    return at(types.get(name, name), place, keys=held)
+    return at(types.get(name, name), place, keys=keys)
 
 
 def anthropic_action(action: object) -> tuple[object, Callable[[dict[str, Any]], dict[str, Any]]]:
@@ -186,17 +186,20 @@ def anthropic_action(action: object) -> tuple[object, Callable[[dict[str, Any]],
         ActionError: the block has no input, or has fields that may hold coordinates.
     """
     if not isinstance(action, dict) or cast("dict[str, Any]", action).get("type") != TOOL_USE:
-        return cast("object", action), lambda made: made
+        return cast("object", action), lambda new_fields: new_fields
     block = as_fields(cast("object", action), ANTHROPIC)
     check_fields(block, _BLOCK_FIELDS, f"{ANTHROPIC} {TOOL_USE}")
-    given = as_fields(block.get("input"), f"{ANTHROPIC} {TOOL_USE}")
+    fields = as_fields(block.get("input"), f"{ANTHROPIC} {TOOL_USE}")
     if block.get("name") == _COMPUTER:
-        return given, lambda made: {**block, "input": made}
+        return fields, lambda new_fields: {**block, "input": new_fields}
 
-    def rebuild(made: dict[str, Any]) -> dict[str, Any]:
-        return {**block, "input": {key: part for key, part in made.items() if key != "action"}}
+    def rebuild(new_fields: dict[str, Any]) -> dict[str, Any]:
+        return {
+            **block,
+            "input": {key: part for key, part in new_fields.items() if key != "action"},
+        }
 
-    return {"action": block.get("name"), **given}, rebuild
+    return {"action": block.get("name"), **fields}, rebuild
 
 
 def map_anthropic(action: object, scaling: Scaling) -> dict[str, Any]:
@@ -232,8 +235,8 @@ def parse_anthropic_action(action: object, scaling: Scaling) -> Action:
     fields, name = _anthropic(action)
     place = _coordinate(fields, name, "coordinate", scaling)
     if name in _ANTHROPIC_CLICKS:
-        held = combination(fields["text"], f"{name} text", "+") if fields.get("text") else None
-        return at(_ANTHROPIC_CLICKS[name], place, keys=held)
+        keys = combination(fields["text"], f"{name} text", "+") if fields.get("text") else None
+        return at(_ANTHROPIC_CLICKS[name], place, keys=keys)
     match name:
         case "left_click_drag" if place is not None:
             return at(
@@ -281,28 +284,30 @@ def _anthropic_scroll(fields: dict[str, Any], place: tuple[int, int] | None) -> 
 def _openai(action: object) -> tuple[dict[str, Any], str]:
     fields = as_fields(action, OPENAI)
     name = _name(fields, "type", OPENAI, OPENAI_NAMES)
-    known = (*_OPENAI_FIELDS, *(("x", "y") if name in _OPENAI_POINT else ()))
-    check_fields(fields, (*known, "path") if name == "drag" else known, f"{OPENAI} {name}")
+    field_names = (*_OPENAI_FIELDS, *(("x", "y") if name in _OPENAI_POINT else ()))
+    check_fields(
+        fields, (*field_names, "path") if name == "drag" else field_names, f"{OPENAI} {name}"
+    )
     return fields, name
 
 
 def _anthropic(action: object) -> tuple[dict[str, Any], str]:
     fields = as_fields(action, ANTHROPIC)
     name = _name(fields, "action", ANTHROPIC, ANTHROPIC_NAMES)
-    known = (*_ANTHROPIC_FIELDS, "region") if name == "zoom" else _ANTHROPIC_FIELDS
-    check_fields(fields, known, f"{ANTHROPIC} {name}")
+    field_names = (*_ANTHROPIC_FIELDS, "region") if name == "zoom" else _ANTHROPIC_FIELDS
+    check_fields(fields, field_names, f"{ANTHROPIC} {name}")
     return fields, name
 
 
-def _name(fields: dict[str, Any], field: str, dialect: str, known: Sequence[str]) -> str:
+def _name(fields: dict[str, Any], field: str, dialect: str, valid_names: Sequence[str]) -> str:
     name = fields.get(field)
-    if name not in known:
-        unknown(dialect, name, known)
+    if name not in valid_names:
+        unknown(dialect, name, valid_names)
     return str(name)
 
 
-def _xy(fields: dict[str, Any], what: str) -> tuple[float, float]:
-    return number(fields.get("x"), f"{what} x"), number(fields.get("y"), f"{what} y")
+def _xy(fields: dict[str, Any], label: str) -> tuple[float, float]:
+    return number(fields.get("x"), f"{label} x"), number(fields.get("y"), f"{label} y")
 
 
 def drag_points(fields: dict[str, Any]) -> list[tuple[float, float]]:
@@ -316,13 +321,13 @@ def drag_points(fields: dict[str, Any]) -> list[tuple[float, float]]:
         raise ActionError(f"drag path must be a list of points, got {shown(cast('object', path))}")
     points: list[tuple[float, float]] = []
     for index, item in enumerate(cast("list[Any]", path)):
-        what = f"drag path[{index}]"
+        label = f"drag path[{index}]"
         if isinstance(item, dict):
             corner = cast("dict[str, Any]", item)
-            check_fields(corner, ("x", "y"), what)
-            points.append(_xy(corner, what))
+            check_fields(corner, ("x", "y"), label)
+            points.append(_xy(corner, label))
         else:
-            points.append(point(item, what))
+            points.append(point(item, label))
     return points
 
 
@@ -332,12 +337,12 @@ def _coordinate(
     value = fields.get(field)
     if value is None and not (field == "coordinate" and name in _ANTHROPIC_POINT):
         return None
-    what = f"{name} {field}"
+    label = f"{name} {field}"
     if not isinstance(value, str):
-        return scaling.point(*point(value, what))
-    numbers = coordinates(value, what)
+        return scaling.point(*point(value, label))
+    numbers = coordinates(value, label)
     if len(numbers) != 2:
-        raise ActionError(f"{what} must be [x, y], got {shown(value)}")
+        raise ActionError(f"{label} must be [x, y], got {shown(value)}")
     return scaling.point(*numbers)
 
 

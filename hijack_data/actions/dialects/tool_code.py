@@ -35,7 +35,7 @@ _WAIT = "WAIT"
 
 def openai_code(action: object, scaling: Scaling) -> list[str]:
     """Return the actions of OpenAI as code; raises `ActionError` if one cannot be read."""
-    return [_openai_code(one, scaling) for one in openai_actions(action)]
+    return [_openai_code(item, scaling) for item in openai_actions(action)]
 
 
 def _openai_code(action: object, scaling: Scaling) -> str:
@@ -89,10 +89,10 @@ def computer_13_code(action: object, scaling: Scaling) -> list[str]:
     if isinstance(action, str):
         return [write_pyautogui(parsed)]
     fields = as_fields(action, "computer_13")
-    given = fields.get("parameters", fields)
-    if fields["action_type"] != "SCROLL" or not given.get("dx"):
+    parameters = fields.get("parameters", fields)
+    if fields["action_type"] != "SCROLL" or not parameters.get("dx"):
         return [write_pyautogui(parsed)]
-    notches = number(given["dx"], "SCROLL dx")
+    notches = number(parameters["dx"], "SCROLL dx")
     sideways = hscroll_code(notches, parsed.point)
     if parsed.type == "other":
         return [sideways]
@@ -174,12 +174,12 @@ def _typed(action: Action, fields: dict[str, Any], scaling: Scaling) -> str:
 
 def _through(points: Sequence[tuple[int, int]]) -> list[str]:
     """Return code that drags through all points."""
-    first, *others = [f"pyautogui.moveTo({x}, {y})" for x, y in points]
-    return [first, "pyautogui.mouseDown()", *others, "pyautogui.mouseUp()"]
+    first, *moves = [f"pyautogui.moveTo({x}, {y})" for x, y in points]
+    return [first, "pyautogui.mouseDown()", *moves, "pyautogui.mouseUp()"]
 
 
 def _with_keys(keys: Sequence[str] | None, lines: Sequence[str]) -> str:
-    held = keys or ()
-    down = [f"pyautogui.keyDown({key!r})" for key in held]
-    up = [f"pyautogui.keyUp({key!r})" for key in reversed(held)]
+    held_keys = keys or ()
+    down = [f"pyautogui.keyDown({key!r})" for key in held_keys]
+    up = [f"pyautogui.keyUp({key!r})" for key in reversed(held_keys)]
     return "\n".join([*down, *lines, *up])

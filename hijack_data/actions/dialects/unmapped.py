@@ -20,7 +20,7 @@ _TAG = re.compile(r"</?\w+>|<\|\w+\|>")  # <point>5 6</point>
 _DEEPEST = 5
 
 
-def check_fields(fields: Mapping[str, Any], known: Collection[str], what: str) -> None:
+def check_fields(fields: Mapping[str, Any], known_names: Collection[str], label: str) -> None:
     """Check that every field is `known` or cannot hold coordinates.
 
     Unknown fields without coordinates (notes, ids, None) are accepted, since no mapping has to
@@ -30,10 +30,10 @@ def check_fields(fields: Mapping[str, Any], known: Collection[str], what: str) -
         ActionError: a field is unknown and may hold coordinates.
     """
     for name, value in fields.items():
-        if name not in known and _may_be_place(name, value):
+        if name not in known_names and _may_be_place(name, value):
             raise ActionError(
-                f"{what} has no field {name!r}, got {shown(value)}, which would stay unmapped"
-                f"{suggest(name.lower(), known)}"
+                f"{label} has no field {name!r}, got {shown(value)}, which would stay unmapped"
+                f"{suggest(name.lower(), known_names)}"
             )
 
 
