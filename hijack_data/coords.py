@@ -233,13 +233,13 @@ def _points(points: object, scaling: "Scaling") -> Any:
 
 
 def _vector(dx: float, dy: float, scaling: "Scaling") -> tuple[int, int]:
-    from .actions.dialects.fields import number
+    from .actions.dialects.field_checks import number
 
     return scaling.dx(number(dx, "dx")), scaling.dy(number(dy, "dy"))
 
 
 def _action(action: Action, scaling: "Scaling") -> Action:
-    from .actions.dialects.fields import number
+    from .actions.dialects.field_checks import number
 
     def x_of(value: float | None) -> int | None:
         return None if value is None else scaling.x(number(value, "x of the action"))

@@ -26,7 +26,7 @@ from .compose import sometimes
 from .epochs import RepeatNotice
 from .errors import ImageError, ParameterTypeError
 from .labels import Declared
-from .labels.rows import check_drawn
+from .labels.dataset_rows import check_drawn
 from .plan import Plan
 from .planner import Planner
 from .samples import SamplePlanner, check_names, is_many, make_labels

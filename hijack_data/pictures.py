@@ -181,7 +181,7 @@ def apply_plan(plan: Plan | list[Plan], pixels: Any) -> Any:
     """Apply a plan to a picture or stack, or one each to a batch; `tv_tensors` stay such."""
     if not is_tensor(pixels, "Image", "Video"):
         return apply(plan, pixels)
-    from .labels.tensors import like_image  # here: it needs torch
+    from .labels.torchvision_labels import like_image  # here: it needs torch
 
     return like_image(pixels, lambda plain: apply(plan, plain))
 

@@ -35,7 +35,7 @@ Inside, `dialects/` has one table of all dialects; most are a table of actions a
 arguments, and nothing else.
 """
 
-from .agent_actions import fenced_blocks, read_action, unreadable
+from .agent_actions import fenced_blocks, read_action, unreadable_action
 from .dialects import (
     DIALECTS,
     DICT_DIALECTS,
@@ -72,6 +72,6 @@ __all__ = [
     "parse_with",
     "read_action",
     "scale_normalized",
-    "unreadable",
+    "unreadable_action",
     "write_pyautogui",
 ]

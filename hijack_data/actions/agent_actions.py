@@ -17,8 +17,13 @@ from .pyautogui_grammar import read_calls
 from .python_source import ParsedSource
 
 ActionKind: TypeAlias = Literal["wait", "done", "fail", "reinit", "code"]
-WORDS: dict[str, ActionKind] = {"WAIT": "wait", "DONE": "done", "FAIL": "fail", REINIT: "reinit"}
-MAX_CODE = 32_000  # characters; an argument of a command may have 128 KiB
+ACTION_WORDS: dict[str, ActionKind] = {
+    "WAIT": "wait",
+    "DONE": "done",
+    "FAIL": "fail",
+    REINIT: "reinit",
+}
+MAX_CODE_CHARS = 32_000  # characters; an argument of a command may have 128 KiB
 
 # Begins the text that stands for an answer which its own parser refused; the reason follows.
 UNREADABLE = "unreadable action: "
@@ -32,7 +37,7 @@ _FENCE = re.compile(
 
 @dataclass(frozen=True)
 class Request:
-    """The request of an agent: `code` is pyautogui code, or one of `WORDS`."""
+    """The request of an agent: `code` is pyautogui code, or one of `ACTION_WORDS`."""
 
     kind: ActionKind
     code: str
@@ -50,13 +55,13 @@ def read_action(text: object, allow_code: bool = False) -> Request:
     if text.startswith(UNREADABLE):
         raise ActionError(text.removeprefix(UNREADABLE).partition(_REPLY)[0])
     inner = _unfenced(text)
-    if inner in WORDS:
-        return Request(WORDS[inner], inner)
+    if inner in ACTION_WORDS:
+        return Request(ACTION_WORDS[inner], inner)
     if not inner:
-        raise ActionError(f"the action is empty; give pyautogui code, or {', '.join(WORDS)}")
-    if len(inner) > MAX_CODE or "\0" in inner or not _is_text(inner):
+        raise ActionError(f"the action is empty; give pyautogui code, or {', '.join(ACTION_WORDS)}")
+    if len(inner) > MAX_CODE_CHARS or "\0" in inner or not _is_text(inner):
         raise ActionError(
-            f"an action is text of at most {MAX_CODE} characters without zero bytes, got"
+            f"an action is text of at most {MAX_CODE_CHARS} characters without zero bytes, got"
             f" {len(inner)}"
         )
     if not allow_code:
@@ -64,7 +69,7 @@ def read_action(text: object, allow_code: bool = False) -> Request:
     return Request("code", inner)
 
 
-def unreadable(error: Exception, reply: str = "") -> str:
+def unreadable_action(error: Exception, reply: str = "") -> str:
     """Return a text that `read_action` refuses with the reason why an answer cannot be read.
 
     Args:
@@ -85,7 +90,11 @@ def fenced_blocks(text: str) -> list[str]:
 
 
 def fenced_spans(text: str) -> list[tuple[int, int]]:
-    """Return where the contents of the ``` fences begin and end, see `fenced_blocks`."""
+    """Return where the contents of the ``` fences begin and end, see `fenced_blocks`.
+
+    Raises:
+        ActionError: a fence has no partner.
+    """
     spans = [match.span(1) for match in _FENCE.finditer(text) if match[1].strip()]
     if spans and _FENCE.sub("", text).count("```"):
         raise ActionError(
@@ -98,7 +107,8 @@ def fenced_spans(text: str) -> list[tuple[int, int]]:
 def _unfenced(text: str) -> str:
     """Return the one fenced block, or the whole text if there is none.
 
-    Two blocks are refused, so that no request of an agent is dropped silently.
+    Raises:
+        ActionError: there are several blocks, of which all but one would be dropped silently.
     """
     blocks = fenced_blocks(text)
     if not blocks:

@@ -60,4 +60,4 @@ RECORDED_FUNCTIONS: FunctionNames = {
     "pyperclip": frozenset({"copy"}),
 }
 
-SPECIAL = {"WAIT": "wait", "DONE": "done", "FAIL": "fail"}
+SPECIAL_WORDS = {"WAIT": "wait", "DONE": "done", "FAIL": "fail"}

@@ -24,7 +24,7 @@ from typing import NamedTuple, NoReturn, TypeAlias
 
 from ..errors import suggest
 from .pyautogui_functions import BUTTONS, SETTINGS, FunctionNames
-from .python_source import ParsedSource, shallow
+from .python_source import ParsedSource, refuse_deep_nesting
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ def read_calls(source: ParsedSource, functions: FunctionNames) -> list[Call]:
             its line and column, and what to write instead.
     """
     reader = _GrammarReader(source, functions)
-    with shallow():
+    with refuse_deep_nesting():
         for statement in source.tree.body:
             reader.read(statement)
     return reader.calls

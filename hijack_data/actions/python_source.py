@@ -24,7 +24,7 @@ class TextEdit(NamedTuple):
     text: str
 
 
-def spliced(text: str, edits: Iterable[TextEdit]) -> str:
+def apply_edits(text: str, edits: Iterable[TextEdit]) -> str:
     """Return `text` with `edits` made, which must not overlap; every other byte stays."""
     pieces: list[str] = []
     position = 0
@@ -37,7 +37,7 @@ def spliced(text: str, edits: Iterable[TextEdit]) -> str:
 
 
 @contextmanager
-def shallow() -> Generator[None]:
+def refuse_deep_nesting() -> Generator[None]:
     """Turn a `RecursionError` into an `ActionError`: code nested so deeply is not an action.
 
     Raises:
@@ -55,8 +55,11 @@ class ParsedSource:
     """Parsed code, and the position of each node.
 
     Spaces before the first statement are tolerated, as `python -c "...; <code>"` tolerates them.
-    Raises `ActionError` for code that is not Python. The positions come from a table of line
-    starts, because `ast.get_source_segment` splits the whole source again for every node.
+    The positions come from a table of line starts, because `ast.get_source_segment` splits the
+    whole source again for every node.
+
+    Raises:
+        ActionError: the code is not Python.
     """
 
     def __init__(self, code: str) -> None:
@@ -135,4 +138,4 @@ class ParsedSource:
 
     def edited(self, edits: Iterable[TextEdit]) -> str:
         """Return the code with `edits` made."""
-        return self._prefix + spliced(self._code, edits)
+        return self._prefix + apply_edits(self._code, edits)

@@ -28,8 +28,8 @@ from ..types import SLACK, BoxArray, Size, are_fractions
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int32]
 
-_FAR = 2.0**40  # beyond any screen; keeps products finite
-_FARTHEST_OFFSET = 2.0**31
+_MAX_COORDINATE = 2.0**40  # beyond any screen; keeps products finite
+_MAX_OFFSET = 2.0**31
 
 
 @dataclass(frozen=True)
@@ -114,12 +114,17 @@ class Scaling:
     def x(self, value: float) -> int:
         """Scale one x coordinate to a pixel.
 
-        Raises `ActionError` if it is not finite or outside a bounded source.
+        Raises:
+            ActionError: the coordinate is not finite, or lies outside a bounded source.
         """
         return self._coordinate(value, axis=1)
 
     def y(self, value: float) -> int:
-        """Scale one y coordinate, as `x`."""
+        """Scale one y coordinate to a pixel.
+
+        Raises:
+            ActionError: the coordinate is not finite, or lies outside a bounded source.
+        """
         return self._coordinate(value, axis=0)
 
     def dx(self, value: float) -> int:
@@ -136,7 +141,9 @@ class Scaling:
     def point(self, x: float, y: float) -> tuple[int, int]:
         """Scale one point of an action to a pixel.
 
-        The errors are those of `x` and `check_point`.
+        Raises:
+            ActionError: a number is not finite, lies outside a bounded source, or is a fraction
+                where pixels are expected.
         """
         self.check_point(x, y)
         return self.x(x), self.y(y)
@@ -200,7 +207,7 @@ class Scaling:
             raise ActionError(f"offset {value!r} is not a finite number; give pixels such as 100")
         if not self.grid:  # in fractions, the side of the picture is the longest offset
             self.check(abs(value), axis)
-        if abs(value) > _FARTHEST_OFFSET:
+        if abs(value) > _MAX_OFFSET:
             raise ActionError(
                 f"offset {value!r} is beyond 2**31 pixels; give a distance that a screen can hold"
             )
@@ -212,7 +219,7 @@ class Scaling:
         self, values: FloatArray, source: npt.ArrayLike, target: npt.ArrayLike
     ) -> Int64Array:
         """Return the pixels of the target to which numbers of the source map."""
-        near = np.clip(values, -_FAR, _FAR)
+        near = np.clip(values, -_MAX_COORDINATE, _MAX_COORDINATE)
         source_sides = np.asarray(source, np.int64)
         target_sides = np.asarray(target, np.int64)
         exact = near * target_sides / source_sides

@@ -9,13 +9,13 @@ from typing import Literal
 
 from ..errors import MissingDependencyError, UnknownNameError, suggest
 from ..types import Scene, as_target
+from .accessibility_nodes import AccessibleNode, nodes_from_tree
 from .base import Elements
 from .detector import boxes_from_picture
-from .labels import boxes_from_labels
-from .nodes import AccessibleNode, nodes_from_tree
+from .interactive_nodes import boxes_from_tree, interactive_elements
 from .ocr import boxes_from_ocr
-from .pictures import image_pixels, image_size
-from .tree import boxes_from_tree, interactive_elements
+from .picture_pixels import image_pixels, image_size
+from .recorded_boxes import boxes_from_labels
 
 __all__ = [
     "AccessibleNode",
@@ -43,9 +43,6 @@ def elements_from(
 ) -> Elements:
     """Find the elements of a screen: from the tree if given, else from labels, else by detection.
 
-    Raises `ElementsError` for a bad tree or bad labels, and `ImageError` or `ImageTypeError` for a
-    bad picture.
-
     Args:
         image: the screenshot: `[H, W, 3]` uint8 (NumPy, JAX), `[3, H, W]` (torch) or a PIL image.
             Only `detect` reads its pixels.
@@ -57,6 +54,9 @@ def elements_from(
     Raises:
         UnknownNameError: `detect` is not one of these.
         MissingDependencyError: the detector is not installed.
+        ElementsError: the tree or the labels are damaged.
+        ImageError: the picture has another shape.
+        ImageTypeError: the picture is of another kind or dtype.
     """
     if detect not in (*_DETECTORS, "none"):
         raise UnknownNameError(f"unknown detect {detect!r}{suggest(detect, (*_DETECTORS, 'none'))}")

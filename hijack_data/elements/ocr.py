@@ -13,7 +13,7 @@ import numpy as np
 from .. import extras
 from ..types import as_boxes, clip_boxes
 from .base import Elements
-from .pictures import image_pixels
+from .picture_pixels import image_pixels
 
 # RapidOCR shrinks what is larger than this.
 MAX_SIDE = 2000
@@ -36,9 +36,12 @@ def boxes_from_ocr(image: object) -> Elements:
             missed.
 
     Returns one box per line, with the text as its name and the role `"text"`. The first call loads
-    the models (about a second), later calls in the same process reuse them. Raises
-    `MissingDependencyError` without RapidOCR, and `ImageError` or `ImageTypeError` for a bad
-    picture.
+    the models (about a second), later calls in the same process reuse them.
+
+    Raises:
+        ImageError: the picture has another shape.
+        ImageTypeError: the picture is of another kind or dtype.
+        MissingDependencyError: RapidOCR is not installed.
     """
     pixels = image_pixels(image)
     height, width = pixels.shape[:2]

@@ -11,7 +11,7 @@ them (`[T, 3, H, W]`), that are the sample itself, the first item of a tuple, or
 picture (`hijack_data.pictures`); all of them follow one plan. Bounding boxes, key points and masks
 of `tv_tensors` follow the pixels, and so do the entries that `hijack_data.samples` names and those
 that `labels=` declares. If the size changes, any other entry that is not harmless by its type is an
-error (`hijack_data.labels.undeclared`).
+error (`hijack_data.labels.undeclared_entries`).
 
 The `id` of a sample, the seed and the epoch decide its corruption, not the worker, the order or a
 global generator. A batch has a list of ids, and a picture, list or stack of pictures for each; it

@@ -9,9 +9,9 @@ from ..compose import sometimes
 from ..epochs import RepeatNotice
 from ..errors import ParameterError
 from ..labels import Declared
-from ..labels.declared import OWN
-from ..labels.rows import check_drawn
-from ..labels.tensors import follow_tensor, v2
+from ..labels.dataset_rows import check_drawn
+from ..labels.label_declarations import FIXED_ENTRIES
+from ..labels.torchvision_labels import follow_tensor, v2
 from ..pictures import FOLLOWING, SamplePicture, common_size, find_pictures, is_tensor, swapped
 from ..plan import Plan
 from ..planner import Planner
@@ -160,7 +160,7 @@ class Corrupt(v2.Transform):
             for row, (mine, _) in zip(rows, pictures, strict=True)
         ]
         changes: dict[str, Any] = {
-            key: follow_tensor(entries[key], plans) for key in shared - labels.left
+            key: follow_tensor(entries[key], plans) for key in shared - labels.unchanged_paths
         }
         changes |= {key: apply_to_array(plans, entries[key]) for key in arrays}
         each: list[dict[str, Any]] = []
@@ -215,9 +215,9 @@ class Corrupt(v2.Transform):
 
         A value that is not a list of `count` items applies to all pictures.
         """
-        labels = {path.partition(".")[0] for path in self.settings.labels.declared}
-        if key in (*OWN, "step", "epoch") or (
-            key in labels and key not in self.settings.labels.left
+        labels = {path.partition(".")[0] for path in self.settings.labels.formats}
+        if key in (*FIXED_ENTRIES, "step", "epoch") or (
+            key in labels and key not in self.settings.labels.unchanged_paths
         ):
             return [None] * count if value is None else each_of(value, count, key)
         if is_tensor(value, *FOLLOWING) or not is_many(value) or len(value) != count:
@@ -257,7 +257,7 @@ def planner_of(value: "Planner | Corrupt") -> Planner:
         "id_from": (value.id_from, "entry"),
         "return_plan": (value.return_plan, False),
         "image_key": (value.image_key, None),
-        "labels": (settings.labels, None) if settings.labels.declared else (None, None),
+        "labels": (settings.labels, None) if settings.labels.formats else (None, None),
     }
     for setting, (given, default) in inner.items():
         if given != default:

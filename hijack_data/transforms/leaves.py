@@ -10,8 +10,8 @@ import torch
 from PIL import Image
 
 from ..errors import ImageError, ParameterError
-from ..labels.declared import OWN
-from ..labels.tensors import corners
+from ..labels.label_declarations import FIXED_ENTRIES
+from ..labels.torchvision_labels import corners
 from ..pictures import (
     FIRST_ITEM,
     PICTURE_KEYS,
@@ -62,7 +62,7 @@ def unpack(sample: Any) -> tuple[dict[str, Any], Rebuild]:
 
 def plain(entries: DatasetRow) -> DatasetRow:
     """Return the entries with the `BoundingBoxes` that a planner reads as plain `xyxy` tensors."""
-    read = {key for key in OWN if is_tensor(entries.get(key), "BoundingBoxes")}
+    read = {key for key in FIXED_ENTRIES if is_tensor(entries.get(key), "BoundingBoxes")}
     return {key: corners(value) if key in read else value for key, value in entries.items()}
 
 

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hijack_data.elements.roles import INTERACTIVE_ENDINGS, INTERACTIVE_ROLES
+from hijack_data.elements.interactive_roles import INTERACTIVE_ENDINGS, INTERACTIVE_ROLES
 from hijack_data.errors import HijackError
 from hijack_data.files import encode_png, write_atomic
 from hijack_data.platforms import OURS

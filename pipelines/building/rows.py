@@ -9,7 +9,7 @@ from typing import Any, cast
 from hijack_data import apply, scene_from
 from hijack_data.errors import ActionError, HijackError, ImageError, ParameterError
 from hijack_data.files import sha256_of
-from hijack_data.labels.rows import made_by
+from hijack_data.labels.dataset_rows import plan_columns
 from hijack_data.pack import AssetPack
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner
@@ -284,7 +284,7 @@ def labels_of(variant: Variant, label: str, seed: int) -> dict[str, Any]:
         "action": _action(plan.coords.action_to_observation(sample.step.action)),
         "action_code": observed_code(plan.coords, sample.step),
         "target_box": _box(plan, sample.step.target_box),
-        **made_by(plan, seed),
+        **plan_columns(plan, seed),
         **_event_columns(variant.edit),
         "target_visible": target_visible(variant.over, sample.scene.target, end),
     }

@@ -11,8 +11,8 @@ import numpy as np
 from hijack_data import Augmentation, Corruption
 from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import ImageError, LabelError, shown
-from hijack_data.labels.actions import own_action
-from hijack_data.labels.rows import dialect_of
+from hijack_data.labels.action_formats import own_action
+from hijack_data.labels.dataset_rows import detect_dialect
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner, leaves
 from hijack_data.types import Action, Scene, Step, Trajectory, UInt8Array, as_target
@@ -151,7 +151,7 @@ def _picture(row: Mapping[str, Any]) -> UInt8Array:
 
 def _dialect(code: str, action: Action, size: tuple[int, int]) -> str | None:
     try:
-        return dialect_of(code, action, size)
+        return detect_dialect(code, action, size)
     except LabelError:
         return None
 

@@ -11,7 +11,7 @@ from hijack_data import apply
 from hijack_data.corruption import Corruption
 from hijack_data.errors import HijackError, shown
 from hijack_data.files import sha256_of
-from hijack_data.labels.rows import params_json
+from hijack_data.labels.dataset_rows import params_json
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner, leaves
 from hijack_data.safety import changed_pixels

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import hijack_data as hj
 from hijack_data.coords import CoordMap, smart_resize
 from hijack_data.errors import LabelError, ParameterTypeError, UnknownNameError
-from hijack_data.labels import ALIASES, FORMATS, Labels, Move, format_of
+from hijack_data.labels import ALIASES, FORMATS, Labels, Move, find_format
 
 SIZE = (1080, 1920)
 HALF = hj.Resolution(scale=0.5).plan(hj.Scene(SIZE), seed=1)
@@ -229,7 +229,7 @@ def test_declarations_that_are_none():
 
 def test_names():
     assert set(ALIASES.values()) <= set(FORMATS)
-    assert all(format_of(name.upper()) is FORMATS[target] for name, target in ALIASES.items())
+    assert all(find_format(name.upper()) is FORMATS[target] for name, target in ALIASES.items())
     assert {"pyautogui", "ui_tars", "anthropic", "openai", "leave"} <= set(FORMATS)
 
 

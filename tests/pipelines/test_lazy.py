@@ -16,7 +16,7 @@ from PIL import Image
 
 import hijack_data as hj
 from hijack_data.cli import hijack
-from hijack_data.labels.rows import params_json
+from hijack_data.labels.dataset_rows import params_json
 from pipelines import build, open_dataset, render, verify
 from pipelines.dataset.columns import BASE
 from pipelines.dataset.lazy import plan_of, stored_plan

@@ -14,9 +14,9 @@ from ...errors import ActionError, shown
 from ...types import Action
 from ..agent_actions import fenced_spans
 from ..pyautogui_functions import AGENTNET_TRIPLE
-from ..python_source import ParsedSource, TextEdit, shallow, spliced
+from ..python_source import ParsedSource, TextEdit, apply_edits, refuse_deep_nesting
 from ..scaling import Scaling
-from .answers import answer_text
+from .answer_text import answer_text
 from .pyautogui_code import calls_pyautogui, map_code
 from .pyautogui_parse import parse_pyautogui
 from .pyautogui_write import write_pyautogui
@@ -25,7 +25,8 @@ from .pyautogui_write import write_pyautogui
 def map_fenced(reply: object, scaling: Scaling) -> str:
     """Return a reply with the code in its fences scaled, or all of it if it has no fence.
 
-    Raises `ActionError` for code that cannot be mapped.
+    Raises:
+        ActionError: the code cannot be mapped.
     """
     answer = answer_text(reply, "opencua")
     text = cast("str", reply)
@@ -33,11 +34,15 @@ def map_fenced(reply: object, scaling: Scaling) -> str:
     if not spans:
         return map_code(text, scaling)
     edits = [TextEdit(start, end, _map_block(text[start:end], scaling)) for start, end in spans]
-    return spliced(text, edits)
+    return apply_edits(text, edits)
 
 
 def parse_fenced(reply: object, scaling: Scaling) -> list[Action]:
-    """Return the action of each fence. Raises `ActionError` as `map_fenced`."""
+    """Return the action of each fence.
+
+    Raises:
+        ActionError: the code cannot be mapped.
+    """
     answer = answer_text(reply, "opencua")
     spans = fenced_spans(answer) or [(0, len(answer))]
     blocks = [textwrap.dedent(answer[start:end]).strip() for start, end in spans]
@@ -48,7 +53,11 @@ def parse_fenced(reply: object, scaling: Scaling) -> list[Action]:
 
 
 def fenced_code(reply: object, scaling: Scaling) -> list[str]:
-    """Return the action of each fence as code in pixels. Raises `ActionError` as `map_fenced`."""
+    """Return the action of each fence as code in pixels.
+
+    Raises:
+        ActionError: the code cannot be mapped, or a block is no action.
+    """
     answer = answer_text(reply, "opencua")
     spans = fenced_spans(answer) or [(0, len(answer))]
     blocks = [textwrap.dedent(answer[start:end]).strip() for start, end in spans]
@@ -73,7 +82,7 @@ def plain_code(code: str, scaling: Scaling) -> str:
     """
     if "computer" not in code:
         return code
-    with shallow():
+    with refuse_deep_nesting():
         source = ParsedSource(code)
         edits = [
             TextEdit(*source.span(node), "pyautogui.tripleClick")

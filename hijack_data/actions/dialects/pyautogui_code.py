@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 from ...errors import ActionError, ParameterTypeError
 from ...types import Size, are_fractions, as_size
 from ..call_coordinates import read_coordinates
-from ..pyautogui_functions import POINTER, RECORDED_FUNCTIONS, SPECIAL
+from ..pyautogui_functions import POINTER, RECORDED_FUNCTIONS, SPECIAL_WORDS
 from ..pyautogui_grammar import read_calls
-from ..python_source import ParsedSource, TextEdit, shallow
+from ..python_source import ParsedSource, TextEdit, refuse_deep_nesting
 from ..scaling import Scaling
 
 
@@ -32,7 +32,7 @@ def map_code(code: str, scaling: Scaling) -> str:
         ActionError: the code cannot be mapped; the message names line and column.
     """
     check_text(code)
-    if code.strip() in SPECIAL:
+    if code.strip() in SPECIAL_WORDS:
         return code
     source = ParsedSource(code)
     edits = [
@@ -49,7 +49,8 @@ def scale_normalized(code: str, size: Size) -> str:
 
     `size` is (height, width) of the picture.
 
-    Raises `ActionError` where `map_code` does, and for a coordinate that is not a fraction.
+    Raises:
+        ActionError: the code cannot be mapped, or a coordinate is not a fraction.
     """
     return map_code(code, Scaling.fractions(as_size(size)))
 
@@ -77,10 +78,10 @@ class _PointNotes(Scaling):
 
 def calls_pyautogui(code: str) -> bool:
     """Return whether a text is code that calls pyautogui, or is WAIT, FAIL or DONE."""
-    if code.strip() in SPECIAL:
+    if code.strip() in SPECIAL_WORDS:
         return True
     try:
-        with shallow():
+        with refuse_deep_nesting():
             tree = ParsedSource(code).tree
     except ActionError:  # not Python
         return False

@@ -5,12 +5,18 @@ from collections.abc import Iterable, Mapping
 from ...errors import ParameterError
 from ...types import Action, Size, as_size
 from ..call_coordinates import read_coordinates
-from ..pyautogui_functions import AGENTNET_TRIPLE, KEYBOARD, POINTER, RECORDED_FUNCTIONS, SPECIAL
+from ..pyautogui_functions import (
+    AGENTNET_TRIPLE,
+    KEYBOARD,
+    POINTER,
+    RECORDED_FUNCTIONS,
+    SPECIAL_WORDS,
+)
 from ..pyautogui_grammar import Argument, Call, Value, read_calls
-from ..python_source import ParsedSource, shallow
+from ..python_source import ParsedSource, refuse_deep_nesting
 from ..scaling import Scaling
-from .combine import CLIPBOARD, DRAG_BY, MOVE_BY, combine
-from .fields import click_type
+from .combine_calls import CLIPBOARD, DRAG_BY, MOVE_BY, combine
+from .field_checks import click_type
 from .pyautogui_code import check_text
 
 _PLAIN = {
@@ -54,12 +60,12 @@ def parse_pyautogui(code: str, size: Size | None, normalized: bool = False) -> A
         )
     checked = None if size is None else as_size(size)
     word = code.strip()
-    if word in SPECIAL:
-        return Action(SPECIAL[word])
+    if word in SPECIAL_WORDS:
+        return Action(SPECIAL_WORDS[word])
     scaling = Scaling.fractions(checked) if normalized and checked else Scaling.pixels(checked)
     source = ParsedSource(code)
     calls = [_call_action(source, call, scaling) for call in read_calls(source, RECORDED_FUNCTIONS)]
-    with shallow():
+    with refuse_deep_nesting():
         return combine(calls, checked)
 
 

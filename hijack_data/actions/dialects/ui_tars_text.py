@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from ...errors import ActionError, shown
-from .fields import unknown
+from .field_checks import refuse_unknown_action
 
 NAMES = (
     "click",
@@ -57,8 +57,10 @@ class Call(NamedTuple):
 def sections(text: str) -> list[list[Call]]:
     """Return the calls after each `Action:` (or of the whole text, where there is none), in order.
 
-    An earlier `Action:` that is followed by prose is left out. Raises `ActionError` if the last
-    `Action:` is followed by none, or if it is not clear where an action ends.
+    An earlier `Action:` that is followed by prose is left out.
+
+    Raises:
+        ActionError: no action follows the last `Action:`, or it is not clear where an action ends.
     """
     labels = [match.end() for match in _LABEL.finditer(text)] or [0]
     calls_by_label: list[list[Call]] = []
@@ -92,7 +94,11 @@ def _neat_calls(text: str, start: int) -> tuple[list[Call], int]:
 
 
 def _loose_calls(text: str, start: int) -> Iterator[Call]:
-    """Return the calls from `start` on, split at empty lines; any quotes may be in them."""
+    """Return the calls from `start` on, split at empty lines; any quotes may be in them.
+
+    Raises:
+        ActionError: a part is no action, or it is not clear where an action ends.
+    """
     bounds = [start, *(match.end() for match in _NEXT.finditer(text, start)), len(text)]
     for begin, end in pairwise(bounds):
         match = _LOOSE.fullmatch(text, begin, end)
@@ -110,12 +116,16 @@ def _loose_calls(text: str, start: int) -> Iterator[Call]:
 
 def _call(match: re.Match[str]) -> Call:
     if match[1] not in NAMES:
-        unknown("UI-TARS", match[1], NAMES)
+        refuse_unknown_action("UI-TARS", match[1], NAMES)
     return Call(match[1], match[2], match.start(2))
 
 
 def _check_rest(text: str, start: int) -> None:
-    """Raise unless the rest of the text, in which no action was found, is prose."""
+    """Check that the rest of the text, in which no action was found, is prose.
+
+    Raises:
+        ActionError: the text is not prose.
+    """
     prose = not _BEGINS.match(text) and (_HEADING.match(text) or not _BOX.search(text))
     if not prose:
         excerpt = shown(text.strip())

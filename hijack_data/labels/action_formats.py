@@ -43,7 +43,7 @@ def own_action(value: object) -> Action:
     return Action(**action_fields, keys=None if keys is None else tuple(keys))
 
 
-def moved_own(value: Any, move: Move) -> Any:
+def map_own_action(value: Any, move: Move) -> Any:
     """Return an `Action`, or several, with their points after a `Move`; `None` stays.
 
     Raises:
@@ -52,7 +52,7 @@ def moved_own(value: Any, move: Move) -> Any:
     if value is None:
         return None
     if isinstance(value, list | tuple):
-        return _map_parts(value, lambda part: moved_own(part, move))
+        return _map_parts(value, lambda part: map_own_action(part, move))
     action = own_action(value)
     keys = [key for key in ("x", "y", "x2", "y2") if getattr(action, key) is not None]
     numbers = [getattr(action, key) for key in keys]
@@ -73,14 +73,14 @@ def _map_parts(value: Any, change: Callable[[Any], Any]) -> Any:
     return tuple(parts) if isinstance(value, tuple) else parts
 
 
-def own_places(value: Any, size: Size) -> list[Location]:
+def own_locations(value: Any, size: Size) -> list[Location]:
     """Return where an `Action`, or each of several, points."""
     if value is None:
         return []
     if isinstance(value, list | tuple):
         locations: list[Location] = []
         for part in cast("list[Any]", value):
-            locations += own_places(part, size)
+            locations += own_locations(part, size)
         return locations
     action = own_action(value)
     if action.point is None:
@@ -97,11 +97,11 @@ def dialect_format(dialect: str) -> Format:
             return Scaling(smart_resize(*move.before), smart_resize(*move.after), bounded=True)
         return move.scaling
 
-    def moved(value: Any, move: Move) -> Any:
+    def map_value(value: Any, move: Move) -> Any:
         scaling = scaling_of(move)
         return _each_action(value, dialect, lambda action: map_typed(action, dialect, scaling))
 
-    def places(value: Any, size: Size) -> list[Location]:
+    def locate(value: Any, size: Size) -> list[Location]:
         locations: list[Location] = []
 
         def collect(action: Any) -> Any:
@@ -118,7 +118,7 @@ def dialect_format(dialect: str) -> Format:
         _each_action(value, dialect, collect)
         return locations
 
-    return Format(dialect, moved, places)
+    return Format(dialect, map_value, locate)
 
 
 def _each_action(value: Any, dialect: str, change: Callable[[Any], Any]) -> Any:

@@ -54,7 +54,7 @@ def as_fields(action: object, dialect: str) -> dict[str, Any]:
     return {str(key): value for key, value in items}
 
 
-def unknown(dialect: str, name: object, valid_names: Iterable[str]) -> NoReturn:
+def refuse_unknown_action(dialect: str, name: object, valid_names: Iterable[str]) -> NoReturn:
     """Refuse an action name that the dialect does not have.
 
     Raises:
@@ -137,7 +137,7 @@ def key_names(value: object, label: str, separators: str = "") -> tuple[str, ...
     return tuple(_key_name(key) for key in keys)
 
 
-def combination(value: object, label: str, separators: str = "") -> tuple[str, ...]:
+def key_combination(value: object, label: str, separators: str = "") -> tuple[str, ...]:
     """Return keys that are pressed together, as `key_names`; letters among them are lower case.
 
     Tools write `["CTRL", "S"]` for Ctrl+S; to pyautogui a capital `S` is Shift as well.
@@ -166,7 +166,7 @@ def click_type(button: object, clicks: object) -> str:
     return _OTHER_BUTTONS.get(button.lower(), "other")
 
 
-def at(type: str, place: tuple[int, int] | None, **fields: Any) -> Action:
+def action_at(type: str, place: tuple[int, int] | None, **fields: Any) -> Action:
     """Return an action at a point, or, for `None`, at the pointer."""
     if place is None:
         return Action(type, **fields)

@@ -27,7 +27,7 @@ from ..errors import HijackError, LabelError, shown
 from ..pictures import FOLLOWING, is_array, is_picture_shaped, is_tensor
 from ..types import Action, Size
 from .formats import FORMATS
-from .numbers import host_array
+from .nested_numbers import host_array
 
 # Names of text that people read; coordinates in it need not follow the pixels. The last word of a
 # name counts.
@@ -326,7 +326,7 @@ def _dialects(value: Any, size: Size) -> list[str]:
     readers: list[str] = []
     for name, form in FORMATS.items():
         try:
-            if form.places(value, size):
+            if form.locate(value, size):
                 readers.append(name)
         except (HijackError, TypeError, ValueError, AttributeError):
             continue  # this format does not read the value

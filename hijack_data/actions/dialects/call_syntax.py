@@ -12,9 +12,9 @@ from typing import Any, NamedTuple, TypeAlias, cast
 
 from ...errors import ActionError, shown
 from ..agent_actions import fenced_spans
-from ..python_source import TextEdit, spliced
-from .fields import as_fields
-from .rules import ActionCall
+from ..python_source import TextEdit, apply_edits
+from .action_rules import ActionCall
+from .field_checks import as_fields
 
 _JSON = json.JSONDecoder()
 _ESCAPE = re.compile(r"\\(.)", re.DOTALL)
@@ -22,7 +22,7 @@ _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "'": "'", '"': '"', "\\": "\\"}
 _NAME = re.compile(r"\s*(\w+)\s*=\s*")
 _SPACE = re.compile(r"[\s,;]*")
 _BARE = re.compile(r"[^\s,()\[\]'\"]+")
-_MOST_NESTED = 20
+_MAX_NESTING = 20
 TOOL_CALL = re.compile(r"<(seed:)?tool_call>")
 
 
@@ -40,7 +40,7 @@ class WrittenArgument(NamedTuple):
     end: int
 
 
-def unescaped(text: str) -> str:
+def unescape(text: str) -> str:
     r"""Return quoted text with `\n`, `\'` and the like replaced; other backslashes stay."""
     return _ESCAPE.sub(lambda match: _ESCAPES.get(match[1], match[0]), text)
 
@@ -85,7 +85,11 @@ def python_calls(text: str, dialect: str, names: Collection[str], example: str) 
 
 
 def _python_arguments(text: str, start: int, name: str) -> tuple[dict[str, WrittenArgument], int]:
-    """Return the arguments of a call, and where the call ends."""
+    """Return the arguments of a call, and where the call ends.
+
+    Raises:
+        ActionError: an argument cannot be read, or is given twice.
+    """
     arguments: dict[str, WrittenArgument] = {}
     position = start
     while True:
@@ -107,7 +111,7 @@ def _python_value(text: str, start: int, name: str) -> tuple[Any, int]:
     opening = text[start : start + 1]
     if opening and opening in "'\"":
         end = _quote_end(text, start, name)
-        return unescaped(text[start + 1 : end]), end + 1
+        return unescape(text[start + 1 : end]), end + 1
     if opening and opening in "[(":
         end = _bracket_end(text, start, name)
         return text[start:end], end
@@ -119,7 +123,11 @@ def _python_value(text: str, start: int, name: str) -> tuple[Any, int]:
 
 
 def _quote_end(text: str, start: int, name: str) -> int:
-    """Return where quoted text ends: at a quote that is followed by another argument or by `)`."""
+    """Return where quoted text ends: at a quote that is followed by another argument or by `)`.
+
+    Raises:
+        ActionError: the text does not end.
+    """
     quote = text[start]
     follows = re.compile(rf"{quote}(?=\s*(?:\)|,\s*\w+\s*=))")
     position = start + 1
@@ -132,7 +140,11 @@ def _quote_end(text: str, start: int, name: str) -> int:
 
 
 def _bracket_end(text: str, start: int, name: str) -> int:
-    """Return where a list ends, with the lists, calls and quoted texts inside it."""
+    """Return where a list ends, with the lists, calls and quoted texts inside it.
+
+    Raises:
+        ActionError: the list does not end.
+    """
     depth = 0
     for match in re.finditer(r"'(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"|[\[\]()]", text[start:]):
         if match[0] in "[(":
@@ -227,7 +239,7 @@ def _bracket_end_of_value(text: str, start: int, dialect: str) -> int:
         has_bracket = True
         if match[0] in "[({":
             depth += 1
-            if depth > _MOST_NESTED:
+            if depth > _MAX_NESTING:
                 break
         elif match[0] in "])}":
             depth -= 1
@@ -255,7 +267,7 @@ def _dumped(
     return write
 
 
-def beside_name(field: str, dialect: str) -> CallDecoder:
+def flat_call_decoder(field: str, dialect: str) -> CallDecoder:
     """Return the reader of dicts whose arguments stand beside the name of the action."""
 
     def read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
@@ -352,6 +364,6 @@ def rewriter(
             for name, argument in arguments.items()
             if values.get(name) != argument.value
         ]
-        return spliced(part, edits)
+        return apply_edits(part, edits)
 
     return write

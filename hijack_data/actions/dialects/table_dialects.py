@@ -21,9 +21,7 @@ from typing import Any, cast
 
 from ...errors import ActionError, shown
 from ...types import Action
-from .answers import answer_text
-from .fields import as_fields, at
-from .rules import (
+from .action_rules import (
     PIXELS_PER_NOTCH,
     ActionCall,
     Arguments,
@@ -31,20 +29,22 @@ from .rules import (
     Meaning,
     Rule,
     coordinates,
-    dragging,
-    ending,
-    key,
-    looking,
-    pointing,
-    pressing,
-    scrolled,
-    scrolling,
-    status,
-    typing,
-    unsayable,
-    waiting,
+    drag_rule,
+    end_rule,
+    key_rule,
+    point_rule,
+    press_rule,
+    screenshot_rule,
+    scroll_meaning,
+    scroll_rule,
+    status_rule,
+    type_rule,
+    unsupported_rule,
+    wait_rule,
 )
-from .syntax import Rebuild, beside_name, holds_json, json_calls, python_calls
+from .answer_text import answer_text
+from .call_syntax import Rebuild, flat_call_decoder, holds_json, json_calls, python_calls
+from .field_checks import action_at, as_fields
 
 _PHONE = "a desktop has no such key or gesture of a phone"
 _BROWSER = "it needs a browser that is driven by addresses, not a pointer"
@@ -53,32 +53,32 @@ _TOOL = "it asks for a tool, not for the pointer or the keyboard"
 # --- GLM-4.5V and 4.6V
 
 _GLM: dict[str, Rule] = {
-    "left_click": pointing("click", "start_box"),
-    "right_click": pointing("right_click", "start_box"),
-    "middle_click": pointing("middle_click", "start_box"),
-    "hover": pointing("move", "start_box"),
-    "left_double_click": pointing("double_click", "start_box"),
-    "left_drag": dragging(["start_box"], ["end_box"]),
-    "key": pressing("keys"),
-    "type": typing("content"),
-    "scroll": scrolling("start_box", steps="step"),
-    "WAIT": waiting(5.0),
-    "DONE": ending("done"),
-    "FAIL": ending("fail"),
+    "left_click": point_rule("click", "start_box"),
+    "right_click": point_rule("right_click", "start_box"),
+    "middle_click": point_rule("middle_click", "start_box"),
+    "hover": point_rule("move", "start_box"),
+    "left_double_click": point_rule("double_click", "start_box"),
+    "left_drag": drag_rule(["start_box"], ["end_box"]),
+    "key": press_rule("keys"),
+    "type": type_rule("content"),
+    "scroll": scroll_rule("start_box", steps="step"),
+    "WAIT": wait_rule(5.0),
+    "DONE": end_rule("done"),
+    "FAIL": end_rule("fail"),
 }
 _GLM_PHONE: dict[str, Rule] = {
-    "status": status("goal_status", ("infeasible",)),
-    "answer": ending("done", "text"),
-    "click": pointing("click", "box_2d"),
-    "long_press": unsayable(_PHONE, "box_2d"),
+    "status": status_rule("goal_status", ("infeasible",)),
+    "answer": end_rule("done", "text"),
+    "click": point_rule("click", "box_2d"),
+    "long_press": unsupported_rule(_PHONE, "box_2d"),
     # "this action contains clicking the text field, typing in the text and pressing the enter"
-    "input_text": typing("text", "box_2d", clear="override", enter=True),
-    "keyboard_enter": key("enter"),
-    "navigate_home": unsayable(_PHONE),
-    "navigate_back": unsayable(_PHONE),
-    "swipe": unsayable(_PHONE, "box_2d"),
-    "open_app": unsayable(_PHONE),
-    "wait": waiting(),
+    "input_text": type_rule("text", "box_2d", clear="override", enter=True),
+    "keyboard_enter": key_rule("enter"),
+    "navigate_home": unsupported_rule(_PHONE),
+    "navigate_back": unsupported_rule(_PHONE),
+    "swipe": unsupported_rule(_PHONE, "box_2d"),
+    "open_app": unsupported_rule(_PHONE),
+    "wait": wait_rule(),
 }
 _GLM_LABEL = re.compile(r"^[ \t]*Action:", re.MULTILINE)
 _GLM_MEMORY = re.compile(r"^[ \t]*Memory:", re.MULTILINE)
@@ -94,7 +94,7 @@ def _glm_calls(reply: object) -> list[ActionCall]:
     part = _only(answer, start, memory.start() if memory else len(answer))
     if holds_json(part):
         return json_calls(
-            part, "glm", beside_name("action_type", "glm"), '{"action_type": "click", ...}'
+            part, "glm", flat_call_decoder("action_type", "glm"), '{"action_type": "click", ...}'
         )
     return python_calls(part, "glm", tuple(_GLM), _GLM_EXAMPLE)
 
@@ -135,21 +135,21 @@ def _cog_key(name: str) -> str:
 
 
 _COGAGENT: dict[str, Rule] = {
-    "CLICK": pointing("click", "box"),
-    "DOUBLE_CLICK": pointing("double_click", "box"),
-    "RIGHT_CLICK": pointing("right_click", "box"),
-    "HOVER": pointing("move", "box"),
-    "TYPE": typing("text", "box"),
+    "CLICK": point_rule("click", "box"),
+    "DOUBLE_CLICK": point_rule("double_click", "box"),
+    "RIGHT_CLICK": point_rule("right_click", "box"),
+    "HOVER": point_rule("move", "box"),
+    "TYPE": type_rule("text", "box"),
     **{
-        f"SCROLL_{way.upper()}": scrolling("box", direction=way, steps="step_count")
+        f"SCROLL_{way.upper()}": scroll_rule("box", direction=way, steps="step_count")
         for way in ("up", "down", "left", "right")
     },
     "KEY_PRESS": _key_press,
     "GESTURE": _gesture,
-    "LAUNCH": unsayable("a desktop starts programs by its pointer"),
-    "QUOTE_TEXT": unsayable(_TOOL, "box"),
-    "LLM": unsayable(_TOOL),
-    "QUOTE_CLIPBOARD": unsayable(_TOOL),
+    "LAUNCH": unsupported_rule("a desktop starts programs by its pointer"),
+    "QUOTE_TEXT": unsupported_rule(_TOOL, "box"),
+    "LLM": unsupported_rule(_TOOL),
+    "QUOTE_CLIPBOARD": unsupported_rule(_TOOL),
 }
 _COG_LABEL = re.compile(r"^[ \t]*Grounded[ _]Operation:", re.MULTILINE | re.IGNORECASE)
 _COG_END = re.compile(r"\s*END(?:\(\))?\s*(?:<<[^<>]*>>)?\s*")
@@ -166,23 +166,23 @@ def _cogagent_calls(reply: object) -> list[ActionCall]:
     return python_calls(_only(answer, start, len(answer)), "cogagent", (*_COGAGENT,), _COG_EXAMPLE)
 
 
-COGAGENT = CallReader("cogagent", {**_COGAGENT, "END": ending("done")}, _cogagent_calls)
+COGAGENT = CallReader("cogagent", {**_COGAGENT, "END": end_rule("done")}, _cogagent_calls)
 
 # --- AutoGLM
 
 _AUTOGLM: dict[str, Rule] = {
-    "Tap": pointing("click", "element"),
-    "Double Tap": pointing("double_click", "element"),
-    "Long Press": unsayable(_PHONE, "element"),
-    "Swipe": dragging(["start"], ["end"]),
-    "Type": typing("text"),
-    "Type_Name": typing("text"),
-    "Wait": waiting(1.0, "duration"),
-    "finish": ending("done", "message"),
-    "Take_over": ending("fail", "message"),
-    "Interact": ending("fail"),
-    **dict.fromkeys(("Launch", "Back", "Home"), unsayable(_PHONE)),
-    **dict.fromkeys(("Note", "Call_API"), unsayable(_TOOL)),
+    "Tap": point_rule("click", "element"),
+    "Double Tap": point_rule("double_click", "element"),
+    "Long Press": unsupported_rule(_PHONE, "element"),
+    "Swipe": drag_rule(["start"], ["end"]),
+    "Type": type_rule("text"),
+    "Type_Name": type_rule("text"),
+    "Wait": wait_rule(1.0, "duration"),
+    "finish": end_rule("done", "message"),
+    "Take_over": end_rule("fail", "message"),
+    "Interact": end_rule("fail"),
+    **dict.fromkeys(("Launch", "Back", "Home"), unsupported_rule(_PHONE)),
+    **dict.fromkeys(("Note", "Call_API"), unsupported_rule(_TOOL)),
 }
 _ANSWER = re.compile(r"<answer>")
 _AUTOGLM_EXAMPLE = 'do(action="Tap", element=[500,500])'
@@ -212,11 +212,15 @@ AUTOGLM = CallReader("autoglm", _AUTOGLM, _autoglm_calls, notes=("message",))
 
 
 def _showui_scroll(arguments: Arguments) -> list[Meaning]:
-    return [scrolled(arguments.direction("value").lower(), 5, arguments.optional_point("position"))]
+    return [
+        scroll_meaning(
+            arguments.direction("value").lower(), 5, arguments.optional_point("position")
+        )
+    ]
 
 
 def _showui_type(arguments: Arguments) -> list[Meaning]:
-    return typing("value", "position")(arguments)
+    return type_rule("value", "position")(arguments)
 
 
 def _both_ends(arguments: Arguments) -> list[Meaning]:
@@ -229,29 +233,29 @@ def _both_ends(arguments: Arguments) -> list[Meaning]:
             f"{arguments.label} needs a position [[x1, y1], [x2, y2]], got {value_text}"
         )
     inner = Arguments(arguments.label, {"start": flat[:2], "end": flat[2:]}, arguments.scaling)
-    return dragging(["start"], ["end"])(inner)
+    return drag_rule(["start"], ["end"])(inner)
 
 
 _SHOWUI: dict[str, Rule] = {
-    "CLICK": pointing("click", "position"),
-    "TAP": pointing("click", "position"),
-    "HOVER": pointing("move", "position"),
+    "CLICK": point_rule("click", "position"),
+    "TAP": point_rule("click", "position"),
+    "HOVER": point_rule("move", "position"),
     "INPUT": _showui_type,
     "TYPE": _showui_type,
-    "SELECT": unsayable("what a list offers is chosen by clicks", "position"),
+    "SELECT": unsupported_rule("what a list offers is chosen by clicks", "position"),
     "SELECT_TEXT": _both_ends,
     "SWIPE": _both_ends,
     "SCROLL": _showui_scroll,
-    "ENTER": key("enter"),
-    "COPY": key("ctrl", "c"),
-    "ANSWER": ending("done", "value"),
+    "ENTER": key_rule("enter"),
+    "COPY": key_rule("ctrl", "c"),
+    "ANSWER": end_rule("done", "value"),
 }
 _SHOWUI_EXAMPLE = "{'action': 'CLICK', 'value': None, 'position': [0.5, 0.5]}"
 
 
 def _showui_read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
     if not isinstance(value, list | tuple):
-        return beside_name("action", "showui")(value)
+        return flat_call_decoder("action", "showui")(value)
     # "where you want to click": [0.73, 0.21]
     return "CLICK", {"position": list(cast("list[Any]", value))}, _unchanged
 
@@ -279,22 +283,22 @@ def _internvl_calls(reply: object) -> list[ActionCall]:
     return [ActionCall("click", {"box": boxes[0][1]}, *boxes[0].span(1))]
 
 
-INTERNVL = CallReader("internvl", {"click": pointing("click", "box")}, _internvl_calls)
+INTERNVL = CallReader("internvl", {"click": point_rule("click", "box")}, _internvl_calls)
 
 # --- Holo
 
 _HOLO: dict[str, Rule] = {
-    **dict.fromkeys(("click_element", "click_absolute", "click"), pointing("click", "x", "y")),
-    "write_element": typing("content", "x", "y"),
+    **dict.fromkeys(("click_element", "click_absolute", "click"), point_rule("click", "x", "y")),
+    "write_element": type_rule("content", "x", "y"),
     # "then press Enter"
-    "write_element_abs": typing("content", "x", "y", enter=True),
-    "scroll": scrolling(),
-    "go_back": key("alt", "left"),
-    "refresh": key("f5"),
-    "wait": waiting(2.0, "seconds"),
-    "answer": ending("done", "content"),
-    "goto": unsayable(_BROWSER),
-    "restart": unsayable(_BROWSER),
+    "write_element_abs": type_rule("content", "x", "y", enter=True),
+    "scroll": scroll_rule(),
+    "go_back": key_rule("alt", "left"),
+    "refresh": key_rule("f5"),
+    "wait": wait_rule(2.0, "seconds"),
+    "answer": end_rule("done", "content"),
+    "goto": unsupported_rule(_BROWSER),
+    "restart": unsupported_rule(_BROWSER),
 }
 _HOLO_CLICK = re.compile(r"\s*Click\(\s*(-?\d+)\s*,\s*(-?\d+)\s*\)\s*\Z")
 _HOLO_EXAMPLE = '{"action": "click_element", "element": "OK", "x": 100, "y": 200}'
@@ -304,7 +308,7 @@ def _holo_read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
     fields = as_fields(value, "holo")
     inner = fields.get("action")
     if isinstance(inner, Mapping):  # beside the note and the thought of a step
-        name, arguments, rebuild_inner = beside_name("action", "holo")(inner)
+        name, arguments, rebuild_inner = flat_call_decoder("action", "holo")(inner)
 
         def rebuild(inner_arguments: dict[str, Any]) -> dict[str, Any]:
             return {**fields, "action": rebuild_inner(inner_arguments)}
@@ -312,7 +316,7 @@ def _holo_read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
         return name, arguments, rebuild
     if set(fields) == {"x", "y"}:
         return "click", fields, _unchanged
-    return beside_name("action", "holo")(value)
+    return flat_call_decoder("action", "holo")(value)
 
 
 def _holo_calls(reply: object) -> list[ActionCall]:
@@ -337,7 +341,7 @@ def _gemini_scroll(arguments: Arguments) -> list[Meaning]:
     way = arguments.direction()
     # 0..1000 of the side of the screen
     notches = arguments.distance("magnitude", way, 800) / PIXELS_PER_NOTCH
-    return [scrolled(way, notches, arguments.point(*_XY))]
+    return [scroll_meaning(way, notches, arguments.point(*_XY))]
 
 
 def _gemini_drag(arguments: Arguments) -> list[Meaning]:
@@ -348,12 +352,12 @@ def _gemini_drag(arguments: Arguments) -> list[Meaning]:
     ]
     if starts.count(None) != 1 or ends.count(None) != 1:
         raise ActionError(
-            f"{arguments.label} needs x, y, destination_x and destination_y (or start_x, start_y, end_x"
-            " and end_y)"
+            f"{arguments.label} needs x, y, destination_x and destination_y (or start_x, start_y,"
+            " end_x and end_y)"
         )
     start = starts[0] or starts[1]
     x2, y2 = cast("tuple[int, int]", ends[0] or ends[1])
-    return [Meaning(at("drag", start, x2=x2, y2=y2))]
+    return [Meaning(action_at("drag", start, x2=x2, y2=y2))]
 
 
 def _scroll_document(arguments: Arguments) -> list[Meaning]:
@@ -364,36 +368,36 @@ def _scroll_document(arguments: Arguments) -> list[Meaning]:
 
 
 _GEMINI: dict[str, Rule] = {
-    **dict.fromkeys(("click_at", "click"), pointing("click", *_XY)),
-    "double_click": pointing("double_click", *_XY),
-    "triple_click": pointing("triple_click", *_XY),
-    "middle_click": pointing("middle_click", *_XY),
-    "right_click": pointing("right_click", *_XY),
-    **dict.fromkeys(("hover_at", "move"), pointing("move", *_XY)),
-    "mouse_down": pointing("mouse_down", *_XY),
-    "mouse_up": pointing("mouse_up", *_XY),
-    "type_text_at": typing(
+    **dict.fromkeys(("click_at", "click"), point_rule("click", *_XY)),
+    "double_click": point_rule("double_click", *_XY),
+    "triple_click": point_rule("triple_click", *_XY),
+    "middle_click": point_rule("middle_click", *_XY),
+    "right_click": point_rule("right_click", *_XY),
+    **dict.fromkeys(("hover_at", "move"), point_rule("move", *_XY)),
+    "mouse_down": point_rule("mouse_down", *_XY),
+    "mouse_up": point_rule("mouse_up", *_XY),
+    "type_text_at": type_rule(
         "text",
         *_XY,
         clear="clear_before_typing",
         enter="press_enter",
         defaults={"clear_before_typing": True, "press_enter": False},
     ),
-    "type": typing("text", enter="press_enter"),
+    "type": type_rule("text", enter="press_enter"),
     **dict.fromkeys(("scroll_at", "scroll"), _gemini_scroll),
     "scroll_document": _scroll_document,
     "drag_and_drop": _gemini_drag,
-    **dict.fromkeys(("key_combination", "hotkey"), pressing("keys")),
-    "press_key": pressing("key"),
-    "key_down": pressing("key", "key_down"),
-    "key_up": pressing("key", "key_up"),
-    "wait_5_seconds": waiting(5.0),
-    "wait": waiting(1.0, "seconds"),
-    "take_screenshot": looking(),
-    "go_back": key("alt", "left"),
-    "go_forward": key("alt", "right"),
-    "long_press": unsayable(_PHONE, *_XY),
-    **dict.fromkeys(("navigate", "search", "open_web_browser"), unsayable(_BROWSER)),
+    **dict.fromkeys(("key_combination", "hotkey"), press_rule("keys")),
+    "press_key": press_rule("key"),
+    "key_down": press_rule("key", "key_down"),
+    "key_up": press_rule("key", "key_up"),
+    "wait_5_seconds": wait_rule(5.0),
+    "wait": wait_rule(1.0, "seconds"),
+    "take_screenshot": screenshot_rule(),
+    "go_back": key_rule("alt", "left"),
+    "go_forward": key_rule("alt", "right"),
+    "long_press": unsupported_rule(_PHONE, *_XY),
+    **dict.fromkeys(("navigate", "search", "open_web_browser"), unsupported_rule(_BROWSER)),
 }
 _GEMINI_EXAMPLE = '{"name": "click_at", "args": {"x": 500, "y": 500}}'
 _CALL_FIELDS = ("function_call", "functionCall")

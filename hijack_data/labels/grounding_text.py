@@ -20,7 +20,7 @@ from typing import Any, cast
 import numpy as np
 
 from ..actions import Scaling
-from ..actions.python_source import TextEdit, spliced
+from ..actions.python_source import TextEdit, apply_edits
 from ..errors import LabelError, shown
 from ..smart_resize import smart_resize
 from ..types import Size
@@ -43,13 +43,13 @@ _LOC = re.compile(r"<loc_?(\d{1,4})>")
 def grounding_format(unit: int) -> Format:
     """Return the format of text with marks; `unit` is 0, 1, 1000 or `RESIZED`."""
 
-    def moved(value: Any, move: Move) -> Any:
+    def map_value(value: Any, move: Move) -> Any:
         def change(text: str) -> str:
             return _moved(text, unit, move)
 
         return each_text(value, change)
 
-    def places(value: Any, size: Size) -> list[Location]:
+    def locate(value: Any, size: Size) -> list[Location]:
         locations: list[Location] = []
 
         def collect(text: str) -> str:
@@ -59,7 +59,7 @@ def grounding_format(unit: int) -> Format:
         each_text(value, collect)
         return locations
 
-    return Format(f"grounding{_UNITS[unit]}", moved, places)
+    return Format(f"grounding{_UNITS[unit]}", map_value, locate)
 
 
 def loc_format() -> Format:
@@ -122,7 +122,11 @@ def check_unplaced(text: str) -> None:
 
 
 def _marks(text: str) -> list[tuple[str, list[re.Match[str]], int]]:
-    """Return of each mark its kind, box or point, its numbers, and where they begin."""
+    """Return of each mark its kind, box or point, its numbers, and where they begin.
+
+    Raises:
+        LabelError: the text has no mark, a mark is damaged, or other numbers could be a point.
+    """
     marks: list[tuple[str, list[re.Match[str]], int]] = []
     text_between: list[str] = []
     position = 0
@@ -145,7 +149,11 @@ def _marks(text: str) -> list[tuple[str, list[re.Match[str]], int]]:
 
 
 def _rows(kind: str, numbers: list[re.Match[str]], unit: int, size: Size) -> Any:
-    """Return the numbers of a mark as rows, checked against their space."""
+    """Return the numbers of a mark as rows, checked against their space.
+
+    Raises:
+        LabelError: the numbers do not fit their space, or corners are in the wrong order.
+    """
     rows = np.array([float(n[0]) for n in numbers]).reshape(-1, 2 if kind == "point" else 4)
     picture_size = smart_resize(*size) if unit == RESIZED else size
     check_unit(rows, max(unit, 0), picture_size)
@@ -177,7 +185,7 @@ def _moved(text: str, unit: int, move: Move) -> str:
             mapped = scaling.boxes(rows.astype(np.int64), clip=False)
         for number, value in zip(numbers, mapped.reshape(-1).tolist(), strict=True):
             edits.append(TextEdit(start + number.start(), start + number.end(), str(value)))
-    return spliced(text, edits)
+    return apply_edits(text, edits)
 
 
 def _places(text: str, unit: int, size: Size) -> list[Location]:

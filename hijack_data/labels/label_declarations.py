@@ -12,23 +12,23 @@ from ..errors import HijackError, LabelError, ParameterError, ParameterTypeError
 from ..pictures import FOLLOWING, has_pixels, is_sequence, is_tensor, names_picture, rebuilt
 from ..plan import Plan
 from ..types import Size
-from .actions import is_own_action
+from .action_formats import is_own_action
 from .base import Format, Location, Move
-from .boxes import box_format
-from .formats import FORMATS, LEAVE, PICTURE, format_of, moved_as, places_of
-from .numbers import to_host
-from .rows import COLUMNS, is_row, moved_code
-from .undeclared import Undeclared, declarations, undeclared_error
+from .box_formats import box_format
+from .dataset_rows import COLUMNS, is_row, map_action_code
+from .formats import FORMATS, LEAVE, PICTURE, find_format, label_locations, map_label
+from .nested_numbers import to_host
+from .undeclared_entries import Undeclared, declarations, undeclared_error
 
 SampleDict: TypeAlias = Mapping[str, Any]
 Declared: TypeAlias = Mapping[str, Any]
 
 # Entries with a fixed meaning in every sample, and their formats unless others are declared.
-OWN = ("target", "target_box", "elements", "action", "action_code")
+FIXED_ENTRIES = ("target", "target_box", "elements", "action", "action_code")
 # elements of an accessibility tree may lie outside the visible area
 _ELEMENTS = box_format("xyxy", 0, anywhere=True)
 # Entries that identify the sample or come from a transform, and are never labels.
-KEYS = ("id", "step", "epoch", "plan", "target_visible")
+IDENTITY_ENTRIES = ("id", "step", "epoch", "plan", "target_visible")
 
 
 class Labels:
@@ -44,8 +44,10 @@ class Labels:
             `label_policy="avoid"`. By default the first existing one of `target`, `target_box`, the
             point of the action, and the only declared point or box.
 
-    Raises `UnknownNameError` for an unknown format, and `ParameterError` or `ParameterTypeError`
-    for an invalid declaration.
+    Raises:
+        ParameterError: a declaration is invalid.
+        ParameterTypeError: a declaration has another type.
+        UnknownNameError: a format is unknown.
     """
 
     def __init__(self, declared: Declared | None = None, target: str | None = None) -> None:
@@ -57,12 +59,12 @@ class Labels:
         for key in formats:
             if not isinstance(cast(object, key), str):
                 raise ParameterTypeError(f"labels: {key!r} is not a string; give strings")
-        self.declared = {key.removesuffix("?"): format_of(name) for key, name in formats.items()}
-        if len(self.declared) < len(formats):
+        self.formats = {key.removesuffix("?"): find_format(name) for key, name in formats.items()}
+        if len(self.formats) < len(formats):
             twice = next(key for key in formats if f"{key}?" in formats)
             raise ParameterError(f"labels: {twice!r} is declared twice, with and without '?'")
         self.optional = frozenset(key.removesuffix("?") for key in formats if key.endswith("?"))
-        if target is not None and target not in {*self.declared, *OWN}:
+        if target is not None and target not in {*self.formats, *FIXED_ENTRIES}:
             raise ParameterError(
                 f"target={target!r} is not among the labels; declare it: labels={{{target!r}:"
                 " 'xyxy'}"
@@ -72,30 +74,30 @@ class Labels:
     def __reduce__(self) -> "tuple[type[Labels], tuple[Declared, str | None]]":
         # Formats hold functions, so workers and the fingerprints of `datasets` get their names
         # instead.
-        declared = {self._path(key): form.declared for key, form in self.declared.items()}
+        declared = {self._path(key): form.declared for key, form in self.formats.items()}
         return Labels, (declared, self.target)
 
     def __repr__(self) -> str:
-        return repr({self._path(key): form.name for key, form in self.declared.items()})
+        return repr({self._path(key): form.name for key, form in self.formats.items()})
 
     def _path(self, key: str) -> str:
         """Return a path as it was declared."""
         return f"{key}?" if key in self.optional else key
 
     @property
-    def left(self) -> frozenset[str]:
+    def unchanged_paths(self) -> frozenset[str]:
         """The entries that stay unchanged."""
-        return frozenset(path for path, form in self.declared.items() if form.name == LEAVE)
+        return frozenset(path for path, form in self.formats.items() if form.name == LEAVE)
 
     def is_picture(self, path: str) -> bool | None:
         """Return whether a dotted path is that of pictures; `None` if nothing says so.
 
         An entry inside one that is left is left, too.
         """
-        form = self.declared.get(path)
+        form = self.formats.get(path)
         if form is not None:
             return form.name == PICTURE
-        if any(path.startswith(f"{left}.") for left in self.left):
+        if any(path.startswith(f"{parent}.") for parent in self.unchanged_paths):
             return False
         return names_picture(path) or None
 
@@ -116,29 +118,30 @@ class Labels:
             skip: entries that are no labels, such as the one that holds the id.
             unclear: parts of it that could be pictures, by their dotted paths; an error.
 
-        Raises `LabelError` for a declaration that matches nothing in the sample, for all entries
-        together that are neither harmless nor declared, and for labels that cannot follow.
+        Raises:
+            LabelError: a declaration matches nothing in the sample, entries are neither harmless
+                nor declared (the message names them all), or a label cannot follow the pixels.
         """
         self.check_paths(sample)
         moved: dict[str, Any] = {}
         if plan.coords.is_identity:
             if unclear:
-                raise undeclared_error(unclear, plan.size, plan.size, bool(self.declared))
+                raise undeclared_error(unclear, plan.size, plan.size, bool(self.formats))
             self._follow_tensors(sample, moved, plan, skip)
             return moved
         row = is_row(sample)
         move = Move(plan.size, plan.out_size)
-        for path, form in self.declared.items():
+        for path, form in self.formats.items():
             self._follow_path(path, form, {**sample, **moved}, move, moved)
         self._follow_tensors(sample, moved, plan, skip)
         undeclared = Undeclared(self._is_settled)
         for key, value in sample.items():
-            if key in self.declared or key in skip or value is None or _is_following(value):
+            if key in self.formats or key in skip or value is None or _is_following(value):
                 continue
             if not self._follow_fixed(key, sample, move, moved, row):
                 undeclared.check(key, value)
         if undeclared.parts:
-            raise undeclared_error(undeclared.parts, move.before, move.after, bool(self.declared))
+            raise undeclared_error(undeclared.parts, move.before, move.after, bool(self.formats))
         return moved
 
     def check_paths(self, sample: SampleDict) -> None:
@@ -149,7 +152,7 @@ class Labels:
         Raises:
             LabelError: a path leads nowhere, or to two places.
         """
-        for path, form in self.declared.items():
+        for path, form in self.formats.items():
             key, steps = _split(path, sample)
             if not steps and "." in path and path.partition(".")[0] in sample:
                 first, *inner_steps = path.split(".")
@@ -169,7 +172,7 @@ class Labels:
                 )
 
     def _is_settled(self, path: str, value: Any) -> bool:
-        if path in self.declared:
+        if path in self.formats:
             return True
         return bool(names_picture(path)) and has_pixels(value)
 
@@ -178,8 +181,8 @@ class Labels:
     ) -> None:
         key, steps = _split(path, sample)
         if key in sample and form.name not in (LEAVE, PICTURE):
-            change = partial(_moved_unless_tensor, path, form, move=move)
-            moved[key] = _changed_at(sample[key], steps, change)
+            change = partial(_map_unless_tensor, path, form, move=move)
+            moved[key] = _change_at_path(sample[key], steps, change)
 
     def _follow_tensors(
         self, sample: SampleDict, moved: dict[str, Any], plan: Plan, skip: Collection[str]
@@ -191,32 +194,31 @@ class Labels:
             if key in skip:
                 continue
             value = moved.get(key, value)
-            after = self._with_tensors_moved(key, value, plan)
+            after = self._map_tensors(key, value, plan)
             if after is not value:
                 moved[key] = after
 
-    def _with_tensors_moved(self, path: str, value: Any, plan: Plan) -> Any:
+    def _map_tensors(self, path: str, value: Any, plan: Plan) -> Any:
         if _is_following(value):
-            if path in self.left:
+            if path in self.unchanged_paths:
                 return value
-            from .tensors import check_order, follow_tensor
+            from .torchvision_labels import check_order, follow_tensor
 
-            if path in self.declared:
-                check_order(path, value, self.declared[path].name)
+            if path in self.formats:
+                check_order(path, value, self.formats[path].name)
             return follow_tensor(value, [plan])
-        if path in self.left:
+        if path in self.unchanged_paths:
             return value
         if isinstance(value, Mapping):
             entries = cast("Mapping[Any, Any]", value)
             parts = {
-                key: self._with_tensors_moved(f"{path}.{key}", part, plan)
-                for key, part in entries.items()
+                key: self._map_tensors(f"{path}.{key}", part, plan) for key, part in entries.items()
             }
             is_unchanged = all(parts[key] is part for key, part in entries.items())
             return entries if is_unchanged else parts
         if not is_sequence(value) or not any(_may_hold_tensors(part) for part in value):
             return value
-        after = [self._with_tensors_moved(path, part, plan) for part in value]
+        after = [self._map_tensors(path, part, plan) for part in value]
         is_unchanged = all(new is old for new, old in zip(after, value, strict=True))
         return value if is_unchanged else rebuilt(value, after)
 
@@ -225,40 +227,40 @@ class Labels:
     ) -> bool:
         """Move an entry with a fixed meaning, and return whether the entry has one."""
         value = sample[key]
-        if key in KEYS or (row and key in COLUMNS):
+        if key in IDENTITY_ENTRIES or (row and key in COLUMNS):
             return True
-        if any(path.startswith(f"{key}.") for path in self.declared):
+        if any(path.startswith(f"{key}.") for path in self.formats):
             return False  # its parts are declared, or checked
         if key in ("width", "height"):
             height, width = move.before
             side = width if key == "width" else height
             if not _is_side(value, side):
                 return False  # the side of a box, or of another picture
-            moved[key] = moved_as(key, FORMATS[key], value, move)
+            moved[key] = map_label(key, FORMATS[key], value, move)
             return True
         if key == "action_code":
             if not row and not is_own_action(sample.get("action")) and not _is_code(value):
                 return False  # in another dialect, which must then be declared
-            moved[key] = self._code(value, sample, move, row)
+            moved[key] = self._map_code(value, sample, move, row)
             return True
         if key == "action" and not is_own_action(value):
             return False  # perhaps in another dialect, which must then be declared
         if _has_fixed_meaning(key, value):
-            moved[key] = moved_as(key, _fixed_format(key, value), value, move)
+            moved[key] = map_label(key, _fixed_format(key, value), value, move)
             return True
         if row and key == "boxes":  # TorchDataset's
-            moved[key] = moved_as(key, FORMATS["xyxy"], value, move)
+            moved[key] = map_label(key, FORMATS["xyxy"], value, move)
             return True
         return False
 
-    def _code(self, value: Any, sample: SampleDict, move: Move, row: bool) -> Any:
+    def _map_code(self, value: Any, sample: SampleDict, move: Move, row: bool) -> Any:
         if not isinstance(value, str | bytes):
             raise LabelError(f"the sample's entry 'action_code' must be text, got {value!r:.80}")
         code = value.decode("utf-8") if isinstance(value, bytes) else value
         action: Any = sample.get("action")
         known_action = action if row or is_own_action(action) else None
         try:
-            text = moved_code(code, known_action, move)
+            text = map_action_code(code, known_action, move)
         except LabelError:
             raise
         except HijackError as error:
@@ -267,12 +269,13 @@ class Labels:
 
     # --- The target of a sample
 
-    def place(self, sample: SampleDict, size: Size) -> Location | None:
+    def find_target(self, sample: SampleDict, size: Size) -> Location | None:
         """Return the target of a sample, in pixels of its picture of `size` (height, width).
 
         Returns `None` if it has none.
 
-        Raises `LabelError` for labels that cannot be right on such a picture.
+        Raises:
+            LabelError: a label cannot be right on such a picture.
         """
         location = next(iter(self._places(sample, size)), None)
         if location is None or location.end is not None:
@@ -280,12 +283,16 @@ class Labels:
         return Location(location.target, self._end(sample, size))
 
     def boxes(self, sample: SampleDict, key: str, size: Size) -> list[tuple[float, ...]]:
-        """Return the boxes of an entry in pixels, `xyxy`. Raises `LabelError`."""
+        """Return the boxes of an entry in pixels, `xyxy`.
+
+        Raises:
+            LabelError: the entry holds no boxes of such a picture.
+        """
         value = sample.get(key)
-        form = self.declared.get(key) or _fixed_format(key, value)
+        form = self.formats.get(key) or _fixed_format(key, value)
         if value is None:
             return []
-        return [place.target for place in places_of(key, form, value, size)]
+        return [place.target for place in label_locations(key, form, value, size)]
 
     def check_target(self, sample: SampleDict, size: Size, skip: Collection[str] = ()) -> None:
         """Check that the target of a sample is known, if an entry could be one.
@@ -298,7 +305,9 @@ class Labels:
         candidates = [path for path in self._pointing() if _split(path, sample)[0] in sample]
         fixed = ("target", "target_box", "action")
         candidates += [key for key in fixed if _has_fixed_format(key, sample)]
-        several = [path for path in candidates if path in self.declared and path not in OWN]
+        several = [
+            path for path in candidates if path in self.formats and path not in FIXED_ENTRIES
+        ]
         if len(several) > 1 and len(several) == len(candidates) and self.target is None:
             raise LabelError(
                 "label_policy='avoid' keeps the target of a sample in sight, and "
@@ -316,7 +325,7 @@ class Labels:
             return
         undeclared = Undeclared(self._is_settled, aims=True)
         for key, value in sample.items():
-            if key not in KEYS and key != "elements" and key not in skip:
+            if key not in IDENTITY_ENTRIES and key != "elements" and key not in skip:
                 undeclared.check(key, value)
         if undeclared.parts:
             raise LabelError(
@@ -327,11 +336,11 @@ class Labels:
 
     def _pointing(self) -> list[str]:
         """Return the declared entries that can be the target."""
-        nowhere = FORMATS[LEAVE].places
+        nowhere = FORMATS[LEAVE].locate
         return [
             path
-            for path, form in self.declared.items()
-            if path != "elements" and form.places is not nowhere
+            for path, form in self.formats.items()
+            if path != "elements" and form.locate is not nowhere
         ]
 
     def _places(self, sample: SampleDict, size: Size) -> list[Location]:
@@ -343,9 +352,9 @@ class Labels:
                 return _only(key, locations)
         locations: list[Location] = []
         for path in self._pointing():
-            if path not in OWN:
+            if path not in FIXED_ENTRIES:
                 locations += self._places_at(path, sample, size)
-        if not locations and "action_code" in self.declared:
+        if not locations and "action_code" in self.formats:
             return self._places_at("action_code", sample, size)[:1]
         # A box without area is a label like others, but nothing that could be in sight.
         return locations if len(locations) == 1 and _has_area(locations[0].target) else []
@@ -355,8 +364,8 @@ class Labels:
         value = sample.get(key)
         if value is None:
             return []
-        if path in self.declared:
-            form = self.declared[path]
+        if path in self.formats:
+            form = self.formats[path]
         elif not _has_fixed_format(path, sample):
             return []
         else:
@@ -364,22 +373,22 @@ class Labels:
         locations: list[Location] = []
 
         def collect(part: Any) -> None:
-            locations.extend(places_of(path, form, part, size))
+            locations.extend(label_locations(path, form, part, size))
 
-        _changed_at(value, steps, collect)
+        _change_at_path(value, steps, collect)
         return locations
 
     def _end(self, sample: SampleDict, size: Size) -> tuple[float, ...] | None:
         """Return where a drag from the target ends, from the action or from `action_code`."""
         action = sample.get("action")
-        if action is not None and (is_own_action(action) or "action" in self.declared):
+        if action is not None and (is_own_action(action) or "action" in self.formats):
             return _first_end(self._places_at("action", sample, size))
         code = sample.get("action_code")
         if not isinstance(code, str) or not any(word in code for word in DRAGGING):
             return None
-        form = self.declared.get("action_code", FORMATS["pyautogui"])
+        form = self.formats.get("action_code", FORMATS["pyautogui"])
         try:
-            return _first_end(places_of("action_code", form, code, size))
+            return _first_end(label_locations("action_code", form, code, size))
         except HijackError:
             return None
 
@@ -416,7 +425,7 @@ def _has_fixed_meaning(key: str, value: Any) -> bool:
     A dictionary under `target` has none: it holds the boxes, masks and classes of torchvision's
     detection models.
     """
-    return key in OWN and not (key == "target" and isinstance(value, Mapping))
+    return key in FIXED_ENTRIES and not (key == "target" and isinstance(value, Mapping))
 
 
 def _has_fixed_format(key: str, sample: SampleDict) -> bool:
@@ -466,12 +475,12 @@ def _split(path: str, sample: SampleDict) -> tuple[str, list[str]]:
     return key, steps
 
 
-def _moved_unless_tensor(path: str, form: Format, value: Any, *, move: Move) -> Any:
+def _map_unless_tensor(path: str, form: Format, value: Any, *, move: Move) -> Any:
     """Return a declared label after a move; torchvision's own labels are moved elsewhere."""
     first = value
     while isinstance(first, list | tuple) and first:
         first = cast("list[Any]", first)[0]
-    return value if _is_following(first) else moved_as(path, form, value, move)
+    return value if _is_following(first) else map_label(path, form, value, move)
 
 
 def _is_code(value: Any) -> bool:
@@ -533,18 +542,18 @@ def _lost_step(path: str, sample: SampleDict) -> str:
     return steps[count - 1]
 
 
-def _changed_at(value: Any, steps: list[str], change: Callable[[Any], Any]) -> Any:
+def _change_at_path(value: Any, steps: list[str], change: Callable[[Any], Any]) -> Any:
     """Return a copy of a value with the end of a path changed, also inside lists on the path."""
     if value is None:
         return None
     if not steps:
         return change(value)
     if isinstance(value, list | tuple):
-        parts = [_changed_at(part, steps, change) for part in cast("list[Any]", value)]
+        parts = [_change_at_path(part, steps, change) for part in cast("list[Any]", value)]
         return tuple(parts) if isinstance(value, tuple) else parts
     if not isinstance(value, Mapping):
         return value
     entries = dict(cast("Mapping[str, Any]", value))
     if steps[0] in entries:
-        entries[steps[0]] = _changed_at(entries[steps[0]], steps[1:], change)
+        entries[steps[0]] = _change_at_path(entries[steps[0]], steps[1:], change)
     return entries

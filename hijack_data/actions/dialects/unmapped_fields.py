@@ -17,7 +17,7 @@ _PLACE = re.compile(r"coord|point|pos|box|region|path|offset|location|^[xy]\d*$"
 _NUMBER = re.compile(r"\d")
 _NUMERIC = re.compile(r"[^\w]*-?\d[\d\s.,;:()\[\]<>x-]*")
 _TAG = re.compile(r"</?\w+>|<\|\w+\|>")  # <point>5 6</point>
-_DEEPEST = 5
+_MAX_DEPTH = 5
 
 
 def check_fields(fields: Mapping[str, Any], known_names: Collection[str], label: str) -> None:
@@ -37,7 +37,7 @@ def check_fields(fields: Mapping[str, Any], known_names: Collection[str], label:
             )
 
 
-def _may_be_place(name: str, value: object, depth: int = _DEEPEST) -> bool:
+def _may_be_place(name: str, value: object, depth: int = _MAX_DEPTH) -> bool:
     if isinstance(value, str) and _PLACE.search(name.lower()):
         return _NUMBER.search(value) is not None
     if name in _AMOUNTS and _is_one_number(value):

@@ -27,7 +27,8 @@ def to_host(value: Any) -> Any:
 def host_array(value: Any) -> Numbers:
     """Return a value as a NumPy array; bfloat16 of JAX becomes float32.
 
-    For other values, the errors of NumPy and torch are passed on.
+    Raises:
+        Exception: NumPy or torch cannot convert the value.
     """
     array: Numbers = np.asarray(to_host(value))
     if array.dtype.kind == "V" and array.dtype.names is None:
@@ -69,7 +70,10 @@ def change_groups(value: Any, width: int, change: NumberMap) -> Any:
 def change_each(value: Any, change: NumberMap) -> Any:
     """Apply `change` to each number of a value, which may be a single number.
 
-    Arguments and errors are those of `change_groups`.
+    The arguments are those of `change_groups`.
+
+    Raises:
+        LabelError: the value holds no numbers, or the new numbers do not fit its dtype.
     """
     if value is None:
         return None

@@ -10,9 +10,18 @@ from typing import Any, cast
 from ...errors import ActionError, ParameterError, shown
 from ...types import Action, as_boxes
 from ..scaling import Scaling
-from .fields import as_fields, at, click_type, combination, number, point, text, unknown
-from .rules import PIXELS_PER_NOTCH, coordinates, with_coordinates
-from .unmapped import check_fields
+from .action_rules import PIXELS_PER_NOTCH, coordinates, with_coordinates
+from .field_checks import (
+    action_at,
+    as_fields,
+    click_type,
+    key_combination,
+    number,
+    point,
+    refuse_unknown_action,
+    text,
+)
+from .unmapped_fields import check_fields
 
 OPENAI = "openai"
 ANTHROPIC = "anthropic"
@@ -104,9 +113,11 @@ def openai_actions(action: object) -> list[object]:
 def map_openai(action: object, scaling: Scaling) -> Any:
     """Return an OpenAI computer action, or the `computer_call` with one or several, scaled.
 
-    `x, y` and `path` are scaled; `scroll_x, scroll_y` stay. Raises `ActionError` for an unknown
-    `type`, for coordinates that are missing or not numbers, and for unknown fields that may hold
-    coordinates.
+    `x, y` and `path` are scaled; `scroll_x, scroll_y` stay.
+
+    Raises:
+        ActionError: the name of the action is unknown, a coordinate is missing or not a number, or
+            an unknown field may hold coordinates.
     """
     actions = openai_actions(action)
     if len(actions) == 1 and actions[0] is action:
@@ -121,9 +132,13 @@ def map_openai(action: object, scaling: Scaling) -> Any:
 
 
 def parse_openai(action: object, scaling: Scaling) -> list[Action]:
-    """Read an OpenAI action, or those of a `computer_call`. Raises `ActionError` as `map_openai`.
+    """Read an OpenAI action, or those of a `computer_call`.
 
     A drag runs from the first to the last point of its path.
+
+    Raises:
+        ActionError: the name of the action is unknown, a coordinate is missing or not a number, or
+            an unknown field may hold coordinates.
     """
     return [parse_openai_action(item, scaling) for item in openai_actions(action)]
 
@@ -131,8 +146,9 @@ def parse_openai(action: object, scaling: Scaling) -> list[Action]:
 def _map_openai(action: object, scaling: Scaling) -> dict[str, Any]:
     """Return one OpenAI computer action with `x, y` or `path` scaled.
 
-    Raises `ActionError` for an unknown `type`, for coordinates that are missing or not numbers, and
-    for unknown fields that may hold coordinates.
+    Raises:
+        ActionError: the name of the action is unknown, a coordinate is missing or not a number, or
+            an unknown field may hold coordinates.
     """
     fields, name = _openai(action)
     if name == "drag":
@@ -148,15 +164,20 @@ def _map_openai(action: object, scaling: Scaling) -> dict[str, Any]:
 
 
 def parse_openai_action(action: object, scaling: Scaling) -> Action:
-    """Read one OpenAI action. Raises `ActionError` as `map_openai`."""
+    """Read one OpenAI action.
+
+    Raises:
+        ActionError: the name of the action is unknown, a coordinate is missing or not a number, or
+            an unknown field may hold coordinates.
+    """
     fields, name = _openai(action)
-    keys = combination(fields["keys"], f"{name} keys") if fields.get("keys") else None
+    keys = key_combination(fields["keys"], f"{name} keys") if fields.get("keys") else None
     match name:
         case "drag":
             path = [scaling.point(*p) for p in drag_points(fields)]
             return Action("drag", *path[0], *path[-1], keys=keys)
         case "keypress":
-            return Action("hotkey", keys=combination(fields.get("keys"), "keypress keys"))
+            return Action("hotkey", keys=key_combination(fields.get("keys"), "keypress keys"))
         case "type":
             return Action("type", text=text(fields.get("text"), "type text"))
         case "screenshot":
@@ -168,12 +189,12 @@ def parse_openai_action(action: object, scaling: Scaling) -> Action:
     if name == "scroll":
         across, down = (number(fields.get(f, 0), f"scroll {f}") for f in ("scroll_x", "scroll_y"))
         return (
-            at("scroll", place, amount=-down / PIXELS_PER_NOTCH, keys=keys)
+            action_at("scroll", place, amount=-down / PIXELS_PER_NOTCH, keys=keys)
             if down or not across
-            else at("other", place)
+            else action_at("other", place)
         )
     types = {"click": click_type(fields.get("button", "left"), 1), "move": "move"}
-    return at(types.get(name, name), place, keys=keys)
+    return action_at(types.get(name, name), place, keys=keys)
 
 
 def anthropic_action(action: object) -> tuple[object, Callable[[dict[str, Any]], dict[str, Any]]]:
@@ -205,8 +226,11 @@ def anthropic_action(action: object) -> tuple[object, Callable[[dict[str, Any]],
 def map_anthropic(action: object, scaling: Scaling) -> dict[str, Any]:
     """Return an Anthropic computer action, or its `tool_use` block, scaled.
 
-    Its coordinates and `region` are scaled. Raises `ActionError` for an unknown `action`, for
-    coordinates that are missing or not numbers, and for unknown fields that may hold coordinates.
+    Its coordinates and `region` are scaled.
+
+    Raises:
+        ActionError: the name of the action is unknown, a coordinate is missing or not a number, or
+            an unknown field may hold coordinates.
     """
     inner, rebuild = anthropic_action(action)
     fields, name = _anthropic(inner)
@@ -221,25 +245,34 @@ def map_anthropic(action: object, scaling: Scaling) -> dict[str, Any]:
 
 
 def parse_anthropic(action: object, scaling: Scaling) -> list[Action]:
-    """Read an Anthropic computer action, or its block. Raises `ActionError` as `map_anthropic`."""
+    """Read an Anthropic computer action, or its block.
+
+    Raises:
+        ActionError: the name of the action is unknown, a coordinate is missing or not a number, or
+            an unknown field may hold coordinates.
+    """
     return [parse_anthropic_action(anthropic_action(action)[0], scaling)]
 
 
 def parse_anthropic_action(action: object, scaling: Scaling) -> Action:
-    """Read the action alone. Raises `ActionError` as `map_anthropic`.
+    """Read one Anthropic computer action.
 
     The `text` of a click names the keys held; `hold_key` becomes a hotkey whose `amount` is in
     seconds; sideways scrolling, `screenshot`, `zoom` and `cursor_position` become `"other"`. A
     click without a `coordinate` is at the pointer.
+
+    Raises:
+        ActionError: the name of the action is unknown, a coordinate is missing or not a number, or
+            an unknown field may hold coordinates.
     """
     fields, name = _anthropic(action)
     place = _coordinate(fields, name, "coordinate", scaling)
     if name in _ANTHROPIC_CLICKS:
-        keys = combination(fields["text"], f"{name} text", "+") if fields.get("text") else None
-        return at(_ANTHROPIC_CLICKS[name], place, keys=keys)
+        keys = key_combination(fields["text"], f"{name} text", "+") if fields.get("text") else None
+        return action_at(_ANTHROPIC_CLICKS[name], place, keys=keys)
     match name:
         case "left_click_drag" if place is not None:
-            return at(
+            return action_at(
                 "drag",
                 _coordinate(fields, name, "start_coordinate", scaling),
                 x2=place[0],
@@ -256,7 +289,9 @@ def parse_anthropic_action(action: object, scaling: Scaling) -> Action:
                 else None
             )
             return Action(
-                "hotkey", keys=combination(fields.get("text"), f"{name} text", "+"), amount=seconds
+                "hotkey",
+                keys=key_combination(fields.get("text"), f"{name} text", "+"),
+                amount=seconds,
             )
         case "wait":
             return Action(
@@ -277,8 +312,8 @@ def _anthropic_scroll(fields: dict[str, Any], place: tuple[int, int] | None) -> 
             f"scroll scroll_direction must be up, down, left or right, got {shown(direction)}"
         )
     if direction in ("left", "right"):
-        return at("other", place)
-    return at("scroll", place, amount=amount if direction == "up" else -amount)
+        return action_at("other", place)
+    return action_at("scroll", place, amount=amount if direction == "up" else -amount)
 
 
 def _openai(action: object) -> tuple[dict[str, Any], str]:
@@ -302,7 +337,7 @@ def _anthropic(action: object) -> tuple[dict[str, Any], str]:
 def _name(fields: dict[str, Any], field: str, dialect: str, valid_names: Sequence[str]) -> str:
     name = fields.get(field)
     if name not in valid_names:
-        unknown(dialect, name, valid_names)
+        refuse_unknown_action(dialect, name, valid_names)
     return str(name)
 
 

@@ -8,7 +8,7 @@ from ..actions import Scaling
 from ..errors import LabelError
 from ..types import Size
 from .base import Format, Location, Move, check_unit, with_unit
-from .numbers import Numbers, change_groups
+from .nested_numbers import Numbers, change_groups
 
 _NOWHERE = (-1, -1)
 
@@ -40,7 +40,7 @@ def point_format(order: str, unit: int, visibility: bool = False) -> Format:
                 bounds.check(y, axis=0)
         return points
 
-    def moved(value: Any, move: Move) -> Any:
+    def map_value(value: Any, move: Move) -> Any:
         def change(groups: Numbers) -> Numbers:
             is_visible = seen_in(groups)
             if not is_visible.any():
@@ -56,7 +56,7 @@ def point_format(order: str, unit: int, visibility: bool = False) -> Format:
 
         return change_groups(value, width, change)
 
-    def places(value: Any, size: Size) -> list[Location]:
+    def locate(value: Any, size: Size) -> list[Location]:
         locations: list[Location] = []
 
         def collect(groups: Numbers) -> Numbers:
@@ -74,4 +74,4 @@ def point_format(order: str, unit: int, visibility: bool = False) -> Format:
         return locations
 
     name = "xyv" if visibility else with_unit(order, unit)
-    return Format(name, moved, places)
+    return Format(name, map_value, locate)

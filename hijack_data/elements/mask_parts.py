@@ -100,32 +100,32 @@ def _runs(cv2: Any, mask: UInt8Array) -> tuple[Ints, Ints, Ints]:
     return row, start, start + ends - begins
 
 
-def straight(cv2: Any, mask: UInt8Array, length: int) -> UInt8Array:
+def straight_lines(cv2: Any, mask: UInt8Array, length: int) -> UInt8Array:
     """Return the straight lines of a mask: its openings with a row and a column of `length`.
 
     The length is odd. As with OpenCV, a line counts even if half of it is outside the picture.
     """
-    columns = _opened(mask, length)
-    rows = _opened(cv2.transpose(mask), length)
+    columns = _open_columns(mask, length)
+    rows = _open_columns(cv2.transpose(mask), length)
     across: UInt8Array = cv2.transpose(rows)
     return cv2.max(across, columns)
 
 
-def _opened(mask: UInt8Array, length: int) -> UInt8Array:
+def _open_columns(mask: UInt8Array, length: int) -> UInt8Array:
     """Return the opening with a column, computed on eight pixels per byte."""
     half = length // 2
     margin = ((half, half), (0, 0))
     packed = np.packbits(mask, axis=1)
     padded = np.pad(packed, margin, constant_values=255)
-    inner = _folded(np.bitwise_and, padded, length)
+    inner = _fold_rows(np.bitwise_and, padded, length)
     if not inner.any():
         return np.zeros_like(mask)
-    rows = _folded(np.bitwise_or, np.pad(inner, margin), length)
+    rows = _fold_rows(np.bitwise_or, np.pad(inner, margin), length)
     bits = np.unpackbits(rows, axis=1, count=mask.shape[1])
     return bits * np.uint8(255)
 
 
-def _folded(fold: Callable[..., UInt8Array], rows: UInt8Array, length: int) -> UInt8Array:
+def _fold_rows(fold: Callable[..., UInt8Array], rows: UInt8Array, length: int) -> UInt8Array:
     """Fold each row with the `length - 1` rows below it, in doubling steps."""
     folded = 1
     while folded < length:

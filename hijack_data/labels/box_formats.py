@@ -8,7 +8,7 @@ from ..actions import Scaling
 from ..errors import LabelError
 from ..types import Size
 from .base import Format, Location, Move, check_unit, with_unit
-from .numbers import Numbers, change_groups
+from .nested_numbers import Numbers, change_groups
 
 ORDERS = ("xyxy", "xywh", "cxcywh", "yxyx")
 
@@ -43,7 +43,7 @@ def _in_order(order: str, edges: Numbers) -> Numbers:
     return np.concatenate([centre, sides], axis=1)
 
 
-def _checked_edges(order: str, unit: int, boxes: Numbers, size: Size, anywhere: bool) -> Numbers:
+def _check_edges(order: str, unit: int, boxes: Numbers, size: Size, anywhere: bool) -> Numbers:
     # Returns the edges of boxes; raises `LabelError` for a box that cannot be right.
     edges = _edges(order, boxes)
     reversed_ = (edges[:, 2:] < edges[:, :2]).any(axis=1)
@@ -55,7 +55,7 @@ def _checked_edges(order: str, unit: int, boxes: Numbers, size: Size, anywhere: 
     return edges
 
 
-def _scaled_edges(edges: Numbers, scaling: Scaling, is_whole: bool) -> Numbers:
+def _scale_edges(edges: Numbers, scaling: Scaling, is_whole: bool) -> Numbers:
     if is_whole and edges.dtype.kind == "i":
         return scaling.boxes(edges, clip=False).astype(np.int64)
     scaled = scaling.positions(edges)
@@ -70,21 +70,21 @@ def _scaled_edges(edges: Numbers, scaling: Scaling, is_whole: bool) -> Numbers:
 def box_format(order: str, unit: int, anywhere: bool = False) -> Format:
     """Return the format of boxes in some order; with `anywhere` they may be off the picture."""
 
-    def moved(value: Any, move: Move) -> Any:
+    def map_value(value: Any, move: Move) -> Any:
         def change(boxes: Numbers) -> Numbers:
-            edges = _checked_edges(order, unit, boxes, move.before, anywhere)
+            edges = _check_edges(order, unit, boxes, move.before, anywhere)
             if unit:
                 return boxes
             is_whole = boxes.dtype.kind == "i"
-            return _in_order(order, _scaled_edges(edges, move.scaling, is_whole))
+            return _in_order(order, _scale_edges(edges, move.scaling, is_whole))
 
         return change_groups(value, 4, change)
 
-    def places(value: Any, size: Size) -> list[Location]:
+    def locate(value: Any, size: Size) -> list[Location]:
         locations: list[Location] = []
 
         def collect(boxes: Numbers) -> Numbers:
-            edges = _checked_edges(order, unit, boxes, size, anywhere)
+            edges = _check_edges(order, unit, boxes, size, anywhere)
             if unit:
                 height, width = size
                 edges = edges * (np.array([width, height, width, height]) / unit)
@@ -94,4 +94,4 @@ def box_format(order: str, unit: int, anywhere: bool = False) -> Format:
         change_groups(value, 4, collect)
         return locations
 
-    return Format(with_unit(order, unit), moved, places)
+    return Format(with_unit(order, unit), map_value, locate)

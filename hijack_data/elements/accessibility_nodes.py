@@ -18,7 +18,7 @@ from xml.parsers import expat
 
 from ..errors import ElementsError
 from ..types import Box, Point
-from .roles import INTERACTIVE_ENDINGS, INTERACTIVE_ROLES
+from .interactive_roles import INTERACTIVE_ENDINGS, INTERACTIVE_ROLES
 
 MAX_BYTES = 50 * 2**20
 # OSWorld's servers stop at 50 levels.
@@ -101,12 +101,12 @@ class AccessibleNode:
     @property
     def role(self) -> str:
         """The role in lower case with `-` between words, such as `push-button`."""
-        return roles_of(self, platform_of(self))[0]
+        return role_names(self, detect_platform(self))[0]
 
     @property
     def name(self) -> str:
         """The name given by the application, as written; `""` without one."""
-        for label in platform_of(self).labels:
+        for label in detect_platform(self).labels:
             if name := self.attributes.get(label):
                 return name
         return ""
@@ -114,7 +114,7 @@ class AccessibleNode:
     @property
     def states(self) -> frozenset[str]:
         """The states that are true, such as `{"showing", "visible", "focused"}`."""
-        prefix = platform_of(self).state
+        prefix = detect_platform(self).state
         return frozenset(
             key.removeprefix(prefix)
             for key, value in self.attributes.items()
@@ -128,18 +128,18 @@ class AccessibleNode:
         These are `showing` and `visible` on Ubuntu, `visible` on Windows and none on macOS. An
         element behind another window may have them, too.
         """
-        return is_shown(platform_of(self), self.attributes)
+        return is_shown(detect_platform(self), self.attributes)
 
     @property
     def enabled(self) -> bool:
         """Whether the node is not marked as disabled."""
-        return self.attributes.get(platform_of(self).enabled, "").lower() != "false"
+        return self.attributes.get(detect_platform(self).enabled, "").lower() != "false"
 
     @property
     def interactive(self) -> bool:
         """Whether the role is one that a user can click, type into or drag."""
-        platform = platform_of(self)
-        return is_interactive(platform, roles_of(self, platform))
+        platform = detect_platform(self)
+        return is_interactive(platform, role_names(self, platform))
 
     @property
     def box(self) -> Box | None:
@@ -148,12 +148,12 @@ class AccessibleNode:
         It is not clipped to the screen. `None` if the node has no place or no size, if they are
         not two 32-bit integers each, or if the area is empty.
         """
-        platform = platform_of(self)
-        place = pair_of(self.attributes.get(platform.place, ""))
-        size = pair_of(self.attributes.get(platform.size, ""))
+        platform = detect_platform(self)
+        place = parse_pair(self.attributes.get(platform.place, ""))
+        size = parse_pair(self.attributes.get(platform.size, ""))
         if place is None or size is None or min(size) < 1:
             return None
-        return box_of(place, size)
+        return box_from_place(place, size)
 
     @property
     def path(self) -> str:
@@ -170,11 +170,14 @@ def nodes_from_tree(xml: str | bytes) -> list[AccessibleNode]:
     """Read all nodes of an accessibility tree, in document order.
 
     The first is the root; its children stand for applications. A malformed place does not raise
-    here: such a node has no `box`. Raises `ElementsError`, which names line and node, if the text
-        is not XML, has a DOCTYPE, is too large or too deep, or has more than `MAX_NODES` nodes.
+    here: such a node has no `box`.
 
     Args:
         xml: the tree, text or bytes (UTF-8, or UTF-16 with its mark), at most `MAX_BYTES`.
+
+    Raises:
+        ElementsError: the text is not XML, has a DOCTYPE, is too large or too deep, or has more
+            than `MAX_NODES` nodes; the message names line and node.
     """
     nodes: list[AccessibleNode] = []
 
@@ -304,7 +307,7 @@ def refuse(node: AccessibleNode, problem: str) -> NoReturn:
     )
 
 
-def platform_of(node: AccessibleNode) -> TreePlatform:
+def detect_platform(node: AccessibleNode) -> TreePlatform:
     """Return the platform whose attribute for places a node has; Ubuntu if it has none."""
     if _UBUNTU.place in node.attributes:
         return _UBUNTU
@@ -315,7 +318,7 @@ def platform_of(node: AccessibleNode) -> TreePlatform:
     return _UBUNTU
 
 
-def roles_of(node: AccessibleNode, platform: TreePlatform) -> list[str]:
+def role_names(node: AccessibleNode, platform: TreePlatform) -> list[str]:
     """Return the names of a node's role: its description, if there is one, then the tag."""
     tag = _role(node.tag)
     friendly = node.attributes.get(platform.role)
@@ -340,14 +343,14 @@ def is_shown(platform: TreePlatform, attributes: dict[str, str]) -> bool:
     return all(attributes.get(state, "").lower() == "true" for state in platform.shown)
 
 
-def box_of(place: Point, size: Point) -> Box:
+def box_from_place(place: Point, size: Point) -> Box:
     """Return the box `xyxy` of a corner and a (width, height), in pixels."""
     x, y = place
     width, height = size
     return (x, y, x + width, y + height)
 
 
-def pair_of(text: str) -> Point | None:
+def parse_pair(text: str) -> Point | None:
     """Return the two 32-bit integers of `(10, 20)`, or `None`."""
     match = _PAIR.fullmatch(text)
     if not match:

@@ -13,28 +13,32 @@ from typing import Any
 from ...errors import ActionError, shown
 from ...types import Action
 from ..scaling import Scaling
+from .action_rules import PIXELS_PER_NOTCH
 from .computer_13 import parse_computer_13
-from .fields import as_fields, key_names, number
-from .pyautogui_write import hscroll_code, write_pyautogui
-from .rules import PIXELS_PER_NOTCH
-from .tool_calls import (
+from .computer_tools import (
     anthropic_action,
     drag_points,
     openai_actions,
     parse_anthropic_action,
     parse_openai_action,
 )
+from .field_checks import as_fields, key_names, number
+from .pyautogui_write import hscroll_code, write_pyautogui
 
-MOST_REPEATS = 100
-LONGEST_HOLD = 60.0  # s
-_LOOKS = ("screenshot", "zoom", "cursor_position")
+MAX_REPEATS = 100
+MAX_HOLD_S = 60.0  # s
+_SCREEN_READING_ACTIONS = ("screenshot", "zoom", "cursor_position")
 # The keys that do in browsers and file managers what these mouse buttons do.
 _SIDE_BUTTONS = {"back": "left", "forward": "right"}
 _WAIT = "WAIT"
 
 
 def openai_code(action: object, scaling: Scaling) -> list[str]:
-    """Return the actions of OpenAI as code; raises `ActionError` if one cannot be read."""
+    """Return the actions of OpenAI as code.
+
+    Raises:
+        ActionError: an action cannot be read.
+    """
     return [_openai_code(item, scaling) for item in openai_actions(action)]
 
 
@@ -42,7 +46,7 @@ def _openai_code(action: object, scaling: Scaling) -> str:
     parsed = parse_openai_action(action, scaling)
     fields = as_fields(action, "openai")
     name = fields["type"]
-    if name in _LOOKS:
+    if name in _SCREEN_READING_ACTIONS:
         return _WAIT
     arrow = _SIDE_BUTTONS.get(str(fields.get("button")))
     if name == "click" and arrow is not None:
@@ -57,7 +61,11 @@ def _openai_code(action: object, scaling: Scaling) -> str:
 
 
 def anthropic_code(action: object, scaling: Scaling) -> list[str]:
-    """Return an Anthropic action as code; raises `ActionError` if the action cannot be read."""
+    """Return an Anthropic action as code.
+
+    Raises:
+        ActionError: the action cannot be read, or is `scroll_to`.
+    """
     action, _ = anthropic_action(action)
     parsed = parse_anthropic_action(action, scaling)
     fields = as_fields(action, "anthropic")
@@ -84,7 +92,11 @@ def anthropic_code(action: object, scaling: Scaling) -> list[str]:
 
 
 def computer_13_code(action: object, scaling: Scaling) -> list[str]:
-    """Return a `computer_13` action as code; raises `ActionError` if the action cannot be read."""
+    """Return a `computer_13` action as code.
+
+    Raises:
+        ActionError: the action cannot be read.
+    """
     parsed = parse_computer_13(action, scaling)
     if isinstance(action, str):
         return [write_pyautogui(parsed)]
@@ -139,9 +151,9 @@ def _repeated(line: str, fields: dict[str, Any]) -> str:
     times = fields.get("repeat")
     if times is None:
         return line
-    if type(times) is not int or not 1 <= times <= MOST_REPEATS:
+    if type(times) is not int or not 1 <= times <= MAX_REPEATS:
         raise ActionError(
-            f"{fields['action']} repeat must be a whole number from 1 to {MOST_REPEATS},"
+            f"{fields['action']} repeat must be a whole number from 1 to {MAX_REPEATS},"
             f" got {shown(times)}"
         )
     return "\n".join([line] * times)
@@ -154,9 +166,9 @@ def _held_for(action: Action) -> str:
         ActionError: the duration is negative, too long or not a number.
     """
     seconds = action.amount or 0
-    if not 0 <= seconds <= LONGEST_HOLD:
+    if not 0 <= seconds <= MAX_HOLD_S:
         raise ActionError(
-            f"hold_key duration must be 0 to {LONGEST_HOLD:g} seconds, got {shown(seconds)}"
+            f"hold_key duration must be 0 to {MAX_HOLD_S:g} seconds, got {shown(seconds)}"
         )
     return _with_keys(action.keys, [f"pyautogui.sleep({seconds:g})"])
 

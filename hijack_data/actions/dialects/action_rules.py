@@ -12,11 +12,11 @@ from typing import Any, TypeAlias, cast
 
 from ...errors import ActionError, shown, suggest
 from ...types import Action
-from ..python_source import TextEdit, spliced
+from ..python_source import TextEdit, apply_edits
 from ..scaling import Scaling
-from .fields import at, combination, number
+from .field_checks import action_at, key_combination, number
 from .pyautogui_write import hscroll_code, write_pyautogui
-from .unmapped import check_fields
+from .unmapped_fields import check_fields
 
 Place: TypeAlias = tuple[int, int] | None
 # Of scrolling without an amount: UI-TARS's own code scrolls by 5.
@@ -32,7 +32,7 @@ _SHAPES = frozenset(
     for left, right in (("", ""), ("(", ")"), ("[", "]"), ("[[", "]]"), ("((", "))"))
     for numbers in ("N,N", "N,N,N,N", "N N", "N N N N", "(N,N),(N,N)")
 )
-_NOWHERE = -1.0
+_ABSENT_COORDINATE = -1.0
 
 
 class NoSuchPlace(Exception):
@@ -127,11 +127,15 @@ class Arguments:
         return value.strip().lower()
 
     def keys(self, name: str, separators: str = "+") -> tuple[str, ...]:
-        """Return keys under pyautogui's names. Raises `ActionError`."""
+        """Return keys under pyautogui's names.
+
+        Raises:
+            ActionError: the argument names no keys.
+        """
         value = self.value(name)
         if isinstance(value, str) and re.fullmatch(r"\s*\[.*\]\s*", value, re.DOTALL):
             value = re.findall(r"[^\s,\[\]'\"]+", value)
-        return combination(value, f"{self.label} {name}", separators)
+        return key_combination(value, f"{self.label} {name}", separators)
 
     def point(self, *names: str) -> tuple[int, int]:
         """Return a point in pixels: `point("coordinate")`, or `point("x", "y")`.
@@ -146,14 +150,19 @@ class Arguments:
         return place
 
     def optional_point(self, *names: str) -> Place:
-        """Return a point in pixels, or `None` if its arguments are not there. See `point`."""
+        """Return a point in pixels, or `None` if its arguments are not there.
+
+        Raises:
+            ActionError: the value is no point of the dialect's space.
+            NoSuchPlace: the point is -1, -1.
+        """
         values = [self.value(name) for name in names]
         if all(value is None or value == [] for value in values):
             return None
         label = f"{self.label} {' and '.join(names)}"
         original = values[0] if len(names) == 1 else values
         numbers = coordinates(original, label)
-        if all(n == _NOWHERE for n in numbers):
+        if all(n == _ABSENT_COORDINATE for n in numbers):
             raise NoSuchPlace
         scaled = scaled_coordinates(numbers, self.scaling)
         mapped = with_coordinates(original, scaled)
@@ -164,7 +173,11 @@ class Arguments:
         return self.scaling.point(sum(across) / len(across), sum(down) / len(down))
 
     def distance(self, name: str, direction: str, default: float) -> float:
-        """Return a distance in pixels along a direction. Raises `ActionError`."""
+        """Return a distance in pixels along a direction.
+
+        Raises:
+            ActionError: the argument is no number.
+        """
         length = self.number(name, default)
         upright = direction in ("up", "down")
         return abs(self.scaling.dy(length) if upright else self.scaling.dx(length))
@@ -203,7 +216,11 @@ def coordinates(value: object, label: str) -> list[float]:
 
 
 def scaled_coordinates(numbers: Sequence[float], scaling: Scaling) -> list[int]:
-    """Return the numbers of a point or box in pixels. Raises `ActionError`."""
+    """Return the numbers of a point or box in pixels.
+
+    Raises:
+        ActionError: a number lies outside the space of the dialect.
+    """
     scaling.check_point(*numbers)
     return [scaling.y(n) if i % 2 else scaling.x(n) for i, n in enumerate(numbers)]
 
@@ -213,7 +230,7 @@ def with_coordinates(value: Any, numbers: Sequence[int]) -> Any:
     if isinstance(value, str):
         places = list(_NUMBER.finditer(_TAGS.sub(_blank, value)))
         edits = [TextEdit(*match.span(), str(n)) for match, n in zip(places, numbers, strict=True)]
-        return spliced(value, edits)
+        return apply_edits(value, edits)
     if isinstance(value, dict):
         return {**cast("dict[str, Any]", value), "x": numbers[0], "y": numbers[1]}
     parts = cast("list[Any]", value)
@@ -239,28 +256,28 @@ def _blank(match: re.Match[str]) -> str:
 # --- Rules
 
 
-def pointing(kind: str, *names: str, optional: bool = False) -> Rule:
+def point_rule(kind: str, *names: str, optional: bool = False) -> Rule:
     """Return the rule of a click, or another action of a kind, at a point."""
 
     def rule(arguments: Arguments) -> list[Meaning]:
         place = arguments.optional_point(*names) if optional else arguments.point(*names)
-        return [Meaning(at(kind, place))]
+        return [Meaning(action_at(kind, place))]
 
     return rule
 
 
-def dragging(start: Sequence[str], end: Sequence[str], from_pointer: bool = False) -> Rule:
+def drag_rule(start: Sequence[str], end: Sequence[str], from_pointer: bool = False) -> Rule:
     """Return the rule of a drag; `from_pointer` if its start may be left out."""
 
     def rule(arguments: Arguments) -> list[Meaning]:
         begin = arguments.optional_point(*start) if from_pointer else arguments.point(*start)
         x2, y2 = arguments.point(*end)
-        return [Meaning(at("drag", begin, x2=x2, y2=y2))]
+        return [Meaning(action_at("drag", begin, x2=x2, y2=y2))]
 
     return rule
 
 
-def typing(
+def type_rule(
     text: str,
     *place: str,
     clear: str | bool = False,
@@ -287,7 +304,7 @@ def typing(
 
     def rule(arguments: Arguments) -> list[Meaning]:
         spot = arguments.optional_point(*place) if place else None
-        meanings = [] if spot is None else [Meaning(at("click", spot))]
+        meanings = [] if spot is None else [Meaning(action_at("click", spot))]
         if says(arguments, clear):
             meanings += [Meaning(Action("hotkey", keys=k)) for k in (("ctrl", "a"), ("delete",))]
         typed = arguments.text(text)
@@ -298,17 +315,17 @@ def typing(
     return rule
 
 
-def pressing(name: str, kind: str = "hotkey", separators: str = "+") -> Rule:
+def press_rule(name: str, kind: str = "hotkey", separators: str = "+") -> Rule:
     """Return the rule of keys that an argument names."""
     return lambda arguments: [Meaning(Action(kind, keys=arguments.keys(name, separators)))]
 
 
-def key(*keys: str) -> Rule:
+def key_rule(*keys: str) -> Rule:
     """Return the rule of an action that presses always the same keys."""
     return lambda _: [Meaning(Action("hotkey", keys=keys))]
 
 
-def scrolling(
+def scroll_rule(
     *place: str, direction: str = "direction", steps: str = "", default: int = DEFAULT_NOTCHES
 ) -> Rule:
     """Return the rule of scrolling; `direction` is an argument, or the direction itself."""
@@ -317,21 +334,21 @@ def scrolling(
         spot = arguments.optional_point(*place) if place else None
         way = direction if direction in _DIRECTIONS else arguments.direction(direction)
         notches = arguments.number(steps, default) if steps else default
-        return [scrolled(way, notches, spot)]
+        return [scroll_meaning(way, notches, spot)]
 
     return rule
 
 
-def scrolled(direction: str, notches: float, place: Place) -> Meaning:
+def scroll_meaning(direction: str, notches: float, place: Place) -> Meaning:
     """Return what scrolling by so many notches means."""
     if direction in ("up", "down"):
         amount = notches if direction == "up" else -notches
-        return Meaning(at("scroll", place, amount=amount))
+        return Meaning(action_at("scroll", place, amount=amount))
     sideways = notches if direction == "right" else -notches
-    return Meaning(at("other", place), code=hscroll_code(sideways, place))
+    return Meaning(action_at("other", place), code=hscroll_code(sideways, place))
 
 
-def waiting(seconds: float | None = None, name: str = "") -> Rule:
+def wait_rule(seconds: float | None = None, name: str = "") -> Rule:
     """Return the rule of waiting; an argument may name the seconds."""
 
     def rule(arguments: Arguments) -> list[Meaning]:
@@ -342,7 +359,7 @@ def waiting(seconds: float | None = None, name: str = "") -> Rule:
     return rule
 
 
-def ending(kind: str, name: str = "") -> Rule:
+def end_rule(kind: str, name: str = "") -> Rule:
     """Return the rule of an action that ends the episode, with an answer if it has one."""
 
     def rule(arguments: Arguments) -> list[Meaning]:
@@ -352,7 +369,7 @@ def ending(kind: str, name: str = "") -> Rule:
     return rule
 
 
-def status(name: str, failures: Sequence[str]) -> Rule:
+def status_rule(name: str, failures: Sequence[str]) -> Rule:
     """Return the rule of an action that ends the episode with success or failure."""
 
     def rule(arguments: Arguments) -> list[Meaning]:
@@ -361,19 +378,19 @@ def status(name: str, failures: Sequence[str]) -> Rule:
     return rule
 
 
-def looking() -> Rule:
+def screenshot_rule() -> Rule:
     """Return the rule of an action that only looks: the next picture comes anyway."""
     return lambda _: [Meaning(Action("other"), code=WAIT)]
 
 
-def unsayable(reason: str, *place: str, end: Sequence[str] = ()) -> Rule:
+def unsupported_rule(reason: str, *place: str, end: Sequence[str] = ()) -> Rule:
     """Return the rule of an action that a desktop does not have; its points are mapped."""
 
     def rule(arguments: Arguments) -> list[Meaning]:
         spot = arguments.optional_point(*place) if place else None
         if end:
             arguments.optional_point(*end)
-        return [Meaning(at("other", spot), refusal=reason)]
+        return [Meaning(action_at("other", spot), refusal=reason)]
 
     return rule
 
@@ -440,12 +457,20 @@ class CallReader:
         return reads
 
     def parse(self, reply: object, scaling: Scaling) -> list[Action]:
-        """Return the actions of a reply, in order. Raises `ActionError`, as `read`."""
+        """Return the actions of a reply, in order.
+
+        Raises:
+            ActionError: the reply cannot be read, see `read`.
+        """
         calls = self.read(reply, scaling)
         return [meaning.action for _, _, meanings in calls for meaning in meanings]
 
     def map(self, reply: object, scaling: Scaling) -> Any:
-        """Return the reply with the points of its calls scaled. Raises `ActionError`, as `read`."""
+        """Return the reply with the points of its calls scaled.
+
+        Raises:
+            ActionError: the reply cannot be read, see `read`.
+        """
         edits: list[TextEdit] = []
         for call, arguments, _ in self.read(reply, scaling):
             if call.write is None or arguments.mapped == call.arguments:
@@ -454,18 +479,25 @@ class CallReader:
             if not isinstance(reply, str):
                 return rewritten
             edits.append(TextEdit(call.start, call.end, rewritten))
-        return spliced(cast("str", reply), edits) if edits else reply
+        return apply_edits(cast("str", reply), edits) if edits else reply
 
     def check(self, reply: object, unit: int) -> Any:
         """Return a reply in fractions 0..`unit` of the picture as it is, if it can be read.
 
-        Fractions are the same point at every size. Raises `ActionError`, as `read`.
+        Fractions are the same point at every size.
+
+        Raises:
+            ActionError: the reply cannot be read, see `read`.
         """
         self.read(reply, Scaling.fractions((1000, 1000), unit))
         return reply
 
     def write(self, reply: object, scaling: Scaling) -> list[str]:
-        """Return each call as code; raises `ActionError` as `read`, and for what cannot be done."""
+        """Return each call as code.
+
+        Raises:
+            ActionError: the reply cannot be read, see `read`, or a desktop cannot do the action.
+        """
         return [self._code(call, meanings) for call, _, meanings in self.read(reply, scaling)]
 
     def _code(self, call: ActionCall, meanings: Sequence[Meaning]) -> str:

@@ -32,12 +32,12 @@ from ..plan import CLEAN, Plan
 from ..safety import changed_pixels, target_visible
 from ..smart_resize import smart_resize
 from ..types import Action, Size
-from .actions import own_action
+from .action_formats import own_action
 from .base import Location, Move
 
 _Row = Mapping[str, Any]
 # A sample with these columns is a row of a dataset; the other columns may be missing.
-MARKS_OF_A_ROW = ("trajectory_id", "step", "corruption")
+ROW_MARKER_COLUMNS = ("trajectory_id", "step", "corruption")
 BASE = "base_screenshot"
 PROVENANCE = (
     "id",
@@ -74,7 +74,7 @@ _COORDINATES = re.compile(
 
 def is_row(sample: _Row) -> bool:
     """Return whether a sample is a row of a dataset that `hijack build` made."""
-    return all(key in sample for key in MARKS_OF_A_ROW)
+    return all(key in sample for key in ROW_MARKER_COLUMNS)
 
 
 def check_drawn(sample: _Row) -> None:
@@ -108,7 +108,7 @@ def params_json(plan: Plan) -> str:
     return json.dumps(dict(plan.params), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
 
-def severity_of(plan: Plan) -> int | None:
+def find_severity(plan: Plan) -> int | None:
     """Return the level of the corruption that made a plan, or `None`.
 
     The parameters must be exactly those of the level.
@@ -128,10 +128,10 @@ def _severity(corruption: str, params: str) -> int | None:
         return None
 
 
-def made_by(plan: Plan, seed: int) -> dict[str, Any]:
+def plan_columns(plan: Plan, seed: int) -> dict[str, Any]:
     """Return the columns that say how a picture was made."""
     return {
-        "severity": severity_of(plan),
+        "severity": find_severity(plan),
         "seed": seed,
         "params": params_json(plan),
         "plan": plan.to_json(),
@@ -139,7 +139,7 @@ def made_by(plan: Plan, seed: int) -> dict[str, Any]:
     }
 
 
-def label_of(plan: Plan) -> str:
+def corruption_label(plan: Plan) -> str:
     """Return the value of the column `corruption` for a plan without a label of its own."""
     return "+".join(part.rpartition("-v")[0] or part for part in plan.corruption.split("+"))
 
@@ -160,13 +160,13 @@ def corrupted_row(
     if not plan.ops:
         return {}
     before, after = (np.asarray(p) if isinstance(p, Image.Image) else p for p in (before, after))
-    earlier = _plan_of(row, plan.size)
+    earlier = _row_plan(row, plan.size)
     combined_plan = None if earlier is None else earlier.then(plan)
     was_clean = row["corruption"] == CLEAN
-    label = label_of(plan) if was_clean else f"{row['corruption']}+{label_of(plan)}"
+    label = corruption_label(plan) if was_clean else f"{row['corruption']}+{corruption_label(plan)}"
     columns = {"corruption": label, "id": _renamed(row, label)}
     if combined_plan is not None:
-        columns |= made_by(combined_plan, row.get("seed", 0) if seed is None else seed)
+        columns |= plan_columns(combined_plan, row.get("seed", 0) if seed is None else seed)
     elif any(key in row for key in ("params", "plan_digest", "severity")):
         raise LabelError(
             "the row has no column 'plan', so its 'params' and 'plan_digest' would be wrong;"
@@ -181,7 +181,7 @@ def corrupted_row(
     return {key: value for key, value in columns.items() if key in row}
 
 
-def _plan_of(row: _Row, size: Size) -> Plan | None:
+def _row_plan(row: _Row, size: Size) -> Plan | None:
     """Return the plan by which the screenshot of a row was made from a clean one."""
     if row["corruption"] == CLEAN:
         return Plan.clean(size)
@@ -235,18 +235,21 @@ def _changed(row: _Row, earlier: Plan | None, plan: Plan, before: Any, after: An
 # --- The text of the action
 
 
-def moved_code(code: str, action: Any, move: Move) -> str:
+def map_action_code(code: str, action: Any, move: Move) -> str:
     """Return the text of an action after a move, in the dialect in which it was recorded.
 
     `action` is the same action, as an `Action` or as its dictionary. If it is `None`, only
-    pyautogui code is understood. Raises `LabelError` if the dialect cannot be determined, and
-    `ActionError` for code that cannot be mapped.
+    pyautogui code is understood.
+
+    Raises:
+        ActionError: the code cannot be mapped.
+        LabelError: the dialect cannot be determined.
     """
     if action is None:
         if _holds_two_numbers(code) and not calls_pyautogui(code):
             raise _unclear(code)
         return map_recorded(code, "pyautogui", move.scaling, move.scaling)
-    dialect = dialect_of(code, own_action(action), move.before)
+    dialect = detect_dialect(code, own_action(action), move.before)
     between_models = move.scaling
     if dialect in RESIZED_DIALECTS:
         between_models = Scaling(smart_resize(*move.before), smart_resize(*move.after))
@@ -255,11 +258,14 @@ def moved_code(code: str, action: Any, move: Move) -> str:
     return map_recorded(code, dialect, Scaling(move.before, move.after), between_models)
 
 
-def dialect_of(code: str, action: Action, size: Size) -> str:
+def detect_dialect(code: str, action: Action, size: Size) -> str:
     """Return the dialect of the code of a row, whose action is known.
 
     Rows do not name the dialect, so each dialect is tried; the right one is the one in which the
-    code means that action. Raises `LabelError` if there is none and the code holds coordinates.
+    code means that action.
+
+    Raises:
+        LabelError: the code holds coordinates, and means the action in no dialect.
     """
     is_pointing = action.point is not None and _holds_two_numbers(code)
     if not is_pointing and not holds_coordinates(code):
@@ -278,7 +284,7 @@ def dialect_of(code: str, action: Action, size: Size) -> str:
         candidates = (*DICT_DIALECTS, *candidates)
     for dialect in candidates:
         raw = entries[0] if dialect in DICT_DIALECTS else code
-        if _says(raw, dialect, action, size):
+        if _means_action(raw, dialect, action, size):
             return dialect
     if _in_thousandths(code, action, size):
         return SIZELESS
@@ -293,7 +299,7 @@ def _unclear(code: str) -> LabelError:
     )
 
 
-def _says(raw: Any, dialect: str, action: Action, size: Size) -> bool:
+def _means_action(raw: Any, dialect: str, action: Action, size: Size) -> bool:
     """Return whether an action of a dialect is `action`, on a picture of `size`."""
     try:
         if dialect in RESIZED_DIALECTS:

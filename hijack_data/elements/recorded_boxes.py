@@ -25,9 +25,6 @@ _Dict: TypeAlias = Mapping[str, Any]
 def boxes_from_labels(data: object, normalized: bool = False, size: Size | None = None) -> Elements:
     """Read recorded labels; all labels keep their order, so indices stay valid.
 
-    Raises `ElementsError`, with index and field, for any other structure, a number that is not
-    finite or is out of range, and a box that ends before it starts.
-
     Args:
         data: a list (or an array `[N, 4]`) of labels, or a dictionary that holds one under a key of
             `LIST_KEYS`. A label is `[x1, y1, x2, y2]`, a dictionary with such a `"bbox"` or
@@ -39,6 +36,10 @@ def boxes_from_labels(data: object, normalized: bool = False, size: Size | None 
 
     Returns:
         int32 boxes rounded to whole pixels, with the names and roles that the dictionaries give.
+
+    Raises:
+        ElementsError: the labels have another structure, a number is not finite or out of range, or
+            a box ends before it starts; the message names index and field.
     """
     screen = None if size is None else as_size(size)
     items = _list(data)

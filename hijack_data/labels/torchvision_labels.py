@@ -14,8 +14,8 @@ from ..errors import LabelError, ParameterError
 from ..plan import Plan
 from ..types import Size
 from .base import Move
-from .boxes import box_format
-from .numbers import to_host
+from .box_formats import box_format
+from .nested_numbers import to_host
 
 tv_tensors: Any = importlib.import_module("torchvision.tv_tensors")  # torchvision is not typed
 v2: Any = importlib.import_module("torchvision.transforms.v2")
@@ -60,10 +60,10 @@ def follow_tensor(value: Any, plans: list[Plan]) -> Any:
         )
     tensor = value.as_subclass(torch.Tensor)
     if isinstance(value, tv_tensors.KeyPoints):
-        return tv_tensors.KeyPoints(_points_moved(tensor, move), canvas_size=move.after)
+        return tv_tensors.KeyPoints(_map_key_points(tensor, move), canvas_size=move.after)
     order = str(value.format.value).lower()
     if order in ("xyxy", "xywh", "cxcywh"):
-        boxes = box_format(order, 0, anywhere=True).moved(tensor, move)
+        boxes = box_format(order, 0, anywhere=True).map_value(tensor, move)
         return tv_tensors.BoundingBoxes(boxes, format=value.format, canvas_size=move.after)
     # Rotated boxes: let torchvision compute their corners.
     scaled = v2.functional.resize(
@@ -108,7 +108,7 @@ def _check_canvas(value: Any, size: Size) -> None:
     )
 
 
-def _points_moved(points: torch.Tensor, move: Move) -> torch.Tensor:
+def _map_key_points(points: torch.Tensor, move: Move) -> torch.Tensor:
     """Return key points after a change of size.
 
     Unlike clicked points, they may lie outside the picture.

@@ -13,29 +13,26 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..types import Box, Point, Size, as_size
-from .base import Elements
-from .nodes import (
+from .accessibility_nodes import (
     AccessibleNode,
     TreePlatform,
-    box_of,
+    box_from_place,
+    detect_platform,
     is_interactive,
     is_shown,
-    pair_of,
-    platform_of,
+    parse_pair,
     read_nodes,
     refuse,
-    roles_of,
+    role_names,
 )
+from .base import Elements
 
 # AT-SPI places an element without a position at -2**31.
-FAR = 2**30
+MAX_COORDINATE = 2**30
 
 
 def boxes_from_tree(xml: str | bytes, size: Size | None = None) -> Elements:
     """Read the interactive elements of an accessibility tree.
-
-    Raises `ElementsError`, which names line and node, if the text is not XML, has a DOCTYPE, is too
-    large or too deep, or has a place or size that is not two 32-bit integers.
 
     Args:
         xml: the tree, text or bytes (UTF-8, or UTF-16 with its mark), at most `MAX_BYTES`.
@@ -44,6 +41,10 @@ def boxes_from_tree(xml: str | bytes, size: Size | None = None) -> Elements:
 
     Returns:
         The same as `interactive_elements` for all nodes of the tree.
+
+    Raises:
+        ElementsError: the text is not XML, has a DOCTYPE, is too large or too deep, or has a place
+            or size that is not two 32-bit integers; the message names line and node.
     """
     collector = _Collector(size)
     read_nodes(xml, collector.add, with_text=False)
@@ -56,8 +57,7 @@ def interactive_elements(nodes: Iterable[AccessibleNode], size: Size | None = No
     A node is kept if its role is in `INTERACTIVE_ROLES` (or ends like `INTERACTIVE_ENDINGS`), it is
     marked as shown (Ubuntu: `showing` and `visible`; Windows: `visible`), it is not marked as
     disabled, and it has a place and a size. An element behind another window may still be marked as
-    shown; only the guest can detect that. Raises `ElementsError`, which names line and node, for a
-    place or size that is not two 32-bit integers.
+    shown; only the guest can detect that.
 
     Args:
         nodes: nodes of one tree or several, for example of one application.
@@ -67,6 +67,9 @@ def interactive_elements(nodes: Iterable[AccessibleNode], size: Size | None = No
     Returns:
         One box for each node kept, in the order of `nodes`, with its name and role. The notes
         count the nodes left out, by reason.
+
+    Raises:
+        ElementsError: a place or size is not two 32-bit integers; the message names line and node.
     """
     collector = _Collector(size)
     for node in nodes:
@@ -90,8 +93,8 @@ class _Collector:
             self.size = as_size(self.size)
 
     def add(self, node: AccessibleNode) -> None:
-        platform = platform_of(node)
-        roles = roles_of(node, platform)
+        platform = detect_platform(node)
+        roles = role_names(node, platform)
         if not is_interactive(platform, roles):
             return
         place = self._place(node, platform)
@@ -111,21 +114,21 @@ class _Collector:
             return "disabled"
         if platform.place not in attributes or platform.size not in attributes:
             return "without a place or a size"
-        place = _checked_pair(node, platform.place)
-        size = _checked_pair(node, platform.size)
+        place = _read_pair(node, platform.place)
+        size = _read_pair(node, platform.size)
         if min(size) < 1:
             return "without an area"
-        box = box_of(place, size)
+        box = box_from_place(place, size)
         if self._is_off_screen(box):
             return "off the screen"
         return self._clip(box)
 
     def _is_off_screen(self, box: Box) -> bool:
-        bottom, right = self.size or (FAR, FAR)
+        bottom, right = self.size or (MAX_COORDINATE, MAX_COORDINATE)
         x1, y1, x2, y2 = box
         if x2 <= 0 or y2 <= 0 or x1 >= right or y1 >= bottom:
             return True
-        return min(box) < -FAR or max(box) > FAR
+        return min(box) < -MAX_COORDINATE or max(box) > MAX_COORDINATE
 
     def _clip(self, box: Box) -> Box:
         if self.size is None:
@@ -156,9 +159,9 @@ class _Collector:
         return notes
 
 
-def _checked_pair(node: AccessibleNode, key: str) -> Point:
+def _read_pair(node: AccessibleNode, key: str) -> Point:
     value = node.attributes[key]
-    pair = pair_of(value)
+    pair = parse_pair(value)
     if pair is None:
         refuse(
             node,

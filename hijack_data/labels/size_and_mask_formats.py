@@ -11,7 +11,14 @@ from ..pictures import is_sequence, rebuilt
 from ..safety import resized_mask
 from ..types import Size, are_fractions
 from .base import Format, Move
-from .numbers import Numbers, change_each, host_array, is_object_array, object_array, put_back
+from .nested_numbers import (
+    Numbers,
+    change_each,
+    host_array,
+    is_object_array,
+    object_array,
+    put_back,
+)
 
 
 def coordinate_format(name: str) -> Format:
@@ -24,7 +31,7 @@ def coordinate_format(name: str) -> Format:
         for number in numbers:
             scaling.check(number, axis)
 
-    def moved(value: Any, move: Move) -> Any:
+    def map_value(value: Any, move: Move) -> Any:
         scaling = move.scaling
         axis = 1 if name.endswith("x") else 0
         ratio = move.after[axis] / move.before[axis]
@@ -39,7 +46,7 @@ def coordinate_format(name: str) -> Format:
 
         return change_each(value, change)
 
-    return Format(name, moved)
+    return Format(name, map_value)
 
 
 def size_format(name: str) -> Format:
@@ -55,23 +62,23 @@ def size_format(name: str) -> Format:
         }
         return numbers[name]
 
-    def moved(value: Any, move: Move) -> Any:
+    def map_value(value: Any, move: Move) -> Any:
         def change(numbers: Numbers) -> Numbers:
             expected = np.array(of(move.before))
             count, remainder = divmod(numbers.size, expected.size)
             if remainder or not np.array_equal(numbers, np.tile(expected, count)):
                 raise LabelError(
-                    f"is {shown(value)}, but as {name} of the picture it would be {expected.tolist()};"
-                    " if it says something else, declare it 'leave'"
+                    f"is {shown(value)}, but as {name} of the picture it would be"
+                    f" {expected.tolist()}; if it says something else, declare it 'leave'"
                 )
             return np.tile(of(move.after), count).astype(numbers.dtype)
 
         return change_each(value, change)
 
-    return Format(name, moved)
+    return Format(name, map_value)
 
 
-def moved_mask(value: Any, move: Move) -> Any:
+def map_mask(value: Any, move: Move) -> Any:
     """Return a mask `[..., H, W]`, or a PIL image of any mode, after a `Move`, in its own form.
 
     Raises:
@@ -81,11 +88,11 @@ def moved_mask(value: Any, move: Move) -> Any:
         return None
     if isinstance(value, Image.Image):
         _check_mask_size((value.height, value.width), move, f"{value.width}x{value.height} pixels")
-        return _moved_image(value, move)
+        return _map_image_mask(value, move)
     if is_object_array(value):
-        return object_array(value, [moved_mask(part, move) for part in value.tolist()])
+        return object_array(value, [map_mask(part, move) for part in value.tolist()])
     if is_sequence(value) and _holds_arrays(value):
-        return rebuilt(value, [moved_mask(part, move) for part in value])
+        return rebuilt(value, [map_mask(part, move) for part in value])
     try:
         array = host_array(value)
     except (TypeError, ValueError, OverflowError, RuntimeError):
@@ -102,7 +109,7 @@ def moved_mask(value: Any, move: Move) -> Any:
     return picked.tolist() if is_sequence(value) else put_back(value, picked)
 
 
-def _moved_image(mask: Image.Image, move: Move) -> Image.Image:
+def _map_image_mask(mask: Image.Image, move: Move) -> Image.Image:
     """Return a mask as an image of the same mode and palette, picked as all masks are."""
     values = np.asarray(mask)
     planes = np.moveaxis(values, -1, 0) if values.ndim == 3 else values
