@@ -1,7 +1,7 @@
 """Interactive elements and their boxes from an accessibility tree in OSWorld's XML dialect.
 
-* `nodes_from_tree` (in `nodes`) returns every node, for callers that look for a label or a certain
-  window.
+* `nodes_from_tree` (in `accessibility_nodes`) returns every node, for callers that look for a label
+  or a certain window.
 * `boxes_from_tree` returns the boxes of all interactive elements, for planning.
 * `interactive_elements` does the same for nodes that the caller has already filtered.
 """

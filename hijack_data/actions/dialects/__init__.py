@@ -1,9 +1,10 @@
 """The dialects in which agents write actions, and the table that names them.
 
-`pyautogui_code` maps code, `pyautogui_parse` reads it and `pyautogui_write` writes it; `combine`
-merges the calls of one action. Most other dialects are a table from the names of their actions to
-rules (`rules`) and a syntax (`syntax`): `tables`, `qwen`, `ui_tars`. `answers` leaves out thoughts;
-`fields` and `unmapped` check the fields of all typed dialects.
+`pyautogui_code` maps code, `pyautogui_parse` reads it and `pyautogui_write` writes it;
+`combine_calls` merges the calls of one action. Most other dialects are a table from the names of
+their actions to rules (`action_rules`) and a syntax (`call_syntax`): `table_dialects`, `qwen`,
+`ui_tars`. `answer_text` leaves out thoughts; `field_checks` and `unmapped_fields` check the fields
+of all typed dialects.
 """
 
 from collections.abc import Callable, Mapping
