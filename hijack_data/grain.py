@@ -5,7 +5,7 @@
     hj.Marks()]), seed=3))
 
 An element is a dictionary with pictures (NumPy `[H, W, 3]` uint8, PIL, or stacks and lists of
-them; `hijack_data.pictures`) and the entries that `hijack_data.samples` names. Both transforms are
+them; `hijack_data.sample_pictures`) and the entries that `hijack_data.samples` names. Both transforms are
 safe to call from several threads, and the number of workers, their threads and a restart from a
 checkpoint change nothing.
 

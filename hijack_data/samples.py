@@ -11,7 +11,7 @@ A sample is a dictionary. These entries are read, all but the id optional:
   code): like target and elements, they follow the pixels. If the action is a drag from the target,
   its end must be visible as well: the lesser share of the two counts.
 
-Pictures are found by name and shape (`hijack_data.pictures`), and other labels are declared
+Pictures are found by name and shape (`hijack_data.sample_pictures`), and other labels are declared
 (`hijack_data.labels`). Rows of our datasets stay rows: all of their columns are updated to the
 corrupted picture. This module uses no framework; `transforms` (torchvision) and `grain` build on
 it.
@@ -26,11 +26,11 @@ from .errors import ParameterError, ParameterTypeError
 from .labels import Declared, Labels
 from .labels.dataset_rows import corrupted_row, is_row
 from .labels.formats import PICTURE, find_format
-from .pictures import SamplePicture, apply_plan, common_size, find_pictures, swapped
 from .plan import Plan
 from .planner import Planner, as_planner
 from .rng import as_seed
 from .safety import plan_avoiding, target_visible
+from .sample_pictures import SamplePicture, apply_plan, common_size, find_pictures, swapped
 from .types import Scene, Size, as_boxes, as_target
 
 LABEL_POLICIES = ("keep", "avoid")

@@ -5,7 +5,7 @@ from typing import Any, cast
 import numpy as np
 from PIL import Image
 
-from ..backends import backend_of, to_numpy
+from ..backends import find_backend, to_numpy
 from ..errors import ImageError
 from ..types import Size, UInt8Array
 
@@ -25,7 +25,7 @@ def image_size(image: object) -> Size:
         if not width or not height:
             raise ImageError(f"image is empty: {width} x {height} pixels")
         return height, width
-    backend = backend_of(image)
+    backend = find_backend(image)
     backend.check(image)
     shape = tuple(cast("Any", image).shape)
     if len(shape) != 3:

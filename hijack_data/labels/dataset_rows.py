@@ -25,9 +25,8 @@ from ..actions import (
 from ..actions.dialects.pyautogui_code import calls_pyautogui
 from ..actions.recorded_actions import SCREENAGENT, SIZELESS, map_recorded
 from ..backends import to_numpy
-from ..corruption import find
 from ..errors import HijackError, LabelError
-from ..files import sha256_of
+from ..file_io import pixel_sha256
 from ..plan import CLEAN, Plan
 from ..safety import changed_pixels, target_visible
 from ..smart_resize import smart_resize
@@ -177,7 +176,7 @@ def corrupted_row(
     if "changed_pixels" in row:
         columns["changed_pixels"] = _changed(row, earlier, plan, before, after)
     if "image_sha256" in row:
-        columns["image_sha256"] = sha256_of(to_numpy(after))
+        columns["image_sha256"] = pixel_sha256(to_numpy(after))
     return {key: value for key, value in columns.items() if key in row}
 
 

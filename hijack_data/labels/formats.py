@@ -23,7 +23,7 @@ pixels of the picture, of the smart-resized one, see `grounding` |
 | `loc` | `<loc>` | text with `<loc...>` tokens |
 | `chat(...)` | | a conversation, see `chat` |
 | a function | | maps `(value, move)` to the value after the move |
-| `picture` | | pictures that follow the plan as the main one does, `hijack_data.pictures` |
+| `picture` | | pictures that follow the plan as the main one does, `hijack_data.sample_pictures` |
 | `leave` | `None` | passes as it is |
 
 An entry may hold one box or point, or many in any nesting of lists, tuples, arrays and tensors, or

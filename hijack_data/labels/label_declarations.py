@@ -9,8 +9,8 @@ import numpy as np
 
 from ..actions import calls_pyautogui
 from ..errors import HijackError, LabelError, ParameterError, ParameterTypeError, suggest
-from ..pictures import FOLLOWING, has_pixels, is_sequence, is_tensor, names_picture, rebuilt
 from ..plan import Plan
+from ..sample_pictures import FOLLOWING, has_pixels, is_sequence, is_tensor, names_picture, rebuilt
 from ..types import Size
 from .action_formats import is_own_action
 from .base import Format, Location, Move

@@ -7,8 +7,8 @@ from PIL import Image
 
 from ..actions import Scaling
 from ..errors import LabelError, shown
-from ..pictures import is_sequence, rebuilt
 from ..safety import resized_mask
+from ..sample_pictures import is_sequence, rebuilt
 from ..types import Size, are_fractions
 from .base import Format, Move
 from .nested_numbers import (

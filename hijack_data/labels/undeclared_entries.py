@@ -24,7 +24,7 @@ import numpy as np
 from PIL import Image
 
 from ..errors import HijackError, LabelError, shown
-from ..pictures import FOLLOWING, is_array, is_picture_shaped, is_tensor
+from ..sample_pictures import FOLLOWING, is_array, is_picture_shaped, is_tensor
 from ..types import Action, Size
 from .formats import FORMATS
 from .nested_numbers import host_array
