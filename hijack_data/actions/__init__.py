@@ -31,8 +31,8 @@ that cannot be read or mapped raises `ActionError`. The dialects:
 | `gemini` | function calls | 0..1000 of the picture |
 
 Inside, `dialects/` has one table of all dialects; most are a table of actions and a syntax.
-`program/` analyses Python code without running it, because mapping code requires the value of the
-coordinates at each call that moves the pointer.
+`pyautogui_grammar` reads Python code without running it: straight-line calls with literal
+arguments, and nothing else.
 """
 
 from .agent_actions import fenced_blocks, read_action, unreadable_action

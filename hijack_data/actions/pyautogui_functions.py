@@ -1,4 +1,9 @@
-"""The names and parameters of the functions of pyautogui and of AgentNet's `computer`."""
+"""The functions of pyautogui and of AgentNet's `computer` that actions may call."""
+
+from collections.abc import Mapping
+from typing import TypeAlias
+
+FunctionNames: TypeAlias = Mapping[str, frozenset[str]]
 
 # Parameters in order, up to the last one that this library reads: `x, y` are absolute, `xOffset,
 # yOffset` relative.
@@ -40,58 +45,19 @@ KEYBOARD: dict[str, tuple[str, ...]] = {
     "keyDown": ("key",),
     "keyUp": ("key",),
 }
+SETTINGS = frozenset({"PAUSE", "FAILSAFE", "MINIMUM_DURATION", "MINIMUM_SLEEP"})
+BUTTONS = {name.upper(): name for name in ("left", "middle", "right", "primary", "secondary")}
 
-
-def words(text: str) -> frozenset[str]:
-    """Return the words of a text as a set."""
-    return frozenset(text.split())
-
-
-# Functions that read the screen at a place, or that move the pointer by commands in a text.
-REFUSED = words("pixel pixelMatchesColor onScreen getWindowsAt run platformModule")
-# Functions that read the screen, each with the number of arguments before the first that can name a
-# region.
-READERS = {
-    "screenshot": 1,
-    "locateOnScreen": 1,
-    "locateCenterOnScreen": 1,
-    "locateAllOnScreen": 1,
-    "locateOnWindow": 2,
-    "locate": 2,
-    "locateAll": 2,
+# What code may call on a live desktop: the functions of each module.
+LIVE_FUNCTIONS: FunctionNames = {
+    "pyautogui": frozenset({*POINTER, *KEYBOARD, "sleep"} - {AGENTNET_TRIPLE}),
+    "time": frozenset({"sleep"}),
 }
-READER_OPTIONS = words("""
-    imageFilename image needleImage haystackImage title minSearchTime grayscale confidence limit
-    step allScreens
-""")
-# Functions that take no place on the screen, so their arguments need no mapping.
-FREE = words("""
-    sleep wait countdown hold shortcut size resolution position center Point Size getPointOnLine
-    alert confirm prompt password terminate isValidKey isShiftCharacter failSafeCheck linear
-    useImageNotFoundException mouseInfo printInfo getInfo getActiveWindow getActiveWindowTitle
-    getAllWindows getAllTitles getWindowsWithTitle
-""")
-SETTINGS = words("""
-    PAUSE FAILSAFE MINIMUM_DURATION MINIMUM_SLEEP DARWIN_CATCH_UP_TIME LOG_SCREENSHOTS
-    LOG_SCREENSHOTS_LIMIT
-""")
-_CONSTANTS = words("LEFT MIDDLE RIGHT PRIMARY SECONDARY KEYBOARD_KEYS KEY_NAMES QWERTY QWERTZ")
-BARE = frozenset({*POINTER, *KEYBOARD, *REFUSED, *READERS, "sleep", "size", "position"})
-
-# AgentNet writes computer.terminate(...), computer.tripleClick(...)
-PYAUTOGUI = frozenset({"pyautogui", "computer"})
-MODULES = frozenset({*PYAUTOGUI, "time", "pyperclip"})
+# What recorded code may call: also AgentNet's `computer`, and texts pasted from the clipboard.
+RECORDED_FUNCTIONS: FunctionNames = {
+    **LIVE_FUNCTIONS,
+    "computer": frozenset({*POINTER, *KEYBOARD, "sleep", "wait", "terminate"}),
+    "pyperclip": frozenset({"copy"}),
+}
 
 SPECIAL_WORDS = {"WAIT": "wait", "DONE": "done", "FAIL": "fail"}
-
-
-def is_public(name: str) -> bool:
-    """Return whether pyautogui is known to have a function or constant of this name."""
-    return name in POINTER or name in READERS or name in REFUSED or is_harmless(name)
-
-
-def is_harmless(name: str) -> bool:
-    """Return whether pyautogui's `name` may be passed on, because it cannot move the pointer."""
-    if name in KEYBOARD or name in FREE or name in SETTINGS or name in _CONSTANTS:
-        return True
-    return name.endswith("Exception") or name.startswith("ease")

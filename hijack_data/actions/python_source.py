@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from itertools import accumulate
 from typing import NamedTuple, NoReturn
 
-from ...errors import ActionError
+from ..errors import ActionError
 
 # Line ends as Python's tokenizer counts them; str.splitlines splits at more characters.
 _LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n)?")
@@ -27,12 +27,12 @@ class TextEdit(NamedTuple):
 def apply_edits(text: str, edits: Iterable[TextEdit]) -> str:
     """Return `text` with `edits` made, which must not overlap; every other byte stays."""
     pieces: list[str] = []
-    done = 0
+    position = 0
     for edit in sorted(edits):
-        pieces.append(text[done : edit.start])
+        pieces.append(text[position : edit.start])
         pieces.append(edit.text)
-        done = edit.end
-    pieces.append(text[done:])
+        position = edit.end
+    pieces.append(text[position:])
     return "".join(pieces)
 
 
@@ -55,8 +55,11 @@ class ParsedSource:
     """Parsed code, and the position of each node.
 
     Spaces before the first statement are tolerated, as `python -c "...; <code>"` tolerates them.
-    Raises `ActionError` for code that is not Python. The positions come from a table of line
-    starts, because `ast.get_source_segment` splits the whole source again for every node.
+    The positions come from a table of line starts, because `ast.get_source_segment` splits the
+    whole source again for every node.
+
+    Raises:
+        ActionError: the code is not Python.
     """
 
     def __init__(self, code: str) -> None:
@@ -85,9 +88,9 @@ class ParsedSource:
             place = "the code"
             first_line = str(error).split("\n")[0]
             reason = first_line[:_SHOWN] or "nested too deeply"
-        shown = self._code[:_SHOWN]
+        excerpt = self._code[:_SHOWN]
         raise ActionError(
-            f"{place}: not Python ({reason}): {shown!r}; give pyautogui calls such as"
+            f"{place}: not Python ({reason}): {excerpt!r}; give pyautogui calls such as"
             " pyautogui.click(100, 200), or WAIT, FAIL or DONE"
         )
 
@@ -112,10 +115,10 @@ class ParsedSource:
     def text(self, node: ast.expr) -> str:
         """Return the source of a node, shortened for error messages."""
         start, end = self.span(node)
-        found = " ".join(self._code[start:end].split())
-        if len(found) <= _SHOWN:
-            return found
-        return found[: _SHOWN - 3] + "..."
+        text = " ".join(self._code[start:end].split())
+        if len(text) <= _SHOWN:
+            return text
+        return text[: _SHOWN - 3] + "..."
 
     def refuse(self, node: ast.AST, problem: str, fix: str) -> NoReturn:
         """Raise an error that points at `node`.

@@ -22,7 +22,8 @@ def map_recorded(code: str, dialect: str, scaling: Scaling, model: Scaling) -> s
         model: maps between the two smart-resized pictures, to which the coordinates of
             `RESIZED_DIALECTS` refer.
 
-    Raises `ActionError` for what cannot be mapped.
+    Raises:
+        ActionError: the text cannot be mapped.
     """
     if not code or dialect == SIZELESS or dialect in FRACTIONS:
         return code

@@ -66,15 +66,15 @@ class Scaling:
         return cls(size, size, recorded=True)
 
     @classmethod
-    def fractions(cls, size: Size, whole: int = 1) -> "Scaling":
+    def fractions(cls, size: Size, unit: int = 1) -> "Scaling":
         """Return the scaling from fractions of the picture: 0..1, or 0..`whole`."""
-        return cls((whole, whole), size, bounded=True, grid=False)
+        return cls((unit, unit), size, bounded=True, grid=False)
 
     def points(self, values: npt.ArrayLike) -> IntArray:
         """Scale points: `[..., 2]` of x, y, finite -> int32 pixels of the same shape."""
-        given = np.asarray(values, np.float64)
+        points = np.asarray(values, np.float64)
         height, width = self.target
-        scaled = self._pixels(given, _xy(self.source), (width, height))
+        scaled = self._pixels(points, _xy(self.source), (width, height))
         if self.clamp:
             scaled = np.clip(scaled, 0, (width - 1, height - 1))
         return scaled.astype(np.int32)
@@ -84,11 +84,11 @@ class Scaling:
 
         The result is float64, exact and never clamped.
         """
-        given = np.asarray(values, np.float64)
-        points = given.shape[-1] // 2
+        positions = np.asarray(values, np.float64)
+        points = positions.shape[-1] // 2
         target = np.tile(_xy(self.target), points)
         source = np.tile(_xy(self.source), points)
-        return given * target / source
+        return positions * target / source
 
     def boxes(self, boxes: npt.NDArray[np.integer[Any]], clip: bool = True) -> BoxArray:
         """Scale boxes `[N, 4]` of pixels: int32, clipped to the target.
@@ -96,9 +96,9 @@ class Scaling:
         A box that overlaps the source keeps at least one pixel, and all pixels to which its own
         pixels map. An empty box, and with `clip` a box outside the source, becomes empty.
         """
-        given = boxes.astype(np.int64)
-        low = given[:, :2]
-        high = given[:, 2:]
+        pixels = boxes.astype(np.int64)
+        low = pixels[:, :2]
+        high = pixels[:, 2:]
         source = _xy(self.source)
         target = _xy(self.target)
         first_pixel = _centres(low, source, target)
@@ -114,12 +114,17 @@ class Scaling:
     def x(self, value: float) -> int:
         """Scale one x coordinate to a pixel.
 
-        Raises `ActionError` if it is not finite or outside a bounded source.
+        Raises:
+            ActionError: the coordinate is not finite, or lies outside a bounded source.
         """
         return self._coordinate(value, axis=1)
 
     def y(self, value: float) -> int:
-        """Scale one y coordinate, as `x`."""
+        """Scale one y coordinate to a pixel.
+
+        Raises:
+            ActionError: the coordinate is not finite, or lies outside a bounded source.
+        """
         return self._coordinate(value, axis=0)
 
     def dx(self, value: float) -> int:
@@ -136,7 +141,9 @@ class Scaling:
     def point(self, x: float, y: float) -> tuple[int, int]:
         """Scale one point of an action to a pixel.
 
-        The errors are those of `x` and `check_point`.
+        Raises:
+            ActionError: a number is not finite, lies outside a bounded source, or is a fraction
+                where pixels are expected.
         """
         self.check_point(x, y)
         return self.x(x), self.y(y)
@@ -150,10 +157,10 @@ class Scaling:
         if not are_fractions(numbers) or not (self.recorded or self.bounded):
             return
         if not self.grid:
-            whole = self.source[0]
+            unit = self.source[0]
             if self.source == (1, 1):
                 return
-            raise ActionError(f"{numbers} are fractions 0..1; this dialect uses 0..{whole}")
+            raise ActionError(f"{numbers} are fractions 0..1; this dialect uses 0..{unit}")
         raise ActionError(
             f"{numbers} are fractions of the picture, not pixels; multiply x by its width and y by"
             " its height"
@@ -189,8 +196,8 @@ class Scaling:
     def _coordinate(self, value: float, axis: int) -> int:
         self.check(value, axis)
         side = self.target[axis]
-        given = np.asarray(value, np.float64)
-        pixel = int(self._pixels(given, self.source[axis], side))
+        number = np.asarray(value, np.float64)
+        pixel = int(self._pixels(number, self.source[axis], side))
         if not self.clamp:
             return pixel
         return max(0, min(pixel, side - 1))
@@ -219,9 +226,9 @@ class Scaling:
         rounded = np.floor(exact + 0.5).astype(np.int64)
         if not self.grid:
             return rounded
-        whole = np.floor(near)
-        centres = _centres(whole.astype(np.int64), source_sides, target_sides)
-        return np.where(near == whole, centres, rounded)
+        floor = np.floor(near)
+        centres = _centres(floor.astype(np.int64), source_sides, target_sides)
+        return np.where(near == floor, centres, rounded)
 
 
 def _xy(size: Size) -> Int64Array:

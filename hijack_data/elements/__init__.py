@@ -43,9 +43,6 @@ def elements_from(
 ) -> Elements:
     """Find the elements of a screen: from the tree if given, else from labels, else by detection.
 
-    Raises `ElementsError` for a bad tree or bad labels, and `ImageError` or `ImageTypeError` for a
-    bad picture.
-
     Args:
         image: the screenshot: `[H, W, 3]` uint8 (NumPy, JAX), `[3, H, W]` (torch) or a PIL image.
             Only `detect` reads its pixels.
@@ -57,6 +54,9 @@ def elements_from(
     Raises:
         UnknownNameError: `detect` is not one of these.
         MissingDependencyError: the detector is not installed.
+        ElementsError: the tree or the labels are damaged.
+        ImageError: the picture has another shape.
+        ImageTypeError: the picture is of another kind or dtype.
     """
     if detect not in (*_DETECTORS, "none"):
         raise UnknownNameError(f"unknown detect {detect!r}{suggest(detect, (*_DETECTORS, 'none'))}")

@@ -170,21 +170,24 @@ def nodes_from_tree(xml: str | bytes) -> list[AccessibleNode]:
     """Read all nodes of an accessibility tree, in document order.
 
     The first is the root; its children stand for applications. A malformed place does not raise
-    here: such a node has no `box`. Raises `ElementsError`, which names line and node, if the text
-        is not XML, has a DOCTYPE, is too large or too deep, or has more than `MAX_NODES` nodes.
+    here: such a node has no `box`.
 
     Args:
         xml: the tree, text or bytes (UTF-8, or UTF-16 with its mark), at most `MAX_BYTES`.
+
+    Raises:
+        ElementsError: the text is not XML, has a DOCTYPE, is too large or too deep, or has more
+            than `MAX_NODES` nodes; the message names line and node.
     """
-    found: list[AccessibleNode] = []
+    nodes: list[AccessibleNode] = []
 
     def keep(node: AccessibleNode) -> None:
-        if len(found) == MAX_NODES:
+        if len(nodes) == MAX_NODES:
             refuse(node, f"has more than {MAX_NODES} nodes")
-        found.append(node)
+        nodes.append(node)
 
     read_nodes(xml, keep, with_text=True)
-    return found
+    return nodes
 
 
 def read_nodes(
@@ -329,8 +332,8 @@ def _role(name: str) -> str:
 def is_interactive(platform: TreePlatform, roles: list[str]) -> bool:
     """Return whether one of the roles is one that a user can click, type into or drag."""
     for role in roles:
-        known = role in INTERACTIVE_ROLES or role.endswith(INTERACTIVE_ENDINGS)
-        if known and role != platform.passive:
+        is_known = role in INTERACTIVE_ROLES or role.endswith(INTERACTIVE_ENDINGS)
+        if is_known and role != platform.passive:
             return True
     return False
 

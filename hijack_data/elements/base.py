@@ -22,7 +22,8 @@ class Elements:
         source: the origin of the boxes: `"tree" | "labels" | "picture" | "ocr" | "none"`.
         notes: which elements were left out, and why.
 
-    Raises `ElementsError` if `names` or `roles` do not match the boxes, or the source is unknown.
+    Raises:
+        ElementsError: `names` or `roles` do not match the boxes, or the source is unknown.
     """
 
     boxes: BoxArray = field(default_factory=lambda: as_boxes(None))
@@ -35,13 +36,14 @@ class Elements:
         object.__setattr__(self, "boxes", as_boxes(self.boxes))
         if self.source not in SOURCES:
             raise ElementsError(f"unknown source {self.source!r}{suggest(self.source, SOURCES)}")
-        for what in ("names", "roles"):
-            texts = tuple(getattr(self, what)) or ("",) * len(self)
+        for field_name in ("names", "roles"):
+            texts = tuple(getattr(self, field_name)) or ("",) * len(self)
             if len(texts) != len(self):
                 raise ElementsError(
-                    f"{len(texts)} {what} for {len(self)} boxes: give one for each box, or none"
+                    f"{len(texts)} {field_name} for {len(self)} boxes: give one for each box, or"
+                    " none"
                 )
-            object.__setattr__(self, what, texts)
+            object.__setattr__(self, field_name, texts)
 
     def __len__(self) -> int:
         return len(self.boxes)

@@ -48,9 +48,6 @@ BOXES_PER_BLOCK = 256
 def boxes_from_picture(image: object) -> Elements:
     """Find the elements of a screenshot.
 
-    Raises `MissingDependencyError` without OpenCV, and `ImageError` or `ImageTypeError` for a bad
-    picture.
-
     Args:
         image: one uint8 RGB picture: `[H, W, 3]`, a torch tensor `[3, H, W]` or a PIL image; 1x1 to
             10000x10000.
@@ -58,6 +55,11 @@ def boxes_from_picture(image: object) -> Elements:
     Returns:
         The boxes from top to bottom, with role `"control"` or `"thing"` and no names. For an empty
         picture there are no boxes, and a note.
+
+    Raises:
+        ImageError: the picture has another shape.
+        ImageTypeError: the picture is of another kind or dtype.
+        MissingDependencyError: OpenCV is not installed.
     """
     pixels = image_pixels(image)
     height, width = pixels.shape[:2]
@@ -96,9 +98,9 @@ def _shrink(image: UInt8Array, factor: int) -> UInt8Array:
     if factor == 1:
         return image
     cv2 = _cv2()
-    bottom = -image.shape[0] % factor
-    right = -image.shape[1] % factor
-    padded = cv2.copyMakeBorder(image, 0, bottom, 0, right, cv2.BORDER_REPLICATE)
+    bottom_padding = -image.shape[0] % factor
+    right_padding = -image.shape[1] % factor
+    padded = cv2.copyMakeBorder(image, 0, bottom_padding, 0, right_padding, cv2.BORDER_REPLICATE)
     height, width = padded.shape[:2]
     size = (width // factor, height // factor)
     return cast("UInt8Array", cv2.resize(padded, size, interpolation=cv2.INTER_AREA))
@@ -133,10 +135,10 @@ class _Finder:
         scenery = self._scenery(parts)
         length = self.units(RULE_LENGTH) | 1
         rules = straight_lines(self.cv2, parts.without(scenery), length)
-        whole = self._whole(parts) & ~scenery & ~parts.touching(rules)
-        others = parts.without(scenery | whole)
-        small = self._joined(self.cv2.subtract(others, rules), rules)
-        return np.concatenate([self._boxes(parts, whole), small])
+        is_whole = self._whole(parts) & ~scenery & ~parts.touching(rules)
+        small_parts = parts.without(scenery | is_whole)
+        small = self._joined(self.cv2.subtract(small_parts, rules), rules)
+        return np.concatenate([self._boxes(parts, is_whole), small])
 
     def _joined(self, edges: UInt8Array, rules: UInt8Array) -> BoxArray:
         # Returns the boxes of small parts, such as letters, after closing the gaps between them.
@@ -161,7 +163,7 @@ class _Finder:
         is_text = h <= self.units(48)
         return large_enough & ~is_rule & (is_text | is_picture)
 
-    def _boxes(self, parts: Parts, wanted: Bools) -> BoxArray:
+    def _boxes(self, parts: Parts, is_selected: Bools) -> BoxArray:
         # An edge is marked at the pixel after it, so the right and lower sides are one less.
         pad = self.units(1)
         left = parts.x - pad
@@ -169,7 +171,7 @@ class _Finder:
         right = parts.x + parts.w - 1 + pad
         bottom = parts.y + parts.h - 1 + pad
         boxes = np.stack([left, top, right, bottom], 1)
-        return boxes[wanted].astype(np.int32)
+        return boxes[is_selected].astype(np.int32)
 
     def _whole(self, parts: Parts) -> Bools:
         # Marks outlines that are a whole button or icon and are not joined to other parts.
@@ -237,18 +239,18 @@ def _select(things: BoxArray, controls: BoxArray, finder: _Finder) -> tuple[BoxA
     already taken. The second result marks the boxes that are controls.
     """
     alone = np.ones(len(things), np.bool_)
-    kept: list[BoxArray] = []
+    selected_controls: list[BoxArray] = []
     inside = _inside(things, controls, finder.units(3))
-    for control, held in zip(controls, inside, strict=True):
+    for control, is_inside in zip(controls, inside, strict=True):
         is_wide = control[2] - control[0] > MAX_WIDTH * finder.width
-        most = MAX_THINGS_WIDE if is_wide else MAX_THINGS
-        if alone[held].any() and held.sum() <= most:
-            kept.append(control)
-            alone &= ~held
-    kept_controls = np.array(kept, np.int32).reshape(-1, 4)
-    boxes = np.concatenate([kept_controls, things[alone]])
+        max_things = MAX_THINGS_WIDE if is_wide else MAX_THINGS
+        if alone[is_inside].any() and is_inside.sum() <= max_things:
+            selected_controls.append(control)
+            alone &= ~is_inside
+    control_boxes = np.array(selected_controls, np.int32).reshape(-1, 4)
+    boxes = np.concatenate([control_boxes, things[alone]])
     outermost = _outermost(boxes)
-    return boxes[outermost], outermost < len(kept)
+    return boxes[outermost], outermost < len(selected_controls)
 
 
 def _outermost(boxes: BoxArray) -> Ints:
@@ -259,8 +261,8 @@ def _outermost(boxes: BoxArray) -> Ints:
     keep = np.ones(len(ordered), np.bool_)
     for first in range(0, len(ordered), BOXES_PER_BLOCK):
         inside = _inside(ordered, ordered[first : first + BOXES_PER_BLOCK], 1)
-        for i, held in enumerate(inside, first):
+        for i, is_inside in enumerate(inside, first):
             if keep[i]:
                 later = i + 1
-                keep[later:] &= ~held[later:]
+                keep[later:] &= ~is_inside[later:]
     return order[keep]

@@ -1,7 +1,7 @@
 """Interactive elements and their boxes from an accessibility tree in OSWorld's XML dialect.
 
-* `nodes_from_tree` (in `nodes`) returns every node, for callers that look for a label or a certain
-  window.
+* `nodes_from_tree` (in `accessibility_nodes`) returns every node, for callers that look for a label
+  or a certain window.
 * `boxes_from_tree` returns the boxes of all interactive elements, for planning.
 * `interactive_elements` does the same for nodes that the caller has already filtered.
 """
@@ -34,9 +34,6 @@ MAX_COORDINATE = 2**30
 def boxes_from_tree(xml: str | bytes, size: Size | None = None) -> Elements:
     """Read the interactive elements of an accessibility tree.
 
-    Raises `ElementsError`, which names line and node, if the text is not XML, has a DOCTYPE, is too
-    large or too deep, or has a place or size that is not two 32-bit integers.
-
     Args:
         xml: the tree, text or bytes (UTF-8, or UTF-16 with its mark), at most `MAX_BYTES`.
         size: `(height, width)` of the screen in pixels; boxes are clipped to it. Without it they
@@ -44,6 +41,10 @@ def boxes_from_tree(xml: str | bytes, size: Size | None = None) -> Elements:
 
     Returns:
         The same as `interactive_elements` for all nodes of the tree.
+
+    Raises:
+        ElementsError: the text is not XML, has a DOCTYPE, is too large or too deep, or has a place
+            or size that is not two 32-bit integers; the message names line and node.
     """
     collector = _Collector(size)
     read_nodes(xml, collector.add, with_text=False)
@@ -56,8 +57,7 @@ def interactive_elements(nodes: Iterable[AccessibleNode], size: Size | None = No
     A node is kept if its role is in `INTERACTIVE_ROLES` (or ends like `INTERACTIVE_ENDINGS`), it is
     marked as shown (Ubuntu: `showing` and `visible`; Windows: `visible`), it is not marked as
     disabled, and it has a place and a size. An element behind another window may still be marked as
-    shown; only the guest can detect that. Raises `ElementsError`, which names line and node, for a
-    place or size that is not two 32-bit integers.
+    shown; only the guest can detect that.
 
     Args:
         nodes: nodes of one tree or several, for example of one application.
@@ -67,6 +67,9 @@ def interactive_elements(nodes: Iterable[AccessibleNode], size: Size | None = No
     Returns:
         One box for each node kept, in the order of `nodes`, with its name and role. The notes
         count the nodes left out, by reason.
+
+    Raises:
+        ElementsError: a place or size is not two 32-bit integers; the message names line and node.
     """
     collector = _Collector(size)
     for node in nodes:
@@ -143,14 +146,14 @@ class _Collector:
         return Elements(boxes, tuple(self.names), tuple(self.roles), "tree", notes)
 
     def _notes(self) -> list[str]:
-        lost = self.left_out.total()
-        total = len(self.boxes) + lost
+        left_out = self.left_out.total()
+        total = len(self.boxes) + left_out
         if not total:
             return ["the accessibility tree has no interactive node"]
         notes: list[str] = []
-        if lost:
+        if left_out:
             reasons = [f"{count} {reason}" for reason, count in sorted(self.left_out.items())]
-            notes.append(f"left out {lost} of {total} interactive nodes: {', '.join(reasons)}")
+            notes.append(f"left out {left_out} of {total} interactive nodes: {', '.join(reasons)}")
         if self.clipped:
             notes.append(f"clipped {self.clipped} boxes that reach over the edge of the screen")
         return notes

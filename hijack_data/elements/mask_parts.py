@@ -120,16 +120,16 @@ def _open_columns(mask: UInt8Array, length: int) -> UInt8Array:
     inner = _fold_rows(np.bitwise_and, padded, length)
     if not inner.any():
         return np.zeros_like(mask)
-    opened = _fold_rows(np.bitwise_or, np.pad(inner, margin), length)
-    bits = np.unpackbits(opened, axis=1, count=mask.shape[1])
+    rows = _fold_rows(np.bitwise_or, np.pad(inner, margin), length)
+    bits = np.unpackbits(rows, axis=1, count=mask.shape[1])
     return bits * np.uint8(255)
 
 
 def _fold_rows(fold: Callable[..., UInt8Array], rows: UInt8Array, length: int) -> UInt8Array:
     """Fold each row with the `length - 1` rows below it, in doubling steps."""
-    done = 1
-    while done < length:
-        step = min(done, length - done)
+    folded = 1
+    while folded < length:
+        step = min(folded, length - folded)
         rows = fold(rows[:-step], rows[step:])
-        done += step
+        folded += step
     return rows

@@ -36,21 +36,24 @@ def boxes_from_ocr(image: object) -> Elements:
             missed.
 
     Returns one box per line, with the text as its name and the role `"text"`. The first call loads
-    the models (about a second), later calls in the same process reuse them. Raises
-    `MissingDependencyError` without RapidOCR, and `ImageError` or `ImageTypeError` for a bad
-    picture.
+    the models (about a second), later calls in the same process reuse them.
+
+    Raises:
+        ImageError: the picture has another shape.
+        ImageTypeError: the picture is of another kind or dtype.
+        MissingDependencyError: RapidOCR is not installed.
     """
     pixels = image_pixels(image)
     height, width = pixels.shape[:2]
     engine = _engine(os.getpid())
     readable = min(height, width) >= max(MIN_SIDE, max(height, width) / MAX_RATIO)
-    found = engine(np.ascontiguousarray(pixels[..., ::-1])) if readable else None
-    corners = getattr(found, "boxes", None)  # [N, 4 corners, x and y], or None
-    if found is None or corners is None:
+    result = engine(np.ascontiguousarray(pixels[..., ::-1])) if readable else None
+    corners = getattr(result, "boxes", None)  # [N, 4 corners, x and y], or None
+    if result is None or corners is None:
         return Elements(source="ocr", notes=("no text was found in the picture",))
     places = np.asarray(corners, np.float64)
     boxes = np.concatenate([np.floor(places.min(1)), np.ceil(places.max(1))], 1)
-    names = tuple(cast("tuple[str, ...]", found.txts))
+    names = tuple(cast("tuple[str, ...]", result.txts))
     return Elements(
         clip_boxes(as_boxes(boxes), (height, width)), names, ("text",) * len(names), "ocr"
     )

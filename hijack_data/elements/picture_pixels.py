@@ -13,13 +13,12 @@ from ..types import Size, UInt8Array
 def image_size(image: object) -> Size:
     """Return `(height, width)` of one picture without reading its pixels.
 
-    Raises `ImageTypeError` for any other kind or dtype.
-
     `image` is uint8 RGB: `[H, W, 3]` (NumPy, JAX) or `[3, H, W]` (torch); or a PIL image of any
     mode.
 
     Raises:
         ImageError: the picture has another shape.
+        ImageTypeError: the picture is of another kind or dtype.
     """
     if isinstance(image, Image.Image):
         width, height = image.size
@@ -40,7 +39,11 @@ def image_size(image: object) -> Size:
 def image_pixels(image: object) -> UInt8Array:
     """Return the pixels of one picture as uint8 RGB `[H, W, 3]`.
 
-    Arguments and errors are those of `image_size`.
+    The argument is that of `image_size`.
+
+    Raises:
+        ImageError: the picture has another shape.
+        ImageTypeError: the picture is of another kind or dtype.
     """
     image_size(image)
     pixels = np.asarray(image.convert("RGB")) if isinstance(image, Image.Image) else to_numpy(image)

@@ -25,9 +25,6 @@ _Dict: TypeAlias = Mapping[str, Any]
 def boxes_from_labels(data: object, normalized: bool = False, size: Size | None = None) -> Elements:
     """Read recorded labels; all labels keep their order, so indices stay valid.
 
-    Raises `ElementsError`, with index and field, for any other structure, a number that is not
-    finite or is out of range, and a box that ends before it starts.
-
     Args:
         data: a list (or an array `[N, 4]`) of labels, or a dictionary that holds one under a key of
             `LIST_KEYS`. A label is `[x1, y1, x2, y2]`, a dictionary with such a `"bbox"` or
@@ -39,6 +36,10 @@ def boxes_from_labels(data: object, normalized: bool = False, size: Size | None 
 
     Returns:
         int32 boxes rounded to whole pixels, with the names and roles that the dictionaries give.
+
+    Raises:
+        ElementsError: the labels have another structure, a number is not finite or out of range, or
+            a box ends before it starts; the message names index and field.
     """
     screen = None if size is None else as_size(size)
     items = _list(data)
@@ -67,9 +68,9 @@ def _sequence(value: object, rule: str) -> Sequence[object]:
     return cast("Sequence[object]", value)
 
 
-def _label(item: object, where: str, normalized: bool, screen: Size | None) -> list[float]:
+def _label(item: object, field: str, normalized: bool, screen: Size | None) -> list[float]:
     # Returns the box of a label as x1, y1, x2, y2 in pixels.
-    numbers, path, has_size = _numbers(item, where)
+    numbers, path, has_size = _numbers(item, field)
     x1, y1, x2, y2 = numbers
     if has_size:
         x2 += x1
@@ -90,52 +91,52 @@ def _label(item: object, where: str, normalized: bool, screen: Size | None) -> l
     return box
 
 
-def _check_fractions(box: list[float], numbers: list[float], where: str) -> None:
+def _check_fractions(box: list[float], numbers: list[float], field: str) -> None:
     if min(box) < -OVERSHOOT or max(box) > 1 + OVERSHOOT:
         raise ElementsError(
-            f"{where} = {numbers} leaves the screen; fractions are 0 to 1 (pixels:"
+            f"{field} = {numbers} leaves the screen; fractions are 0 to 1 (pixels:"
             " normalized=False)"
         )
 
 
-def _in_pixels(box: list[float], screen: Size | None, where: str) -> list[float]:
+def _in_pixels(box: list[float], screen: Size | None, field: str) -> list[float]:
     if screen is None:
         raise ElementsError(
-            f"{where} holds fractions of the screen: give size=(height, width) in pixels"
+            f"{field} holds fractions of the screen: give size=(height, width) in pixels"
         )
     height, width = screen
     x1, y1, x2, y2 = box
     return [x1 * width, y1 * height, x2 * width, y2 * height]
 
 
-def _numbers(item: object, where: str) -> tuple[list[float], str, bool]:
+def _numbers(item: object, field: str) -> tuple[list[float], str, bool]:
     # Returns the four numbers of a label, their path, and whether they are x, y, width, height.
     if not isinstance(item, Mapping):
-        return _four(item, where), where, False
+        return _four(item, field), field, False
     label = cast("_Dict", item)
     for key in ("rel_bbox", *BOX_KEYS):
         if key in label:
-            path = f"{where}.{key}"
+            path = f"{field}.{key}"
             return _four(label[key], path), path, key == "rel_bbox"
     for key in SIDE_KEYS:
         if key not in label:
             raise ElementsError(
-                f"{where} has no {key!r}: a label needs bbox or box (x1, y1, x2, y2), or x, y,"
+                f"{field} has no {key!r}: a label needs bbox or box (x1, y1, x2, y2), or x, y,"
                 f" width and height; it has {_short(sorted(map(str, label)))}"
             )
-    return [_number(label[key], f"{where}.{key}") for key in SIDE_KEYS], where, True
+    return [_number(label[key], f"{field}.{key}") for key in SIDE_KEYS], field, True
 
 
-def _four(value: object, where: str) -> list[float]:
-    numbers = _sequence(value, f"{where} must be a list of 4 numbers, or a dictionary")
+def _four(value: object, field: str) -> list[float]:
+    numbers = _sequence(value, f"{field} must be a list of 4 numbers, or a dictionary")
     if len(numbers) != 4:
-        raise ElementsError(f"{where} must have 4 numbers, got {len(numbers)}: {_short(numbers)}")
-    return [_number(v, f"{where}[{i}]") for i, v in enumerate(numbers)]
+        raise ElementsError(f"{field} must have 4 numbers, got {len(numbers)}: {_short(numbers)}")
+    return [_number(v, f"{field}[{i}]") for i, v in enumerate(numbers)]
 
 
-def _number(value: object, where: str) -> float:
+def _number(value: object, field: str) -> float:
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise ElementsError(f"{where} must be a number, got {_short(value)}")
+        raise ElementsError(f"{field} must be a number, got {_short(value)}")
     try:
         number = float(value)
     except OverflowError:
@@ -143,7 +144,7 @@ def _number(value: object, where: str) -> float:
     # False for NaN too; within this limit, the sum of two numbers still fits into a box.
     if not abs(number) <= 2**29:
         raise ElementsError(
-            f"{where} must be a number of pixels within 2**29, got {_short(number)}"
+            f"{field} must be a number of pixels within 2**29, got {_short(number)}"
         )
     return number
 

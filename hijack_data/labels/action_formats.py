@@ -21,8 +21,8 @@ def is_own_action(value: object) -> bool:
         return True
     if not isinstance(value, Mapping):
         return False
-    given = cast("Mapping[Any, Any]", value)
-    return given.get("type") in ACTION_TYPES and all(key in ACTION_KEYS for key in given)
+    entries = cast("Mapping[Any, Any]", value)
+    return entries.get("type") in ACTION_TYPES and all(key in ACTION_KEYS for key in entries)
 
 
 def own_action(value: object) -> Action:
@@ -38,9 +38,9 @@ def own_action(value: object) -> Action:
             f"must be an Action, or a dictionary of {', '.join(ACTION_KEYS)} with a type of"
             f" {', '.join(ACTION_TYPES)}; got {shown(value)}"
         )
-    given: dict[str, Any] = dict(cast("Mapping[str, Any]", value))
-    keys = given.pop("keys", None)
-    return Action(**given, keys=None if keys is None else tuple(keys))
+    action_fields: dict[str, Any] = dict(cast("Mapping[str, Any]", value))
+    keys = action_fields.pop("keys", None)
+    return Action(**action_fields, keys=None if keys is None else tuple(keys))
 
 
 def map_own_action(value: Any, move: Move) -> Any:
@@ -78,10 +78,10 @@ def own_locations(value: Any, size: Size) -> list[Location]:
     if value is None:
         return []
     if isinstance(value, list | tuple):
-        found: list[Location] = []
+        locations: list[Location] = []
         for part in cast("list[Any]", value):
-            found += own_locations(part, size)
-        return found
+            locations += own_locations(part, size)
+        return locations
     action = own_action(value)
     if action.point is None:
         return []
@@ -102,19 +102,21 @@ def dialect_format(dialect: str) -> Format:
         return _each_action(value, dialect, lambda action: map_typed(action, dialect, scaling))
 
     def locate(value: Any, size: Size) -> list[Location]:
-        found: list[Location] = []
+        locations: list[Location] = []
 
         def collect(action: Any) -> Any:
-            seen = smart_resize(*size) if dialect in RESIZED_DIALECTS else size
-            for one in parse_actions(action, dialect, seen):
-                if one.point is None:
+            model_size = smart_resize(*size) if dialect in RESIZED_DIALECTS else size
+            for item in parse_actions(action, dialect, model_size):
+                if item.point is None:
                     continue
-                back = CoordMap(seen, size).action_to_screen(one)
-                found.append(Location(cast("tuple[float, ...]", back.point), back.end))
+                on_picture = CoordMap(model_size, size).action_to_screen(item)
+                locations.append(
+                    Location(cast("tuple[float, ...]", on_picture.point), on_picture.end)
+                )
             return action
 
         _each_action(value, dialect, collect)
-        return found
+        return locations
 
     return Format(dialect, map_value, locate)
 

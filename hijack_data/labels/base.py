@@ -57,14 +57,14 @@ class Format:
 
     Attributes:
         name: the name under which it is declared.
-        moved: returns a value after a `Move`, without modifying the given value.
-        places: returns where a value points on a picture of a size (height, width).
+        map_value: returns a value after a `Move`, without modifying the given value.
+        locate: returns where a value points on a picture of a size (height, width).
         declaration: what is declared to get this format, if that is not its name.
     """
 
     name: str
-    moved: Mapper
-    places: Locator = lambda value, size: []
+    map_value: Mapper
+    locate: Locator = lambda value, size: []
     declaration: Any = None
 
     @property

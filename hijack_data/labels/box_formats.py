@@ -55,11 +55,11 @@ def _check_edges(order: str, unit: int, boxes: Numbers, size: Size, anywhere: bo
     return edges
 
 
-def _scale_edges(edges: Numbers, scaling: Scaling, whole: bool) -> Numbers:
-    if whole and edges.dtype.kind == "i":
+def _scale_edges(edges: Numbers, scaling: Scaling, is_whole: bool) -> Numbers:
+    if is_whole and edges.dtype.kind == "i":
         return scaling.boxes(edges, clip=False).astype(np.int64)
     scaled = scaling.positions(edges)
-    if not whole:
+    if not is_whole:
         return scaled
     # A box given by its centre may have odd sides, so its edges may be halves.
     start = np.floor(scaled[:, :2])
@@ -75,23 +75,23 @@ def box_format(order: str, unit: int, anywhere: bool = False) -> Format:
             edges = _check_edges(order, unit, boxes, move.before, anywhere)
             if unit:
                 return boxes
-            whole = boxes.dtype.kind == "i"
-            return _in_order(order, _scale_edges(edges, move.scaling, whole))
+            is_whole = boxes.dtype.kind == "i"
+            return _in_order(order, _scale_edges(edges, move.scaling, is_whole))
 
         return change_groups(value, 4, change)
 
     def locate(value: Any, size: Size) -> list[Location]:
-        found: list[Location] = []
+        locations: list[Location] = []
 
         def collect(boxes: Numbers) -> Numbers:
             edges = _check_edges(order, unit, boxes, size, anywhere)
             if unit:
                 height, width = size
                 edges = edges * (np.array([width, height, width, height]) / unit)
-            found.extend(Location(tuple(row)) for row in edges.tolist())
+            locations.extend(Location(tuple(row)) for row in edges.tolist())
             return boxes
 
         change_groups(value, 4, collect)
-        return found
+        return locations
 
     return Format(with_unit(order, unit), map_value, locate)

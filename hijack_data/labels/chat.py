@@ -123,24 +123,24 @@ def chat_format(declared: ChatLabels) -> Format:
     from .formats import find_format
 
     form = find_format(declared.form)
-    others = None if declared.others is None else find_format(declared.others)
+    other_format = None if declared.others is None else find_format(declared.others)
 
     def walk(value: Any, change: Callable[[Format, Any], Any]) -> Any:
-        return _Walker(declared, form, others, change).conversation(value)
+        return _Walker(declared, form, other_format, change).conversation(value)
 
     def map_value(value: Any, move: Move) -> Any:
         return walk(value, lambda kind, part: kind.map_value(part, move))
 
     def locate(value: Any, size: Size) -> list[Location]:
-        found: list[Location] = []
+        locations: list[Location] = []
 
         def collect(kind: Format, part: Any) -> Any:
             if kind.name != NAME:
-                found.extend(kind.locate(part, size))
+                locations.extend(kind.locate(part, size))
             return part
 
         walk(value, collect)
-        return found
+        return locations
 
     return Format(f"chat({form.name})", map_value, locate, declaration=declared)
 
@@ -160,7 +160,11 @@ class _Walker:
     change: Callable[[Format, Any], Any]
 
     def conversation(self, value: Any) -> Any:
-        """Return a conversation, several, or the JSON text of one, changed."""
+        """Return a conversation, several, or the JSON text of one, changed.
+
+        Raises:
+            LabelError: the value is no conversation, or a message in it cannot be changed.
+        """
         if value is None:
             return None
         if isinstance(value, str):
@@ -175,11 +179,11 @@ class _Walker:
             raise LabelError(f"must be a list of messages, got {shown(value)}")
         parts = cast("list[Any]", value)
         if parts and all(isinstance(part, list | tuple) for part in parts):
-            made = [self.conversation(part) for part in parts]
+            messages = [self.conversation(part) for part in parts]
         else:
             self._check_indices(len(parts))
-            made = [self._message(part, index, len(parts)) for index, part in enumerate(parts)]
-        return tuple(made) if isinstance(value, tuple) else made
+            messages = [self._message(part, index, len(parts)) for index, part in enumerate(parts)]
+        return tuple(messages) if isinstance(value, tuple) else messages
 
     def _check_indices(self, count: int) -> None:
         for index in self.declared.indices or ():
@@ -191,13 +195,13 @@ class _Walker:
     def _message(self, message: Any, index: int, count: int) -> Any:
         if not isinstance(message, Mapping):
             raise LabelError(f"message {index} must be a dictionary, got {shown(message)}")
-        whole = cast("Mapping[str, Any]", message)
-        fields = dict(whole)
+        original = cast("Mapping[str, Any]", message)
+        fields = dict(original)
         keys = next((pair for pair in _CONTENT if pair[0] in fields), None)
         if keys is None or not isinstance(fields[keys[0]], str):
             raise LabelError(
                 f"message {index} has neither a role and content nor a from and value:"
-                f" {shown(whole)}"
+                f" {shown(original)}"
             )
         role = _ROLES.get(fields[keys[0]], fields[keys[0]])
         indices = self.declared.indices
@@ -262,8 +266,8 @@ class _Walker:
             self._pass(calls)
             return calls
         if isinstance(calls, list | tuple):
-            made = [self._call(call) for call in cast("list[Any]", calls)]
-            return tuple(made) if isinstance(calls, tuple) else made
+            changed_calls = [self._call(call) for call in cast("list[Any]", calls)]
+            return tuple(changed_calls) if isinstance(calls, tuple) else changed_calls
         return self._call(calls)
 
     def _call(self, call: Any) -> Any:

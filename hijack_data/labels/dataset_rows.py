@@ -161,24 +161,24 @@ def corrupted_row(
         return {}
     before, after = (np.asarray(p) if isinstance(p, Image.Image) else p for p in (before, after))
     earlier = _row_plan(row, plan.size)
-    whole = None if earlier is None else earlier.then(plan)
+    combined_plan = None if earlier is None else earlier.then(plan)
     was_clean = row["corruption"] == CLEAN
     label = corruption_label(plan) if was_clean else f"{row['corruption']}+{corruption_label(plan)}"
-    made = {"corruption": label, "id": _renamed(row, label)}
-    if whole is not None:
-        made |= plan_columns(whole, row.get("seed", 0) if seed is None else seed)
+    columns = {"corruption": label, "id": _renamed(row, label)}
+    if combined_plan is not None:
+        columns |= plan_columns(combined_plan, row.get("seed", 0) if seed is None else seed)
     elif any(key in row for key in ("params", "plan_digest", "severity")):
         raise LabelError(
             "the row has no column 'plan', so its 'params' and 'plan_digest' would be wrong;"
             " keep it"
         )
     if "target_visible" in row:
-        made["target_visible"] = None if place is None else _visible(earlier, plan, place)
+        columns["target_visible"] = None if place is None else _visible(earlier, plan, place)
     if "changed_pixels" in row:
-        made["changed_pixels"] = _changed(row, earlier, plan, before, after)
+        columns["changed_pixels"] = _changed(row, earlier, plan, before, after)
     if "image_sha256" in row:
-        made["image_sha256"] = pixel_sha256(to_numpy(after))
-    return {key: value for key, value in made.items() if key in row}
+        columns["image_sha256"] = pixel_sha256(to_numpy(after))
+    return {key: value for key, value in columns.items() if key in row}
 
 
 def _row_plan(row: _Row, size: Size) -> Plan | None:
@@ -207,8 +207,8 @@ def _visible(earlier: Plan | None, plan: Plan, place: Location) -> float | None:
     """Return the share of the target that shows after both plans."""
     if earlier is None or not earlier.ops:
         return target_visible(plan, place.target, place.end)
-    back = earlier.coords
-    if back.is_identity:
+    coords = earlier.coords
+    if coords.is_identity:
         return target_visible(earlier.then(plan), place.target, place.end)
     ends = [_on_screen(earlier, end) for end in (place.target, place.end)]
     return target_visible(earlier.then(plan), *ends)
@@ -239,8 +239,11 @@ def map_action_code(code: str, action: Any, move: Move) -> str:
     """Return the text of an action after a move, in the dialect in which it was recorded.
 
     `action` is the same action, as an `Action` or as its dictionary. If it is `None`, only
-    pyautogui code is understood. Raises `LabelError` if the dialect cannot be determined, and
-    `ActionError` for code that cannot be mapped.
+    pyautogui code is understood.
+
+    Raises:
+        ActionError: the code cannot be mapped.
+        LabelError: the dialect cannot be determined.
     """
     if action is None:
         if _holds_two_numbers(code) and not calls_pyautogui(code):
@@ -259,7 +262,10 @@ def detect_dialect(code: str, action: Action, size: Size) -> str:
     """Return the dialect of the code of a row, whose action is known.
 
     Rows do not name the dialect, so each dialect is tried; the right one is the one in which the
-    code means that action. Raises `LabelError` if there is none and the code holds coordinates.
+    code means that action.
+
+    Raises:
+        LabelError: the code holds coordinates, and means the action in no dialect.
     """
     is_pointing = action.point is not None and _holds_two_numbers(code)
     if not is_pointing and not holds_coordinates(code):
@@ -297,13 +303,13 @@ def _means_action(raw: Any, dialect: str, action: Action, size: Size) -> bool:
     """Return whether an action of a dialect is `action`, on a picture of `size`."""
     try:
         if dialect in RESIZED_DIALECTS:
-            seen = Scaling(smart_resize(*size), size, bounded=True)
-            found = TEXT_PARSERS[dialect](raw, seen)[0]
+            model_scaling = Scaling(smart_resize(*size), size, bounded=True)
+            parsed = TEXT_PARSERS[dialect](raw, model_scaling)[0]
         else:
-            found = parse_actions(raw, dialect, size)[0]
+            parsed = parse_actions(raw, dialect, size)[0]
     except HijackError:
         return False
-    return (found.point, found.end) == (action.point, action.end)
+    return (parsed.point, parsed.end) == (action.point, action.end)
 
 
 def _in_thousandths(code: str, action: Action, size: Size) -> bool:

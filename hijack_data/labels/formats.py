@@ -49,16 +49,16 @@ PICTURE = "picture"  # its pixels are changed before labels are
 
 
 def _formats() -> dict[str, Format]:
-    made = [box_format(order, unit) for order in ORDERS for unit in (0, 1, 1000)]
-    made += [point_format(order, unit) for order in ("xy", "yx") for unit in (0, 1, 1000)]
-    made += [point_format("xy", 0, visibility=True)]
-    made += [coordinate_format(name) for name in ("x", "y", "dx", "dy")]
-    made += [size_format(name) for name in ("width", "height", "hw", "wh")]
-    made += [Format("mask", map_mask), Format("action", map_own_action, own_locations)]
-    made += [dialect_format(dialect) for dialect in DIALECTS]
-    made += [*(grounding_format(unit) for unit in (0, 1, 1000, RESIZED)), loc_format()]
-    made += [Format(name, lambda value, _: value) for name in (PICTURE, LEAVE)]
-    return {one.name: one for one in made}
+    formats = [box_format(order, unit) for order in ORDERS for unit in (0, 1, 1000)]
+    formats += [point_format(order, unit) for order in ("xy", "yx") for unit in (0, 1, 1000)]
+    formats += [point_format("xy", 0, visibility=True)]
+    formats += [coordinate_format(name) for name in ("x", "y", "dx", "dy")]
+    formats += [size_format(name) for name in ("width", "height", "hw", "wh")]
+    formats += [Format("mask", map_mask), Format("action", map_own_action, own_locations)]
+    formats += [dialect_format(dialect) for dialect in DIALECTS]
+    formats += [*(grounding_format(unit) for unit in (0, 1, 1000, RESIZED)), loc_format()]
+    formats += [Format(name, lambda value, _: value) for name in (PICTURE, LEAVE)]
+    return {form.name: form for form in formats}
 
 
 FORMATS: Mapping[str, Format] = _formats()
@@ -101,13 +101,13 @@ def find_format(name: object) -> Format:
         raise ParameterTypeError(
             f"the format of a label must be a name such as 'xyxy', got {name!r}"
         )
-    known = ALIASES.get(name.lower(), name.lower())
-    if known not in FORMATS:
+    full_name = ALIASES.get(name.lower(), name.lower())
+    if full_name not in FORMATS:
         raise UnknownNameError(
             f"unknown format of labels {name!r}{suggest(name, [*FORMATS, *ALIASES])}; known:"
             f" {', '.join(FORMATS)}"
         )
-    return FORMATS[known]
+    return FORMATS[full_name]
 
 
 def map_label(key: str, form: Format, value: Any, move: Move) -> Any:

@@ -50,14 +50,14 @@ def grounding_format(unit: int) -> Format:
         return each_text(value, change)
 
     def locate(value: Any, size: Size) -> list[Location]:
-        found: list[Location] = []
+        locations: list[Location] = []
 
         def collect(text: str) -> str:
-            found.extend(_places(text, unit, size))
+            locations.extend(_places(text, unit, size))
             return text
 
         each_text(value, collect)
-        return found
+        return locations
 
     return Format(f"grounding{_UNITS[unit]}", map_value, locate)
 
@@ -101,31 +101,35 @@ def each_text(value: Any, change: Callable[[str], str]) -> Any:
 def could_be_point(text: str) -> bool:
     """Return whether a text has two numbers, of which one is above 1, in any notation."""
     largest = 0.0
-    for count, found in enumerate(_NUMBER.finditer(text)):
-        largest = max(largest, abs(float(found[0])))
+    for count, match in enumerate(_NUMBER.finditer(text)):
+        largest = max(largest, abs(float(match[0])))
         if count and largest > 1:
             return True
     return False
 
 
-def check_unplaced(rest: str) -> None:
+def check_unplaced(text: str) -> None:
     """Check the text that is left beside the marks.
 
     Raises:
         LabelError: it has two numbers that could be a point, and would stay as they are.
     """
-    if could_be_point(_QUOTED.sub(" ", rest)):
+    if could_be_point(_QUOTED.sub(" ", text)):
         raise LabelError(
-            f"holds numbers outside of its marks: {shown(rest.strip())}; declare a function that"
+            f"holds numbers outside of its marks: {shown(text.strip())}; declare a function that"
             " maps them, or 'leave' if they are no coordinates"
         )
 
 
 def _marks(text: str) -> list[tuple[str, list[re.Match[str]], int]]:
-    """Return of each mark its kind, box or point, its numbers, and where they begin."""
-    found: list[tuple[str, list[re.Match[str]], int]] = []
-    rest: list[str] = []
-    done = 0
+    """Return of each mark its kind, box or point, its numbers, and where they begin.
+
+    Raises:
+        LabelError: the text has no mark, a mark is damaged, or other numbers could be a point.
+    """
+    marks: list[tuple[str, list[re.Match[str]], int]] = []
+    text_between: list[str] = []
+    position = 0
     for mark in _MARK.finditer(text):
         kind = mark["field"] or mark["tag"] or mark["token"]
         group = next(name for name in ("list", "inside", "between") if mark[name] is not None)
@@ -134,23 +138,27 @@ def _marks(text: str) -> list[tuple[str, list[re.Match[str]], int]]:
         width = 2 if kind.startswith("point") else 4
         if _ONLY_NUMBERS.fullmatch(inside) is None or not numbers or len(numbers) % width:
             raise LabelError(f"has the mark {shown(mark[0])}, which must hold {width} numbers")
-        found.append(("point" if width == 2 else "box", numbers, mark.start(group)))
-        rest.append(text[done : mark.start()])
-        done = mark.end()
-    rest.append(text[done:])
-    if not found:
+        marks.append(("point" if width == 2 else "box", numbers, mark.start(group)))
+        text_between.append(text[position : mark.start()])
+        position = mark.end()
+    text_between.append(text[position:])
+    if not marks:
         raise LabelError(f"holds none of {', '.join(NOTATIONS)}: {shown(text)}")
-    check_unplaced(" ".join(rest))
-    return found
+    check_unplaced(" ".join(text_between))
+    return marks
 
 
 def _rows(kind: str, numbers: list[re.Match[str]], unit: int, size: Size) -> Any:
-    """Return the numbers of a mark as rows, checked against their space."""
+    """Return the numbers of a mark as rows, checked against their space.
+
+    Raises:
+        LabelError: the numbers do not fit their space, or corners are in the wrong order.
+    """
     rows = np.array([float(n[0]) for n in numbers]).reshape(-1, 2 if kind == "point" else 4)
-    seen = smart_resize(*size) if unit == RESIZED else size
-    check_unit(rows, max(unit, 0), seen)
+    picture_size = smart_resize(*size) if unit == RESIZED else size
+    check_unit(rows, max(unit, 0), picture_size)
     if unit <= 0:
-        bounds = Scaling(seen, seen, bounded=True)
+        bounds = Scaling(picture_size, picture_size, bounded=True)
         for row in rows.tolist():
             for index, value in enumerate(row):
                 bounds.check(value, axis=1 - index % 2)
@@ -168,8 +176,8 @@ def _moved(text: str, unit: int, move: Move) -> str:
         rows = _rows(kind, numbers, unit, move.before)
         if unit > 0:
             continue
-        whole = all("." not in number[0] for number in numbers)
-        if not whole:
+        is_whole = all("." not in number[0] for number in numbers)
+        if not is_whole:
             mapped: Any = np.round(scaling.positions(rows), 2)
         elif kind == "point":
             mapped = scaling.points(rows)
@@ -183,12 +191,12 @@ def _moved(text: str, unit: int, move: Move) -> str:
 def _places(text: str, unit: int, size: Size) -> list[Location]:
     height, width = size
     side = np.array([width, height])
-    found: list[Location] = []
+    locations: list[Location] = []
     for kind, numbers, _ in _marks(text):
         rows = _rows(kind, numbers, unit, size)
         if unit > 0:
             rows = rows * np.tile(side, rows.shape[1] // 2) / unit
         elif unit == RESIZED:
             rows = Scaling(smart_resize(*size), size).positions(rows)
-        found += [Location(tuple(row)) for row in rows.tolist()]
-    return found
+        locations += [Location(tuple(row)) for row in rows.tolist()]
+    return locations

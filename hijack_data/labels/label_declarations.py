@@ -44,8 +44,10 @@ class Labels:
             `label_policy="avoid"`. By default the first existing one of `target`, `target_box`, the
             point of the action, and the only declared point or box.
 
-    Raises `UnknownNameError` for an unknown format, and `ParameterError` or `ParameterTypeError`
-    for an invalid declaration.
+    Raises:
+        ParameterError: a declaration is invalid.
+        ParameterTypeError: a declaration has another type.
+        UnknownNameError: a format is unknown.
     """
 
     def __init__(self, declared: Declared | None = None, target: str | None = None) -> None:
@@ -53,16 +55,16 @@ class Labels:
             raise ParameterTypeError(
                 f"labels must be a dictionary such as {{'bbox': 'xyxy'}}, got {declared!r}"
             )
-        given = declared or {}
-        for key in given:
+        formats = declared or {}
+        for key in formats:
             if not isinstance(cast(object, key), str):
                 raise ParameterTypeError(f"labels: {key!r} is not a string; give strings")
-        self.declared = {key.removesuffix("?"): find_format(name) for key, name in given.items()}
-        if len(self.declared) < len(given):
-            twice = next(key for key in given if f"{key}?" in given)
+        self.formats = {key.removesuffix("?"): find_format(name) for key, name in formats.items()}
+        if len(self.formats) < len(formats):
+            twice = next(key for key in formats if f"{key}?" in formats)
             raise ParameterError(f"labels: {twice!r} is declared twice, with and without '?'")
-        self.optional = frozenset(key.removesuffix("?") for key in given if key.endswith("?"))
-        if target is not None and target not in {*self.declared, *FIXED_ENTRIES}:
+        self.optional = frozenset(key.removesuffix("?") for key in formats if key.endswith("?"))
+        if target is not None and target not in {*self.formats, *FIXED_ENTRIES}:
             raise ParameterError(
                 f"target={target!r} is not among the labels; declare it: labels={{{target!r}:"
                 " 'xyxy'}"
@@ -72,30 +74,30 @@ class Labels:
     def __reduce__(self) -> "tuple[type[Labels], tuple[Declared, str | None]]":
         # Formats hold functions, so workers and the fingerprints of `datasets` get their names
         # instead.
-        declared = {self._path(key): form.declared for key, form in self.declared.items()}
+        declared = {self._path(key): form.declared for key, form in self.formats.items()}
         return Labels, (declared, self.target)
 
     def __repr__(self) -> str:
-        return repr({self._path(key): form.name for key, form in self.declared.items()})
+        return repr({self._path(key): form.name for key, form in self.formats.items()})
 
     def _path(self, key: str) -> str:
         """Return a path as it was declared."""
         return f"{key}?" if key in self.optional else key
 
     @property
-    def left(self) -> frozenset[str]:
+    def unchanged_paths(self) -> frozenset[str]:
         """The entries that stay unchanged."""
-        return frozenset(path for path, form in self.declared.items() if form.name == LEAVE)
+        return frozenset(path for path, form in self.formats.items() if form.name == LEAVE)
 
     def is_picture(self, path: str) -> bool | None:
         """Return whether a dotted path is that of pictures; `None` if nothing says so.
 
         An entry inside one that is left is left, too.
         """
-        form = self.declared.get(path)
+        form = self.formats.get(path)
         if form is not None:
             return form.name == PICTURE
-        if any(path.startswith(f"{left}.") for left in self.left):
+        if any(path.startswith(f"{parent}.") for parent in self.unchanged_paths):
             return False
         return names_picture(path) or None
 
@@ -116,29 +118,30 @@ class Labels:
             skip: entries that are no labels, such as the one that holds the id.
             unclear: parts of it that could be pictures, by their dotted paths; an error.
 
-        Raises `LabelError` for a declaration that matches nothing in the sample, for all entries
-        together that are neither harmless nor declared, and for labels that cannot follow.
+        Raises:
+            LabelError: a declaration matches nothing in the sample, entries are neither harmless
+                nor declared (the message names them all), or a label cannot follow the pixels.
         """
         self.check_paths(sample)
         moved: dict[str, Any] = {}
         if plan.coords.is_identity:
             if unclear:
-                raise undeclared_error(unclear, plan.size, plan.size, bool(self.declared))
+                raise undeclared_error(unclear, plan.size, plan.size, bool(self.formats))
             self._follow_tensors(sample, moved, plan, skip)
             return moved
         row = is_row(sample)
         move = Move(plan.size, plan.out_size)
-        for path, form in self.declared.items():
+        for path, form in self.formats.items():
             self._follow_path(path, form, {**sample, **moved}, move, moved)
         self._follow_tensors(sample, moved, plan, skip)
         undeclared = Undeclared(self._is_settled)
         for key, value in sample.items():
-            if key in self.declared or key in skip or value is None or _is_following(value):
+            if key in self.formats or key in skip or value is None or _is_following(value):
                 continue
             if not self._follow_fixed(key, sample, move, moved, row):
                 undeclared.check(key, value)
         if undeclared.parts:
-            raise undeclared_error(undeclared.parts, move.before, move.after, bool(self.declared))
+            raise undeclared_error(undeclared.parts, move.before, move.after, bool(self.formats))
         return moved
 
     def check_paths(self, sample: SampleDict) -> None:
@@ -149,14 +152,14 @@ class Labels:
         Raises:
             LabelError: a path leads nowhere, or to two places.
         """
-        for path, form in self.declared.items():
+        for path, form in self.formats.items():
             key, steps = _split(path, sample)
             if not steps and "." in path and path.partition(".")[0] in sample:
-                first, *rest = path.split(".")
-                if _names_at(sample[first], rest) is None:
+                first, *inner_steps = path.split(".")
+                if _names_at(sample[first], inner_steps) is None:
                     raise LabelError(
                         f"labels={{{path!r}: ...}} means two entries of the sample: {path!r}, and"
-                        f" {'.'.join(rest)!r} inside {first!r}; rename one of them"
+                        f" {'.'.join(inner_steps)!r} inside {first!r}; rename one of them"
                     )
             if path in self.optional or form.name == LEAVE:
                 continue
@@ -169,7 +172,7 @@ class Labels:
                 )
 
     def _is_settled(self, path: str, value: Any) -> bool:
-        if path in self.declared:
+        if path in self.formats:
             return True
         return bool(names_picture(path)) and has_pixels(value)
 
@@ -197,27 +200,27 @@ class Labels:
 
     def _map_tensors(self, path: str, value: Any, plan: Plan) -> Any:
         if _is_following(value):
-            if path in self.left:
+            if path in self.unchanged_paths:
                 return value
             from .torchvision_labels import check_order, follow_tensor
 
-            if path in self.declared:
-                check_order(path, value, self.declared[path].name)
+            if path in self.formats:
+                check_order(path, value, self.formats[path].name)
             return follow_tensor(value, [plan])
-        if path in self.left:
+        if path in self.unchanged_paths:
             return value
         if isinstance(value, Mapping):
             entries = cast("Mapping[Any, Any]", value)
             parts = {
                 key: self._map_tensors(f"{path}.{key}", part, plan) for key, part in entries.items()
             }
-            same = all(parts[key] is part for key, part in entries.items())
-            return entries if same else parts
+            is_unchanged = all(parts[key] is part for key, part in entries.items())
+            return entries if is_unchanged else parts
         if not is_sequence(value) or not any(_may_hold_tensors(part) for part in value):
             return value
         after = [self._map_tensors(path, part, plan) for part in value]
-        same = all(new is old for new, old in zip(after, value, strict=True))
-        return value if same else rebuilt(value, after)
+        is_unchanged = all(new is old for new, old in zip(after, value, strict=True))
+        return value if is_unchanged else rebuilt(value, after)
 
     def _follow_fixed(
         self, key: str, sample: SampleDict, move: Move, moved: dict[str, Any], row: bool
@@ -226,7 +229,7 @@ class Labels:
         value = sample[key]
         if key in IDENTITY_ENTRIES or (row and key in COLUMNS):
             return True
-        if any(path.startswith(f"{key}.") for path in self.declared):
+        if any(path.startswith(f"{key}.") for path in self.formats):
             return False  # its parts are declared, or checked
         if key in ("width", "height"):
             height, width = move.before
@@ -238,7 +241,7 @@ class Labels:
         if key == "action_code":
             if not row and not is_own_action(sample.get("action")) and not _is_code(value):
                 return False  # in another dialect, which must then be declared
-            moved[key] = self._code(value, sample, move, row)
+            moved[key] = self._map_code(value, sample, move, row)
             return True
         if key == "action" and not is_own_action(value):
             return False  # perhaps in another dialect, which must then be declared
@@ -250,14 +253,14 @@ class Labels:
             return True
         return False
 
-    def _code(self, value: Any, sample: SampleDict, move: Move, row: bool) -> Any:
+    def _map_code(self, value: Any, sample: SampleDict, move: Move, row: bool) -> Any:
         if not isinstance(value, str | bytes):
             raise LabelError(f"the sample's entry 'action_code' must be text, got {value!r:.80}")
         code = value.decode("utf-8") if isinstance(value, bytes) else value
         action: Any = sample.get("action")
-        known = action if row or is_own_action(action) else None
+        known_action = action if row or is_own_action(action) else None
         try:
-            text = map_action_code(code, known, move)
+            text = map_action_code(code, known_action, move)
         except LabelError:
             raise
         except HijackError as error:
@@ -266,22 +269,27 @@ class Labels:
 
     # --- The target of a sample
 
-    def place(self, sample: SampleDict, size: Size) -> Location | None:
+    def find_target(self, sample: SampleDict, size: Size) -> Location | None:
         """Return the target of a sample, in pixels of its picture of `size` (height, width).
 
         Returns `None` if it has none.
 
-        Raises `LabelError` for labels that cannot be right on such a picture.
+        Raises:
+            LabelError: a label cannot be right on such a picture.
         """
-        found = next(iter(self._places(sample, size)), None)
-        if found is None or found.end is not None:
-            return found
-        return Location(found.target, self._end(sample, size))
+        location = next(iter(self._places(sample, size)), None)
+        if location is None or location.end is not None:
+            return location
+        return Location(location.target, self._end(sample, size))
 
     def boxes(self, sample: SampleDict, key: str, size: Size) -> list[tuple[float, ...]]:
-        """Return the boxes of an entry in pixels, `xyxy`. Raises `LabelError`."""
+        """Return the boxes of an entry in pixels, `xyxy`.
+
+        Raises:
+            LabelError: the entry holds no boxes of such a picture.
+        """
         value = sample.get(key)
-        form = self.declared.get(key) or _fixed_format(key, value)
+        form = self.formats.get(key) or _fixed_format(key, value)
         if value is None:
             return []
         return [place.target for place in label_locations(key, form, value, size)]
@@ -294,16 +302,18 @@ class Labels:
         Raises:
             LabelError: an entry could be the target, but none is declared, or several are.
         """
-        known = [path for path in self._pointing() if _split(path, sample)[0] in sample]
+        candidates = [path for path in self._pointing() if _split(path, sample)[0] in sample]
         fixed = ("target", "target_box", "action")
-        known += [key for key in fixed if _has_fixed_format(key, sample)]
-        several = [path for path in known if path in self.declared and path not in FIXED_ENTRIES]
-        if len(several) > 1 and len(several) == len(known) and self.target is None:
+        candidates += [key for key in fixed if _has_fixed_format(key, sample)]
+        several = [
+            path for path in candidates if path in self.formats and path not in FIXED_ENTRIES
+        ]
+        if len(several) > 1 and len(several) == len(candidates) and self.target is None:
             raise LabelError(
                 "label_policy='avoid' keeps the target of a sample in sight, and "
                 f"{' and '.join(several)} could be it; say which: target={several[0]!r}"
             )
-        if known or is_row(sample):
+        if candidates or is_row(sample):
             for path in several if self.target is None else ():
                 if any(
                     not _has_area(place.target) for place in self._places_at(path, sample, size)
@@ -329,7 +339,7 @@ class Labels:
         nowhere = FORMATS[LEAVE].locate
         return [
             path
-            for path, form in self.declared.items()
+            for path, form in self.formats.items()
             if path != "elements" and form.locate is not nowhere
         ]
 
@@ -337,46 +347,46 @@ class Labels:
         if self.target is not None:
             return _only(self.target, self._places_at(self.target, sample, size))
         for key in ("target", "target_box", "action"):
-            found = self._places_at(key, sample, size)
-            if found:
-                return _only(key, found)
-        found: list[Location] = []
+            locations = self._places_at(key, sample, size)
+            if locations:
+                return _only(key, locations)
+        locations: list[Location] = []
         for path in self._pointing():
             if path not in FIXED_ENTRIES:
-                found += self._places_at(path, sample, size)
-        if not found and "action_code" in self.declared:
+                locations += self._places_at(path, sample, size)
+        if not locations and "action_code" in self.formats:
             return self._places_at("action_code", sample, size)[:1]
         # A box without area is a label like others, but nothing that could be in sight.
-        return found if len(found) == 1 and _has_area(found[0].target) else []
+        return locations if len(locations) == 1 and _has_area(locations[0].target) else []
 
     def _places_at(self, path: str, sample: SampleDict, size: Size) -> list[Location]:
         key, steps = _split(path, sample)
         value = sample.get(key)
         if value is None:
             return []
-        if path in self.declared:
-            form = self.declared[path]
+        if path in self.formats:
+            form = self.formats[path]
         elif not _has_fixed_format(path, sample):
             return []
         else:
             form = _fixed_format(path, value)
-        found: list[Location] = []
+        locations: list[Location] = []
 
         def collect(part: Any) -> None:
-            found.extend(label_locations(path, form, part, size))
+            locations.extend(label_locations(path, form, part, size))
 
         _change_at_path(value, steps, collect)
-        return found
+        return locations
 
     def _end(self, sample: SampleDict, size: Size) -> tuple[float, ...] | None:
         """Return where a drag from the target ends, from the action or from `action_code`."""
         action = sample.get("action")
-        if action is not None and (is_own_action(action) or "action" in self.declared):
+        if action is not None and (is_own_action(action) or "action" in self.formats):
             return _first_end(self._places_at("action", sample, size))
         code = sample.get("action_code")
         if not isinstance(code, str) or not any(word in code for word in DRAGGING):
             return None
-        form = self.declared.get("action_code", FORMATS["pyautogui"])
+        form = self.formats.get("action_code", FORMATS["pyautogui"])
         try:
             return _first_end(label_locations("action_code", form, code, size))
         except HijackError:
@@ -526,10 +536,10 @@ def _lost_step(path: str, sample: SampleDict) -> str:
     key, steps = _split(path, sample)
     if key not in sample:
         return path if "." not in path else key
-    done = next(
+    count = next(
         n for n in range(1, len(steps) + 1) if _names_at(sample[key], steps[:n]) is not None
     )
-    return steps[done - 1]
+    return steps[count - 1]
 
 
 def _change_at_path(value: Any, steps: list[str], change: Callable[[Any], Any]) -> Any:

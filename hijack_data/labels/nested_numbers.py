@@ -27,7 +27,8 @@ def to_host(value: Any) -> Any:
 def host_array(value: Any) -> Numbers:
     """Return a value as a NumPy array; bfloat16 of JAX becomes float32.
 
-    For other values, the errors of NumPy and torch are passed on.
+    Raises:
+        Exception: NumPy or torch cannot convert the value.
     """
     array: Numbers = np.asarray(to_host(value))
     if array.dtype.kind == "V" and array.dtype.names is None:
@@ -62,14 +63,17 @@ def change_groups(value: Any, width: int, change: NumberMap) -> Any:
     if not is_flat and (array.ndim == 0 or array.shape[-1] != width):
         raise LabelError(f"must hold groups of {width} numbers, got {shown(value)}")
     groups = _widest(array).reshape(-1, width)
-    changed = change(groups)
-    return put_back(value, changed.reshape(array.shape))
+    new_groups = change(groups)
+    return put_back(value, new_groups.reshape(array.shape))
 
 
 def change_each(value: Any, change: NumberMap) -> Any:
     """Apply `change` to each number of a value, which may be a single number.
 
-    Arguments and errors are those of `change_groups`.
+    The arguments are those of `change_groups`.
+
+    Raises:
+        LabelError: the value holds no numbers, or the new numbers do not fit its dtype.
     """
     if value is None:
         return None
@@ -80,8 +84,8 @@ def change_each(value: Any, change: NumberMap) -> Any:
         return _like_sequence(value, [change_each(part, change) for part in value])
     if not array.size:
         return value
-    changed = change(_widest(array).reshape(-1))
-    return put_back(value, changed.reshape(array.shape))
+    new_numbers = change(_widest(array).reshape(-1))
+    return put_back(value, new_numbers.reshape(array.shape))
 
 
 def is_object_array(value: Any) -> bool:
@@ -91,13 +95,13 @@ def is_object_array(value: Any) -> bool:
 
 def object_array(original: Any, parts: list[Any]) -> Any:
     """Return the parts of an object array as one of the same shape."""
-    made = np.empty(original.shape, object)
+    array = np.empty(original.shape, object)
     if original.ndim == 1:
         for index, part in enumerate(parts):
-            made[index] = part
+            array[index] = part
     elif original.size:
-        made[...] = parts
-    return made
+        array[...] = parts
+    return array
 
 
 def as_numbers(value: Any) -> Numbers | None:
@@ -125,9 +129,9 @@ def as_numbers(value: Any) -> Numbers | None:
 def put_back(original: Any, numbers: Numbers) -> Any:
     """Return numbers in the form of `original`: lists, tuples, an array, a tensor or a scalar."""
     if hasattr(original, "new_tensor"):
-        made = original.new_tensor(numbers)
-        _check_fit(numbers, to_host(made), original.dtype)
-        return made
+        tensor = original.new_tensor(numbers)
+        _check_fit(numbers, to_host(tensor), original.dtype)
+        return tensor
     if isinstance(original, np.ndarray):
         dtype: Any = cast(Any, original).dtype
         array = numbers.astype(dtype)
@@ -151,8 +155,8 @@ def _like_scalar(dtype: Any, numbers: Numbers) -> Any:
     return numbers[()]
 
 
-def _check_fit(wanted: Numbers, stored: Numbers, dtype: object) -> None:
-    if stored.dtype.kind not in "fV" and not np.array_equal(wanted, stored):
+def _check_fit(expected: Numbers, stored: Numbers, dtype: object) -> None:
+    if stored.dtype.kind not in "fV" and not np.array_equal(expected, stored):
         raise LabelError(f"no longer fits its dtype {dtype}; give the label as int64 or a float")
 
 

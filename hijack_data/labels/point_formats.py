@@ -42,36 +42,36 @@ def point_format(order: str, unit: int, visibility: bool = False) -> Format:
 
     def map_value(value: Any, move: Move) -> Any:
         def change(groups: Numbers) -> Numbers:
-            seen = seen_in(groups)
-            if not seen.any():
+            is_visible = seen_in(groups)
+            if not is_visible.any():
                 return groups
-            points = checked(groups[seen], move.before)
+            points = checked(groups[is_visible], move.before)
             if unit:
                 return groups
             is_whole = points.dtype.kind == "i"
             scale = move.scaling.points if is_whole else move.scaling.positions
             out = groups.copy()
-            out[seen, :2] = in_order(scale(points))
+            out[is_visible, :2] = in_order(scale(points))
             return out
 
         return change_groups(value, width, change)
 
     def locate(value: Any, size: Size) -> list[Location]:
-        found: list[Location] = []
+        locations: list[Location] = []
 
         def collect(groups: Numbers) -> Numbers:
-            seen = groups[seen_in(groups)]
-            if not len(seen):
+            visible_groups = groups[seen_in(groups)]
+            if not len(visible_groups):
                 return groups
-            points = checked(seen, size)
+            points = checked(visible_groups, size)
             if unit:
                 height, width = size
                 points = points * (np.array([width, height]) / unit)
-            found.extend(Location(tuple(row)) for row in points.tolist())
+            locations.extend(Location(tuple(row)) for row in points.tolist())
             return groups
 
         change_groups(value, width, collect)
-        return found
+        return locations
 
     name = "xyv" if visibility else with_unit(order, unit)
     return Format(name, map_value, locate)

@@ -26,8 +26,8 @@ def coordinate_format(name: str) -> Format:
 
     def check(numbers: list[Any], scaling: Scaling, axis: int) -> None:
         if are_fractions(numbers):
-            what = "which are fractions of the picture"
-            raise LabelError(f"holds {numbers}, {what}; say 'leave'")
+            problem = "which are fractions of the picture"
+            raise LabelError(f"holds {numbers}, {problem}; say 'leave'")
         for number in numbers:
             scaling.check(number, axis)
 
@@ -64,12 +64,12 @@ def size_format(name: str) -> Format:
 
     def map_value(value: Any, move: Move) -> Any:
         def change(numbers: Numbers) -> Numbers:
-            known = np.array(of(move.before))
-            count, rest = divmod(numbers.size, known.size)
-            if rest or not np.array_equal(numbers, np.tile(known, count)):
+            expected = np.array(of(move.before))
+            count, remainder = divmod(numbers.size, expected.size)
+            if remainder or not np.array_equal(numbers, np.tile(expected, count)):
                 raise LabelError(
-                    f"is {shown(value)}, but as {name} of the picture it would be {known.tolist()};"
-                    " if it says something else, declare it 'leave'"
+                    f"is {shown(value)}, but as {name} of the picture it would be"
+                    f" {expected.tolist()}; if it says something else, declare it 'leave'"
                 )
             return np.tile(of(move.after), count).astype(numbers.dtype)
 
@@ -114,17 +114,19 @@ def _map_image_mask(mask: Image.Image, move: Move) -> Image.Image:
     values = np.asarray(mask)
     planes = np.moveaxis(values, -1, 0) if values.ndim == 3 else values
     picked = resized_mask(planes, move.after)
-    made = Image.fromarray(np.moveaxis(picked, 0, -1) if values.ndim == 3 else picked)
+    image = Image.fromarray(np.moveaxis(picked, 0, -1) if values.ndim == 3 else picked)
     if mask.mode == "P" and mask.palette is not None:
-        made.putpalette(mask.palette)
-    made.info = dict(mask.info)
-    return made
+        image.putpalette(mask.palette)
+    image.info = dict(mask.info)
+    return image
 
 
-def _check_mask_size(size: object, move: Move, got: str) -> None:
+def _check_mask_size(size: object, move: Move, actual: str) -> None:
     if size != move.before:
         height, width = move.before
-        raise LabelError(f"must have one value for each pixel, [..., {height}, {width}], got {got}")
+        raise LabelError(
+            f"must have one value for each pixel, [..., {height}, {width}], got {actual}"
+        )
 
 
 def _holds_arrays(value: Any) -> bool:

@@ -49,16 +49,16 @@ def follow_tensor(value: Any, plans: list[Plan]) -> Any:
         return v2.functional.resize(
             value, list(move.after), interpolation=v2.InterpolationMode.NEAREST_EXACT
         )
-    plain = value.as_subclass(torch.Tensor)
+    tensor = value.as_subclass(torch.Tensor)
     if isinstance(value, tv_tensors.KeyPoints):
-        return tv_tensors.KeyPoints(_map_key_points(plain, move), canvas_size=move.after)
+        return tv_tensors.KeyPoints(_map_key_points(tensor, move), canvas_size=move.after)
     order = str(value.format.value).lower()
     if order in ("xyxy", "xywh", "cxcywh"):
-        boxes = box_format(order, 0, anywhere=True).map_value(plain, move)
+        boxes = box_format(order, 0, anywhere=True).map_value(tensor, move)
         return tv_tensors.BoundingBoxes(boxes, format=value.format, canvas_size=move.after)
     # Rotated boxes: let torchvision compute their corners.
     scaled = v2.functional.resize(
-        tv_tensors.wrap(plain.to(torch.float64), like=value), list(move.after)
+        tv_tensors.wrap(tensor.to(torch.float64), like=value), list(move.after)
     )
     return tv_tensors.wrap(scaled.as_subclass(torch.Tensor).to(value.dtype), like=scaled)
 

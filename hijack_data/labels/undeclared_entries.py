@@ -130,7 +130,7 @@ class Undeclared:
         if len(numbers) > 1:
             self.parts.update(numbers)
 
-    def _check_list(self, path: str, parts: list[Any], whole: Any) -> int:
+    def _check_list(self, path: str, parts: list[Any], original: Any) -> int:
         """Check a list, and return how many numbers the texts in it hold."""
         numbers = 0
         for part in parts:
@@ -144,7 +144,7 @@ class Undeclared:
                 self.check(path, part, single=False)
         is_prose = _last_word(path) in PROSE | IDENTIFIERS
         if path in self.parts or (numbers > 1 and not is_prose):
-            self.parts[path] = whole  # not only the first item of it
+            self.parts[path] = original  # not only the first item of it
         return numbers
 
     def _check_item(self, path: str, entries: Mapping[Any, Any]) -> None:
@@ -210,8 +210,8 @@ def _numbers_in(text: str | bytes) -> int:
             text = text.decode("utf-8")
         except UnicodeDecodeError:
             return 2
-    found = _NUMBER.finditer(text)
-    return sum(1 for _, _ in zip(found, range(2), strict=False))
+    matches = _NUMBER.finditer(text)
+    return sum(1 for _, _ in zip(matches, range(2), strict=False))
 
 
 def _is_harmless_text(path: str, text: str | bytes) -> bool:
@@ -229,8 +229,8 @@ def declarations(parts: Mapping[str, Any], size: Size) -> str:
     lines: list[str] = []
     for path, value in parts.items():
         forms = suggested_formats(path, value, size)
-        others = f"; or {', '.join(map(repr, forms[1:]))}" if forms[1:] else ""
-        lines.append(f"    {path!r}: {forms[0]!r},  # {_described(value)}{others}")
+        alternatives = f"; or {', '.join(map(repr, forms[1:]))}" if forms[1:] else ""
+        lines.append(f"    {path!r}: {forms[0]!r},  # {_described(value)}{alternatives}")
     return "labels={\n" + "\n".join(lines) + "\n}"
 
 
@@ -346,16 +346,16 @@ def undeclared_error(
     """
     names = ", ".join(map(repr, parts))
     if size != after:
-        what = (
+        question = (
             f"the picture goes from {size[1]}x{size[0]} to {after[1]}x{after[0]}, and nothing says"
             " whether these entries of the sample must follow its pixels"
         )
     else:
-        what = (
+        question = (
             "nothing says whether these entries of the sample are pictures, which follow the plan"
         )
     return LabelError(
-        f"{what}: {names}. {'Add to your declarations' if is_extended else 'Declare them'}, and"
+        f"{question}: {names}. {'Add to your declarations' if is_extended else 'Declare them'}, and"
         " check every line: the formats are suggestions, and 'leave' passes an entry as it is,"
         f" which is wrong for one that holds a place:\n{declarations(parts, size)}"
     )

@@ -142,7 +142,7 @@ def _pointless(raw: object, dialect: str, size: Size, field: str) -> ParsedActio
 def _in_pixels(raw: object, dialect: str, action: Action, scaling: Scaling) -> str:
     """Return the code of an action in pixels; `""` if pyautogui cannot express it."""
     if dialect == PYAUTOGUI:
-        return map_code(cast("str", raw), scaling, None)
+        return map_code(cast("str", raw), scaling)
     try:
         return write_pyautogui(action)
     except ActionError:
@@ -199,7 +199,7 @@ def _parsed(raw: object, dialect: str, scaling: Scaling) -> Action:
     if dialect == PYAUTOGUI:
         code = cast("str", raw)
         in_pixels = scaling == Scaling.pixels(None)
-        return parse_pyautogui(code if in_pixels else map_code(code, scaling, None), None)
+        return parse_pyautogui(code if in_pixels else map_code(code, scaling), None)
     return parse_with(raw, dialect, scaling)[0]
 
 

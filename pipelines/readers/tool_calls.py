@@ -4,7 +4,14 @@ from collections.abc import Iterator
 from typing import TypeAlias
 
 from hijack_data.actions import Scaling
-from hijack_data.actions.dialects.field_checks import at, click_type, key_names, number, point, text
+from hijack_data.actions.dialects.field_checks import (
+    action_at,
+    click_type,
+    key_names,
+    number,
+    point,
+    text,
+)
 from hijack_data.errors import ActionError, HijackError
 from hijack_data.types import Action, Size
 
@@ -75,17 +82,17 @@ def _action(name: str, given: JsonObject, scaling: Scaling) -> Action:
     place = _place(given, "coordinate", scaling)
     button = given.get("button") or "left"
     if name in _POINTERS:
-        return at(_POINTERS[name], place)
+        return action_at(_POINTERS[name], place)
     if name in _KEYS:
         return _key(name, given)
     match name:
         case "click" | "tap":
-            return at(click_type(button, _clicks(given)), place)
+            return action_at(click_type(button, _clicks(given)), place)
         case "mouse_down" | "mouse_up":
             return Action(name if button == "left" else "other")
         case "drag" | "swipe" if place is not None:
             start = _place(given, "start_coordinate", scaling)
-            return at("drag", start, x2=place[0], y2=place[1])
+            return action_at("drag", start, x2=place[0], y2=place[1])
         case "scroll":
             return _scroll(given, place)
         case "type":
@@ -125,10 +132,10 @@ def _scroll(given: JsonObject, place: tuple[int, int] | None) -> Action:
     amount = number(given.get("amount"), "amount")
     direction = given.get("direction")
     if direction in ("left", "right"):
-        return at("other", place)
+        return action_at("other", place)
     if direction == "down":
         amount = -amount
     elif direction != "up":
         got = fields.shown(direction)
         raise ActionError(f"direction must be up, down, left or right, got {got}")
-    return at("scroll", place, amount=amount)
+    return action_at("scroll", place, amount=amount)

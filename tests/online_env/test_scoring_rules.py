@@ -202,7 +202,7 @@ def test_an_answer_without_an_action_has_no_part_right():
         ("WAIT", Action("wait")),
         ("DONE", Action("done")),
         ("REQUEST_REINIT", Action("reinit")),
-        ("for i in range(2): pyautogui.click(i, 2)", Action("other")),
+        ("pyautogui.click(1, 2); pyautogui.click(2, 2)", Action("other", 1, 2)),
     ],
 )
 def test_the_first_action_is_read(text, action):
@@ -216,6 +216,7 @@ def test_the_first_action_is_read(text, action):
     [
         [],
         [""],
+        ["for i in range(2): pyautogui.click(i, 2)"],
         ["click the button"],
         ["import os; os.system('ls')"],
         ["pyautogui.click(0.5, 0.3)"],

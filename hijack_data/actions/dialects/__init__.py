@@ -1,9 +1,10 @@
 """The dialects in which agents write actions, and the table that names them.
 
-`pyautogui_code` maps code, `pyautogui_parse` reads it and `pyautogui_write` writes it; `combine`
-merges the calls of one action. Most other dialects are a table from the names of their actions to
-rules (`rules`) and a syntax (`syntax`): `tables`, `qwen`, `ui_tars`. `answers` leaves out thoughts;
-`fields` and `unmapped` check the fields of all typed dialects.
+`pyautogui_code` maps code, `pyautogui_parse` reads it and `pyautogui_write` writes it;
+`combine_calls` merges the calls of one action. Most other dialects are a table from the names of
+their actions to rules (`action_rules`) and a syntax (`call_syntax`): `table_dialects`, `qwen`,
+`ui_tars`. `answer_text` leaves out thoughts; `field_checks` and `unmapped_fields` check the fields
+of all typed dialects.
 """
 
 from collections.abc import Callable, Mapping
@@ -69,7 +70,7 @@ def _ui_tars_dialect(unit: int) -> Dialect:
 def _map_pyautogui(code: Any, scaling: Scaling) -> str:
     if isinstance(code, str) and "```" in code and fenced_spans(code):
         return map_fenced(code, scaling)
-    return map_code(code, scaling, scaling.source)
+    return map_code(code, scaling)
 
 
 def _parse_pyautogui(code: Any, scaling: Scaling) -> list[Action]:
@@ -121,8 +122,11 @@ def map_typed(action: Any, dialect: str, scaling: Scaling) -> Any:
     """Return `action` with its coordinates scaled, in the same form.
 
     A reply in fractions of the picture (`FRACTIONS`) comes back as it is: it means the same point
-    at every size. Raises `UnknownNameError` for an unknown dialect and `ActionError` for an action
-    that cannot be mapped.
+    at every size.
+
+    Raises:
+        ActionError: the action cannot be mapped.
+        UnknownNameError: the dialect is unknown.
     """
     return _dialect(dialect).map(action, scaling)
 
@@ -130,8 +134,7 @@ def map_typed(action: Any, dialect: str, scaling: Scaling) -> Any:
 def parse_actions(action: Any, dialect: str, size: Size | None = None) -> list[Action]:
     """Parse the text, code or dict of an agent into `Action`s, in pixels of the picture.
 
-    The result is a list because a reply may have several actions. Raises `UnknownNameError` for an
-    unknown dialect and `ActionError` for an action that cannot be read.
+    The result is a list because a reply may have several actions.
 
     Args:
         action: code, text or a dict, in the form of the dialect.
@@ -142,12 +145,14 @@ def parse_actions(action: Any, dialect: str, size: Size | None = None) -> list[A
 
     Raises:
         ParameterError: the dialect needs `size`, and it is missing.
+        ActionError: the action cannot be read.
+        UnknownNameError: the dialect is unknown.
     """
-    found = _dialect(dialect)
+    entry = _dialect(dialect)
     if dialect == "pyautogui" and not (isinstance(action, str) and "```" in action):
         return [parse_pyautogui(action, size)]
     checked = None if size is None else as_size(size)
-    return found.parse(action, fraction_scaling(dialect, checked) or Scaling.pixels(checked))
+    return entry.parse(action, fraction_scaling(dialect, checked) or Scaling.pixels(checked))
 
 
 def parse_with(action: Any, dialect: str, scaling: Scaling) -> list[Action]:
@@ -155,7 +160,9 @@ def parse_with(action: Any, dialect: str, scaling: Scaling) -> list[Action]:
 
     The space of the dialect itself plays no part.
 
-    Raises `UnknownNameError` and `ActionError` as `parse_actions`.
+    Raises:
+        ActionError: the action cannot be read.
+        UnknownNameError: the dialect is unknown.
     """
     return _dialect(dialect).parse(action, scaling)
 
@@ -211,7 +218,7 @@ def _live_scaling(dialect: str, size: Size, resized: Size | None) -> Scaling:
 
 
 def _dialect(name: object) -> Dialect:
-    found = _TABLE.get(name) if isinstance(name, str) else None
-    if found is None:
+    dialect = _TABLE.get(name) if isinstance(name, str) else None
+    if dialect is None:
         raise UnknownNameError(f"unknown dialect {name!r}{suggest(name, DIALECTS)}")
-    return found
+    return dialect

@@ -61,7 +61,7 @@ class Arguments:
     """The arguments of one call.
 
     Args:
-        what: the dialect and the action, for messages.
+        label: the dialect and the action, for messages.
         values: the arguments by name; `None` counts as not there.
         scaling: from the space of the dialect to pixels.
 
@@ -69,26 +69,26 @@ class Arguments:
         mapped: the arguments with their points scaled, written as before.
     """
 
-    def __init__(self, what: str, values: Mapping[str, Any], scaling: Scaling) -> None:
-        self.what = what
+    def __init__(self, label: str, values: Mapping[str, Any], scaling: Scaling) -> None:
+        self.label = label
         self.scaling = scaling
         self.mapped: dict[str, Any] = dict(values)
         self._values = values
         self._read: set[str] = set()
 
-    def check_all_read(self, known: Sequence[str] = ()) -> None:
+    def check_all_read(self, note_names: Sequence[str] = ()) -> None:
         """Check that no argument was left that may hold coordinates.
 
         Raises:
             ActionError: there is one, which would stay unmapped.
         """
-        check_fields(self._values, (*self._read, *known), self.what)
+        check_fields(self._values, (*self._read, *note_names), self.label)
 
     def value(self, name: str, default: Any = None) -> Any:
         """Return an argument, or the default if it is not there."""
         self._read.add(name)
-        found = self._values.get(name)
-        return default if found is None else found
+        value = self._values.get(name)
+        return default if value is None else value
 
     def text(self, name: str) -> str:
         """Return an argument that is text.
@@ -96,10 +96,10 @@ class Arguments:
         Raises:
             ActionError: it is not there, or is not text.
         """
-        found = self.value(name)
-        if not isinstance(found, str):
-            raise ActionError(f"{self.what} needs a text {name}, got {shown(found)}")
-        return found
+        value = self.value(name)
+        if not isinstance(value, str):
+            raise ActionError(f"{self.label} needs a text {name}, got {shown(value)}")
+        return value
 
     def number(self, name: str, default: float | None = None) -> float:
         """Return a number, also one that is written as text, such as "3 seconds".
@@ -107,11 +107,11 @@ class Arguments:
         Raises:
             ActionError: it is not there and has no default, or is no number.
         """
-        found = self.value(name, default)
-        if isinstance(found, str):
-            written = re.fullmatch(r"\s*(-?\d+(?:\.\d+)?)\s*(?:s|seconds?)?\s*", found, re.ASCII)
-            found = found if written is None else float(written[1])
-        return number(found, f"{self.what} {name}")
+        value = self.value(name, default)
+        if isinstance(value, str):
+            match = re.fullmatch(r"\s*(-?\d+(?:\.\d+)?)\s*(?:s|seconds?)?\s*", value, re.ASCII)
+            value = value if match is None else float(match[1])
+        return number(value, f"{self.label} {name}")
 
     def direction(self, name: str = "direction") -> str:
         """Return a direction.
@@ -119,19 +119,23 @@ class Arguments:
         Raises:
             ActionError: it is none of up, down, left and right.
         """
-        found = self.value(name)
-        if not isinstance(found, str) or found.strip().lower() not in _DIRECTIONS:
+        value = self.value(name)
+        if not isinstance(value, str) or value.strip().lower() not in _DIRECTIONS:
             raise ActionError(
-                f"{self.what} {name} must be up, down, left or right, got {shown(found)}"
+                f"{self.label} {name} must be up, down, left or right, got {shown(value)}"
             )
-        return found.strip().lower()
+        return value.strip().lower()
 
     def keys(self, name: str, separators: str = "+") -> tuple[str, ...]:
-        """Return keys under pyautogui's names. Raises `ActionError`."""
-        found = self.value(name)
-        if isinstance(found, str) and re.fullmatch(r"\s*\[.*\]\s*", found, re.DOTALL):
-            found = re.findall(r"[^\s,\[\]'\"]+", found)
-        return key_combination(found, f"{self.what} {name}", separators)
+        """Return keys under pyautogui's names.
+
+        Raises:
+            ActionError: the argument names no keys.
+        """
+        value = self.value(name)
+        if isinstance(value, str) and re.fullmatch(r"\s*\[.*\]\s*", value, re.DOTALL):
+            value = re.findall(r"[^\s,\[\]'\"]+", value)
+        return key_combination(value, f"{self.label} {name}", separators)
 
     def point(self, *names: str) -> tuple[int, int]:
         """Return a point in pixels: `point("coordinate")`, or `point("x", "y")`.
@@ -142,29 +146,38 @@ class Arguments:
         """
         place = self.optional_point(*names)
         if place is None:
-            raise ActionError(f"{self.what} needs {' and '.join(names)}; give a point")
+            raise ActionError(f"{self.label} needs {' and '.join(names)}; give a point")
         return place
 
     def optional_point(self, *names: str) -> Place:
-        """Return a point in pixels, or `None` if its arguments are not there. See `point`."""
-        given = [self.value(name) for name in names]
-        if all(value is None or value == [] for value in given):
+        """Return a point in pixels, or `None` if its arguments are not there.
+
+        Raises:
+            ActionError: the value is no point of the dialect's space.
+            NoSuchPlace: the point is -1, -1.
+        """
+        values = [self.value(name) for name in names]
+        if all(value is None or value == [] for value in values):
             return None
-        what = f"{self.what} {' and '.join(names)}"
-        wrote = given[0] if len(names) == 1 else given
-        numbers = coordinates(wrote, what)
+        label = f"{self.label} {' and '.join(names)}"
+        original = values[0] if len(names) == 1 else values
+        numbers = coordinates(original, label)
         if all(n == _ABSENT_COORDINATE for n in numbers):
             raise NoSuchPlace
         scaled = scaled_coordinates(numbers, self.scaling)
-        written = with_coordinates(wrote, scaled)
-        for name, value in zip(names, [written] if len(names) == 1 else written, strict=True):
+        mapped = with_coordinates(original, scaled)
+        for name, value in zip(names, [mapped] if len(names) == 1 else mapped, strict=True):
             self.mapped[name] = value
         across = numbers[::2]
         down = numbers[1::2]
         return self.scaling.point(sum(across) / len(across), sum(down) / len(down))
 
     def distance(self, name: str, direction: str, default: float) -> float:
-        """Return a distance in pixels along a direction. Raises `ActionError`."""
+        """Return a distance in pixels along a direction.
+
+        Raises:
+            ActionError: the argument is no number.
+        """
         length = self.number(name, default)
         upright = direction in ("up", "down")
         return abs(self.scaling.dy(length) if upright else self.scaling.dx(length))
@@ -173,37 +186,41 @@ class Arguments:
 # --- Points as models write them
 
 
-def coordinates(value: object, what: str) -> list[float]:
+def coordinates(value: object, label: str) -> list[float]:
     """Return the two or four numbers of a point or box: lists, text, or a dict of x and y.
 
     Raises:
         ActionError: the value is no point and no box.
     """
-    found: list[float] = []
+    numbers: list[float] = []
     if isinstance(value, str):
-        bare = _NUMBER.sub("N", _TAGS.sub(" ", value))
-        shape = re.sub(r"\s*([\[\](),])\s*", r"\1", " ".join(bare.split()))
+        pattern = _NUMBER.sub("N", _TAGS.sub(" ", value))
+        shape = re.sub(r"\s*([\[\](),])\s*", r"\1", " ".join(pattern.split()))
         if shape in _SHAPES:
             matches = _NUMBER.finditer(_TAGS.sub(_blank, value))
-            found = [number(float(match[0]), what) for match in matches]
+            numbers = [number(float(match[0]), label) for match in matches]
     elif isinstance(value, dict):
         fields = cast("dict[str, Any]", value)
         if set(fields) == {"x", "y"}:
-            found = [_coordinate(fields[name], what) for name in ("x", "y")]
+            numbers = [_coordinate(fields[name], label) for name in ("x", "y")]
     elif isinstance(value, list | tuple):
         parts = cast("list[Any]", value)
         if len(parts) == 1 and isinstance(parts[0], list | tuple):
-            return coordinates(cast("object", parts[0]), what)
+            return coordinates(cast("object", parts[0]), label)
         if len(parts) in (2, 4):
-            found = [_coordinate(part, what) for part in parts]
-    if not found:
-        got = shown(cast("object", value))
-        raise ActionError(f"{what} must be [x, y] or [x1, y1, x2, y2], got {got}")
-    return found
+            numbers = [_coordinate(part, label) for part in parts]
+    if not numbers:
+        value_text = shown(cast("object", value))
+        raise ActionError(f"{label} must be [x, y] or [x1, y1, x2, y2], got {value_text}")
+    return numbers
 
 
 def scaled_coordinates(numbers: Sequence[float], scaling: Scaling) -> list[int]:
-    """Return the numbers of a point or box in pixels. Raises `ActionError`."""
+    """Return the numbers of a point or box in pixels.
+
+    Raises:
+        ActionError: a number lies outside the space of the dialect.
+    """
     scaling.check_point(*numbers)
     return [scaling.y(n) if i % 2 else scaling.x(n) for i, n in enumerate(numbers)]
 
@@ -218,18 +235,18 @@ def with_coordinates(value: Any, numbers: Sequence[int]) -> Any:
         return {**cast("dict[str, Any]", value), "x": numbers[0], "y": numbers[1]}
     parts = cast("list[Any]", value)
     if len(parts) == 1:
-        made = [with_coordinates(parts[0], numbers)]
+        items = [with_coordinates(parts[0], numbers)]
     else:
-        made = [
+        items = [
             str(n) if isinstance(old, str) else n for old, n in zip(parts, numbers, strict=True)
         ]
-    return tuple(made) if isinstance(value, tuple) else made
+    return tuple(items) if isinstance(value, tuple) else items
 
 
-def _coordinate(value: Any, what: str) -> float:
+def _coordinate(value: Any, label: str) -> float:
     if isinstance(value, str) and _NUMBER.fullmatch(value.strip()):
         return float(value)
-    return number(value, what)
+    return number(value, label)
 
 
 def _blank(match: re.Match[str]) -> str:
@@ -242,8 +259,8 @@ def _blank(match: re.Match[str]) -> str:
 def point_rule(kind: str, *names: str, optional: bool = False) -> Rule:
     """Return the rule of a click, or another action of a kind, at a point."""
 
-    def rule(given: Arguments) -> list[Meaning]:
-        place = given.optional_point(*names) if optional else given.point(*names)
+    def rule(arguments: Arguments) -> list[Meaning]:
+        place = arguments.optional_point(*names) if optional else arguments.point(*names)
         return [Meaning(action_at(kind, place))]
 
     return rule
@@ -252,9 +269,9 @@ def point_rule(kind: str, *names: str, optional: bool = False) -> Rule:
 def drag_rule(start: Sequence[str], end: Sequence[str], from_pointer: bool = False) -> Rule:
     """Return the rule of a drag; `from_pointer` if its start may be left out."""
 
-    def rule(given: Arguments) -> list[Meaning]:
-        begin = given.optional_point(*start) if from_pointer else given.point(*start)
-        x2, y2 = given.point(*end)
+    def rule(arguments: Arguments) -> list[Meaning]:
+        begin = arguments.optional_point(*start) if from_pointer else arguments.point(*start)
+        x2, y2 = arguments.point(*end)
         return [Meaning(action_at("drag", begin, x2=x2, y2=y2))]
 
     return rule
@@ -273,32 +290,34 @@ def type_rule(
     are texts, the argument of that name says it, by default as in `defaults`.
     """
 
-    def says(given: Arguments, option: str | bool) -> bool:
+    def says(arguments: Arguments, option: str | bool) -> bool:
         if isinstance(option, bool):
             return option
-        found = given.value(option, (defaults or {}).get(option, False))
-        if isinstance(found, str) and found.lower() in ("true", "false"):
-            found = found.lower() == "true"
-        if not isinstance(found, bool):
-            raise ActionError(f"{given.what} {option} must be true or false, got {shown(found)}")
-        return found
+        flag = arguments.value(option, (defaults or {}).get(option, False))
+        if isinstance(flag, str) and flag.lower() in ("true", "false"):
+            flag = flag.lower() == "true"
+        if not isinstance(flag, bool):
+            raise ActionError(
+                f"{arguments.label} {option} must be true or false, got {shown(flag)}"
+            )
+        return flag
 
-    def rule(given: Arguments) -> list[Meaning]:
-        spot = given.optional_point(*place) if place else None
+    def rule(arguments: Arguments) -> list[Meaning]:
+        spot = arguments.optional_point(*place) if place else None
         meanings = [] if spot is None else [Meaning(action_at("click", spot))]
-        if says(given, clear):
+        if says(arguments, clear):
             meanings += [Meaning(Action("hotkey", keys=k)) for k in (("ctrl", "a"), ("delete",))]
-        written = given.text(text)
-        if says(given, enter):
-            written += "\n"
-        return [*meanings, Meaning(Action("type", text=written))]
+        typed = arguments.text(text)
+        if says(arguments, enter):
+            typed += "\n"
+        return [*meanings, Meaning(Action("type", text=typed))]
 
     return rule
 
 
 def press_rule(name: str, kind: str = "hotkey", separators: str = "+") -> Rule:
     """Return the rule of keys that an argument names."""
-    return lambda given: [Meaning(Action(kind, keys=given.keys(name, separators)))]
+    return lambda arguments: [Meaning(Action(kind, keys=arguments.keys(name, separators)))]
 
 
 def key_rule(*keys: str) -> Rule:
@@ -311,10 +330,10 @@ def scroll_rule(
 ) -> Rule:
     """Return the rule of scrolling; `direction` is an argument, or the direction itself."""
 
-    def rule(given: Arguments) -> list[Meaning]:
-        spot = given.optional_point(*place) if place else None
-        way = direction if direction in _DIRECTIONS else given.direction(direction)
-        notches = given.number(steps, default) if steps else default
+    def rule(arguments: Arguments) -> list[Meaning]:
+        spot = arguments.optional_point(*place) if place else None
+        way = direction if direction in _DIRECTIONS else arguments.direction(direction)
+        notches = arguments.number(steps, default) if steps else default
         return [scroll_meaning(way, notches, spot)]
 
     return rule
@@ -332,10 +351,10 @@ def scroll_meaning(direction: str, notches: float, place: Place) -> Meaning:
 def wait_rule(seconds: float | None = None, name: str = "") -> Rule:
     """Return the rule of waiting; an argument may name the seconds."""
 
-    def rule(given: Arguments) -> list[Meaning]:
-        if not name or given.value(name) is None:
+    def rule(arguments: Arguments) -> list[Meaning]:
+        if not name or arguments.value(name) is None:
             return [Meaning(Action("wait", amount=seconds))]
-        return [Meaning(Action("wait", amount=given.number(name)))]
+        return [Meaning(Action("wait", amount=arguments.number(name)))]
 
     return rule
 
@@ -343,8 +362,8 @@ def wait_rule(seconds: float | None = None, name: str = "") -> Rule:
 def end_rule(kind: str, name: str = "") -> Rule:
     """Return the rule of an action that ends the episode, with an answer if it has one."""
 
-    def rule(given: Arguments) -> list[Meaning]:
-        words = given.value(name) if name else None
+    def rule(arguments: Arguments) -> list[Meaning]:
+        words = arguments.value(name) if name else None
         return [Meaning(Action(kind, text=None if words is None else str(words)))]
 
     return rule
@@ -353,8 +372,8 @@ def end_rule(kind: str, name: str = "") -> Rule:
 def status_rule(name: str, failures: Sequence[str]) -> Rule:
     """Return the rule of an action that ends the episode with success or failure."""
 
-    def rule(given: Arguments) -> list[Meaning]:
-        return [Meaning(Action("fail" if given.value(name) in failures else "done"))]
+    def rule(arguments: Arguments) -> list[Meaning]:
+        return [Meaning(Action("fail" if arguments.value(name) in failures else "done"))]
 
     return rule
 
@@ -367,10 +386,10 @@ def screenshot_rule() -> Rule:
 def unsupported_rule(reason: str, *place: str, end: Sequence[str] = ()) -> Rule:
     """Return the rule of an action that a desktop does not have; its points are mapped."""
 
-    def rule(given: Arguments) -> list[Meaning]:
-        spot = given.optional_point(*place) if place else None
+    def rule(arguments: Arguments) -> list[Meaning]:
+        spot = arguments.optional_point(*place) if place else None
         if end:
-            given.optional_point(*end)
+            arguments.optional_point(*end)
         return [Meaning(action_at("other", spot), refusal=reason)]
 
     return rule
@@ -422,48 +441,63 @@ class CallReader:
         Raises:
             ActionError: there is no call, or one that the dialect does not have or that is broken.
         """
-        found: list[tuple[ActionCall, Arguments, list[Meaning]]] = []
+        reads: list[tuple[ActionCall, Arguments, list[Meaning]]] = []
         for call in self.find(reply):
             rule = self.rules.get(call.name) if isinstance(call.name, str) else None
             if rule is None:
                 raise unknown_action(self.dialect, call.name, self.rules)
-            given = Arguments(f"{self.dialect} {call.name}", call.arguments, scaling)
+            arguments = Arguments(f"{self.dialect} {call.name}", call.arguments, scaling)
             try:
-                meanings = rule(given)
+                meanings = rule(arguments)
             except NoSuchPlace:
                 meanings = [Meaning(Action("other"), code=WAIT)]
-                given.mapped = dict(call.arguments)
-            given.check_all_read(self.notes)
-            found.append((call, given, meanings))
-        return found
+                arguments.mapped = dict(call.arguments)
+            arguments.check_all_read(self.notes)
+            reads.append((call, arguments, meanings))
+        return reads
 
     def parse(self, reply: object, scaling: Scaling) -> list[Action]:
-        """Return the actions of a reply, in order. Raises `ActionError`, as `read`."""
+        """Return the actions of a reply, in order.
+
+        Raises:
+            ActionError: the reply cannot be read, see `read`.
+        """
         calls = self.read(reply, scaling)
         return [meaning.action for _, _, meanings in calls for meaning in meanings]
 
     def map(self, reply: object, scaling: Scaling) -> Any:
-        """Return the reply with the points of its calls scaled. Raises `ActionError`, as `read`."""
+        """Return the reply with the points of its calls scaled.
+
+        Raises:
+            ActionError: the reply cannot be read, see `read`.
+        """
         edits: list[TextEdit] = []
-        for call, given, _ in self.read(reply, scaling):
-            if call.write is None or given.mapped == call.arguments:
+        for call, arguments, _ in self.read(reply, scaling):
+            if call.write is None or arguments.mapped == call.arguments:
                 continue
-            written = call.write(given.mapped)
+            rewritten = call.write(arguments.mapped)
             if not isinstance(reply, str):
-                return written
-            edits.append(TextEdit(call.start, call.end, written))
+                return rewritten
+            edits.append(TextEdit(call.start, call.end, rewritten))
         return apply_edits(cast("str", reply), edits) if edits else reply
 
     def check(self, reply: object, unit: int) -> Any:
         """Return a reply in fractions 0..`unit` of the picture as it is, if it can be read.
 
-        Fractions are the same point at every size. Raises `ActionError`, as `read`.
+        Fractions are the same point at every size.
+
+        Raises:
+            ActionError: the reply cannot be read, see `read`.
         """
         self.read(reply, Scaling.fractions((1000, 1000), unit))
         return reply
 
     def write(self, reply: object, scaling: Scaling) -> list[str]:
-        """Return each call as code; raises `ActionError` as `read`, and for what cannot be done."""
+        """Return each call as code.
+
+        Raises:
+            ActionError: the reply cannot be read, see `read`, or a desktop cannot do the action.
+        """
         return [self._code(call, meanings) for call, _, meanings in self.read(reply, scaling)]
 
     def _code(self, call: ActionCall, meanings: Sequence[Meaning]) -> str:
@@ -478,7 +512,7 @@ class CallReader:
         return "\n".join(lines)
 
 
-def unknown_action(dialect: str, name: object, known: Mapping[str, object]) -> ActionError:
+def unknown_action(dialect: str, name: object, actions: Mapping[str, object]) -> ActionError:
     """Return the error for an action that a dialect does not have; it lists those it has."""
-    hint = suggest(name, known) if isinstance(name, str) and len(name) < 80 else ""
-    return ActionError(f"{dialect} has no action {shown(name)}{hint}; it has {', '.join(known)}")
+    hint = suggest(name, actions) if isinstance(name, str) and len(name) < 80 else ""
+    return ActionError(f"{dialect} has no action {shown(name)}{hint}; it has {', '.join(actions)}")

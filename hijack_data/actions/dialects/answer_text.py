@@ -27,25 +27,28 @@ def answer_text(reply: object, dialect: str) -> str:
     if not isinstance(reply, str):
         raise ParameterTypeError(f"a reply in {dialect} must be a string, got {shown(reply)}")
     pieces: list[str] = []
-    done = 0
-    opened = _OPEN.search(reply)
-    closed = _CLOSE.search(reply)
-    if closed is not None and (opened is None or closed.start() < opened.start()):
-        pieces.append(_blank(reply[: closed.end()]))
-        done = closed.end()
-        opened = _OPEN.search(reply, done)
-    while opened is not None:
-        closed = _CLOSE.search(reply, opened.end())
-        if closed is None:
+    position = 0
+    opening = _OPEN.search(reply)
+    closing = _CLOSE.search(reply)
+    if closing is not None and (opening is None or closing.start() < opening.start()):
+        pieces.append(_blank(reply[: closing.end()]))
+        position = closing.end()
+        opening = _OPEN.search(reply, position)
+    while opening is not None:
+        closing = _CLOSE.search(reply, opening.end())
+        if closing is None:
             raise ActionError(
-                f"the thought <{opened[1]}> does not end, so nothing after it is an action: "
-                f"{shown(reply)}; close it with </{opened[1]}> before the answer"
+                f"the thought <{opening[1]}> does not end, so nothing after it is an action: "
+                f"{shown(reply)}; close it with </{opening[1]}> before the answer"
             )
-        pieces += [reply[done : opened.start()], _blank(reply[opened.start() : closed.end()])]
-        done = closed.end()
+        pieces += [
+            reply[position : opening.start()],
+            _blank(reply[opening.start() : closing.end()]),
+        ]
+        position = closing.end()
         # A thought may follow another on the same line.
-        opened = _OPEN.search(reply, done)
-    pieces.append(reply[done:])
+        opening = _OPEN.search(reply, position)
+    pieces.append(reply[position:])
     return _TOKENS.sub(lambda token: " " * len(token[0]), "".join(pieces))
 
 

@@ -42,7 +42,7 @@ class WrittenArgument(NamedTuple):
 
 def unescape(text: str) -> str:
     r"""Return quoted text with `\n`, `\'` and the like replaced; other backslashes stay."""
-    return _ESCAPE.sub(lambda found: _ESCAPES.get(found[1], found[0]), text)
+    return _ESCAPE.sub(lambda match: _ESCAPES.get(match[1], match[0]), text)
 
 
 # --- Calls as in Python
@@ -65,16 +65,16 @@ def python_calls(text: str, dialect: str, names: Collection[str], example: str) 
     calls: list[ActionCall] = []
     position = 0
     end = -1
-    while found := begins.search(text, position):
-        arguments, position = _python_arguments(text, found.end(), found[1])
-        if calls and _SPACE.fullmatch(text, end, found.start()) is None:
-            between = shown(text[end : found.start()].strip())
+    while match := begins.search(text, position):
+        arguments, position = _python_arguments(text, match.end(), match[1])
+        if calls and _SPACE.fullmatch(text, end, match.start()) is None:
+            between = shown(text[end : match.start()].strip())
             raise ActionError(
                 f"{dialect}: {between} stands between two actions, so one of them may only be"
                 f" mentioned; write the action alone, such as {example}"
             )
         values = {name: argument.value for name, argument in arguments.items()}
-        calls.append(ActionCall(found[1], values, found.start(), position))
+        calls.append(ActionCall(match[1], values, match.start(), position))
         end = position
     if not calls:
         raise ActionError(
@@ -85,21 +85,25 @@ def python_calls(text: str, dialect: str, names: Collection[str], example: str) 
 
 
 def _python_arguments(text: str, start: int, name: str) -> tuple[dict[str, WrittenArgument], int]:
-    """Return the arguments of a call, and where the call ends."""
-    found: dict[str, WrittenArgument] = {}
+    """Return the arguments of a call, and where the call ends.
+
+    Raises:
+        ActionError: an argument cannot be read, or is given twice.
+    """
+    arguments: dict[str, WrittenArgument] = {}
     position = start
     while True:
         position = _skip(text, position)
         if text[position : position + 1] == ")":
-            return found, position + 1
+            return arguments, position + 1
         match = _NAME.match(text, position)
         if match is None:
-            rest = shown(text[position : position + 80])
-            raise ActionError(f"{name}: cannot read {rest}; write {name}(name='value')")
-        if match[1] in found:
+            remainder = shown(text[position : position + 80])
+            raise ActionError(f"{name}: cannot read {remainder}; write {name}(name='value')")
+        if match[1] in arguments:
             raise ActionError(f"{name}: {match[1]} is given twice; give one action for each point")
         value, end = _python_value(text, match.end(), name)
-        found[match[1]] = WrittenArgument(value, match.end(), end)
+        arguments[match[1]] = WrittenArgument(value, match.end(), end)
         position = end
 
 
@@ -114,39 +118,47 @@ def _python_value(text: str, start: int, name: str) -> tuple[Any, int]:
     word = _BARE.match(text, start)
     if word is None:
         raise ActionError(f"{name}: it is not clear where its arguments end; close its brackets")
-    named = {"None": None, "True": True, "False": False, "true": True, "false": False}
-    return named.get(word[0], word[0]), word.end()
+    constants = {"None": None, "True": True, "False": False, "true": True, "false": False}
+    return constants.get(word[0], word[0]), word.end()
 
 
 def _quote_end(text: str, start: int, name: str) -> int:
-    """Return where quoted text ends: at a quote that is followed by another argument or by `)`."""
+    """Return where quoted text ends: at a quote that is followed by another argument or by `)`.
+
+    Raises:
+        ActionError: the text does not end.
+    """
     quote = text[start]
     follows = re.compile(rf"{quote}(?=\s*(?:\)|,\s*\w+\s*=))")
     position = start + 1
-    while found := follows.search(text, position):
-        slashes = found.start() - len(text[start : found.start()].rstrip("\\")) - start
+    while match := follows.search(text, position):
+        slashes = match.start() - len(text[start : match.start()].rstrip("\\")) - start
         if slashes % 2 == 0:
-            return found.start()
-        position = found.end()
+            return match.start()
+        position = match.end()
     raise ActionError(f"{name}: the text {shown(text[start:])} does not end; close its quotes")
 
 
 def _bracket_end(text: str, start: int, name: str) -> int:
-    """Return where a list ends, with the lists, calls and quoted texts inside it."""
+    """Return where a list ends, with the lists, calls and quoted texts inside it.
+
+    Raises:
+        ActionError: the list does not end.
+    """
     depth = 0
-    for found in re.finditer(r"'(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"|[\[\]()]", text[start:]):
-        if found[0] in "[(":
+    for match in re.finditer(r"'(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"|[\[\]()]", text[start:]):
+        if match[0] in "[(":
             depth += 1
-        elif found[0] in "])":
+        elif match[0] in "])":
             depth -= 1
             if depth == 0:
-                return start + found.end()
+                return start + match.end()
     raise ActionError(f"{name}: {shown(text[start:])} does not end; close its brackets")
 
 
 def _skip(text: str, position: int) -> int:
-    found = _SPACE.match(text, position)
-    return found.end() if found else position
+    match = _SPACE.match(text, position)
+    return match.end() if match else position
 
 
 # --- JSON
@@ -168,17 +180,17 @@ def json_calls(
     Raises:
         ActionError: the text is no JSON.
     """
-    bare = _outside_prose(text)
+    json_text = _outside_prose(text)
     calls: list[ActionCall] = []
-    position = _skip(bare, 0)
-    while position < len(bare):
-        value, end = _decoded(bare, position, dialect, example, python)
-        for one in cast("list[Any]", value) if _is_list_of_dicts(value) else [value]:
-            name, arguments, rebuild = read(one)
+    position = _skip(json_text, 0)
+    while position < len(json_text):
+        value, end = _decoded(json_text, position, dialect, example, python)
+        for item in cast("list[Any]", value) if _is_list_of_dicts(value) else [value]:
+            name, arguments, rebuild = read(item)
             calls.append(
-                ActionCall(name, arguments, position, end, _dumped(rebuild, value, one, python))
+                ActionCall(name, arguments, position, end, _dumped(rebuild, value, item, python))
             )
-        position = _skip(bare, end)
+        position = _skip(json_text, end)
     if not calls:
         raise ActionError(f"{dialect}: no action in {shown(text.strip())}; write {example}")
     return calls
@@ -195,11 +207,11 @@ def _outside_prose(text: str) -> str:
     if not spans:
         return text
     pieces: list[str] = []
-    done = 0
+    position = 0
     for start, end in spans:
-        pieces += [" " * (start - done), text[start:end]]
-        done = end
-    return "".join([*pieces, " " * (len(text) - done)])
+        pieces += [" " * (start - position), text[start:end]]
+        position = end
+    return "".join([*pieces, " " * (len(text) - position)])
 
 
 def _decoded(text: str, start: int, dialect: str, example: str, python: bool) -> tuple[Any, int]:
@@ -220,19 +232,19 @@ def _decoded(text: str, start: int, dialect: str, example: str, python: bool) ->
 
 def _bracket_end_of_value(text: str, start: int, dialect: str) -> int:
     depth = 0
-    found_any = False
-    for found in re.finditer(r"'(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"|[\[\](){}]", text[start:]):
-        if not found_any and found.start():
+    has_bracket = False
+    for match in re.finditer(r"'(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"|[\[\](){}]", text[start:]):
+        if not has_bracket and match.start():
             break
-        found_any = True
-        if found[0] in "[({":
+        has_bracket = True
+        if match[0] in "[({":
             depth += 1
             if depth > _MAX_NESTING:
                 break
-        elif found[0] in "])}":
+        elif match[0] in "])}":
             depth -= 1
             if depth == 0:
-                return start + found.end()
+                return start + match.end()
     raise ValueError("it is neither a dictionary nor a list")
 
 
@@ -242,15 +254,15 @@ def _is_list_of_dicts(value: object) -> bool:
 
 
 def _dumped(
-    rebuild: Rebuild, whole: Any, part: Any, python: bool
+    rebuild: Rebuild, value: Any, part: Any, python: bool
 ) -> Callable[[dict[str, Any]], str]:
     """Return a function that writes a value again, when one of its actions has other arguments."""
 
     def write(arguments: dict[str, Any]) -> str:
-        made = rebuild(arguments)
-        if whole is not part:
+        rebuilt = rebuild(arguments)
+        if value is not part:
             raise ActionError("a list of actions in pixels cannot be mapped; give them one by one")
-        return repr(made) if python else json.dumps(made, ensure_ascii=False)
+        return repr(rebuilt) if python else json.dumps(rebuilt, ensure_ascii=False)
 
     return write
 
@@ -310,18 +322,18 @@ def xml_functions(
         ActionError: a function or a parameter does not end, or a parameter is given twice.
     """
     position = 0
-    while found := _FUNCTION.search(text, position):
-        end = text.find("</function>", found.end())
+    while match := _FUNCTION.search(text, position):
+        end = text.find("</function>", match.end())
         if end < 0:
-            raise ActionError(f"{found[1]}: the function does not end; close it with </function>")
+            raise ActionError(f"{match[1]}: the function does not end; close it with </function>")
         arguments: dict[str, WrittenArgument] = {}
-        inner = found.end()
+        inner = match.end()
         while parameter := _PARAMETER.match(text, inner, end):
             close = text.find("</parameter>", parameter.end(), end)
             if close < 0:
-                raise ActionError(f"{found[1]} {parameter[1]}: close it with </parameter>")
+                raise ActionError(f"{match[1]} {parameter[1]}: close it with </parameter>")
             if parameter[1] in arguments:
-                raise ActionError(f"{found[1]}: {parameter[1]} is given twice; give it once")
+                raise ActionError(f"{match[1]}: {parameter[1]} is given twice; give it once")
             stop = close
             if text[stop - 1 : stop] == "\n" and stop > parameter.end():
                 stop -= 2 if text[stop - 2 : stop] == "\r\n" else 1
@@ -330,9 +342,9 @@ def xml_functions(
             )
             inner = close + len("</parameter>")
         if text[inner:end].strip():
-            raise ActionError(f"{found[1]}: {shown(text[inner:end].strip())} is no <parameter=...>")
+            raise ActionError(f"{match[1]}: {shown(text[inner:end].strip())} is no <parameter=...>")
         position = end + len("</function>")
-        yield found[1], arguments, offset + found.start(), offset + position
+        yield match[1], arguments, offset + match.start(), offset + position
 
 
 def rewriter(

@@ -80,19 +80,19 @@ def _held(key: Action, inner: Sequence[Action], size: Size | None) -> Action:
 
 def _merge(a: Action, b: Action, pixels: Scaling) -> Action:
     """Return the action of two calls; `"other"` if they are two actions."""
-    found = None
+    merged = None
     if a.type == "move":
-        found = _after_move(a, b, pixels)
+        merged = _after_move(a, b, pixels)
     elif a.type in ("mouse_down", DRAGGING):
-        found = _after_press(a, b)
+        merged = _after_press(a, b)
     elif a.type == "scroll" and b.type == "scroll" and b.point in (None, a.point):
-        found = replace(a, amount=(a.amount or 0) + (b.amount or 0))
+        merged = replace(a, amount=(a.amount or 0) + (b.amount or 0))
     elif a.type == "type":
-        found = _after_text(a, b)
+        merged = _after_text(a, b)
     elif a.type == CLIPBOARD and b.type == "hotkey" and b.keys in _PASTE:
-        found = replace(a, type="type")
-    if found is not None:
-        return found
+        merged = replace(a, type="type")
+    if merged is not None:
+        return merged
     return _other(a.point or b.point)
 
 

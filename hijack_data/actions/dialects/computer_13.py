@@ -48,8 +48,9 @@ def map_computer_13(action: object, scaling: Scaling) -> Any:
 
     The form is nested, flat, or one of the words WAIT, FAIL and DONE.
 
-    Raises `ActionError` for an unknown `action_type`, for coordinates that are missing or not
-    numbers, and for unknown fields that may hold coordinates.
+    Raises:
+        ActionError: the name of the action is unknown, a coordinate is missing or not a number, or
+            an unknown field may hold coordinates.
     """
     fields = _fields(action)
     name, parameters = _read(fields)
@@ -64,12 +65,15 @@ def map_computer_13(action: object, scaling: Scaling) -> Any:
 
 
 def parse_computer_13(action: object, scaling: Scaling) -> Action:
-    """Read the action; an action that cannot be read is an `ActionError`.
+    """Read the action.
 
     `SCROLL` counts `dy`, and is `"other"` when it only scrolls sideways.
+
+    Raises:
+        ActionError: the action cannot be read.
     """
-    name, given = _read(_fields(action))
-    raw = _point(name, given)
+    name, parameters = _read(_fields(action))
+    raw = _point(name, parameters)
     place = None if raw is None else scaling.point(*raw)
     match name:
         case "MOVE_TO":
@@ -78,25 +82,25 @@ def parse_computer_13(action: object, scaling: Scaling) -> Action:
             x2, y2 = place or (None, None)
             return Action("drag", x2=x2, y2=y2)
         case "CLICK":
-            clicks = given.get("num_clicks", 1)
-            return action_at(click_type(given.get("button", "left"), clicks), place)
+            clicks = parameters.get("num_clicks", 1)
+            return action_at(click_type(parameters.get("button", "left"), clicks), place)
         case "RIGHT_CLICK" | "DOUBLE_CLICK":
             return action_at(name.lower(), place)
         case "MOUSE_DOWN" | "MOUSE_UP":
-            is_left = click_type(given.get("button", "left"), 1) == "click"
+            is_left = click_type(parameters.get("button", "left"), 1) == "click"
             return action_at(name.lower() if is_left else "other", place)
         case "SCROLL":
-            dx = number(given.get("dx", 0), "SCROLL dx")
-            dy = number(given.get("dy", 0), "SCROLL dy")
+            dx = number(parameters.get("dx", 0), "SCROLL dx")
+            dy = number(parameters.get("dy", 0), "SCROLL dy")
             if dx and not dy:
                 return action_at("other", place)
             return action_at("scroll", place, amount=dy)
         case "TYPING":
-            return Action("type", text=text(given.get("text"), "TYPING text"))
+            return Action("type", text=text(parameters.get("text"), "TYPING text"))
         case "HOTKEY":
-            return Action("hotkey", keys=key_names(given.get("keys"), "HOTKEY keys"))
+            return Action("hotkey", keys=key_names(parameters.get("keys"), "HOTKEY keys"))
         case "PRESS" | "KEY_DOWN" | "KEY_UP":
-            return Action(_KEYS[name], keys=key_names(given.get("key"), f"{name} key"))
+            return Action(_KEYS[name], keys=key_names(parameters.get("key"), f"{name} key"))
         case _:
             return Action(SPECIAL_WORDS[name])
 
@@ -111,14 +115,14 @@ def _read(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     name = fields.get("action_type")
     if name not in NAMES:
         refuse_unknown_action(DIALECT, name, NAMES)
-    what = f"{DIALECT} {name}"
+    label = f"{DIALECT} {name}"
     if "parameters" not in fields:
-        check_fields(fields, ("action_type", *_FIELDS), what)
+        check_fields(fields, ("action_type", *_FIELDS), label)
         return str(name), fields
-    check_fields(fields, ("action_type", "parameters"), what)
+    check_fields(fields, ("action_type", "parameters"), label)
     nested = fields["parameters"]
     parameters = {} if nested is None else as_fields(nested, f"{DIALECT}, {name}, parameters")
-    check_fields(parameters, _FIELDS, what)
+    check_fields(parameters, _FIELDS, label)
     return str(name), parameters
 
 

@@ -34,8 +34,12 @@ _WAIT = "WAIT"
 
 
 def openai_code(action: object, scaling: Scaling) -> list[str]:
-    """Return the actions of OpenAI as code; raises `ActionError` if one cannot be read."""
-    return [_openai_code(one, scaling) for one in openai_actions(action)]
+    """Return the actions of OpenAI as code.
+
+    Raises:
+        ActionError: an action cannot be read.
+    """
+    return [_openai_code(item, scaling) for item in openai_actions(action)]
 
 
 def _openai_code(action: object, scaling: Scaling) -> str:
@@ -57,7 +61,11 @@ def _openai_code(action: object, scaling: Scaling) -> str:
 
 
 def anthropic_code(action: object, scaling: Scaling) -> list[str]:
-    """Return an Anthropic action as code; raises `ActionError` if the action cannot be read."""
+    """Return an Anthropic action as code.
+
+    Raises:
+        ActionError: the action cannot be read, or is `scroll_to`.
+    """
     action, _ = anthropic_action(action)
     parsed = parse_anthropic_action(action, scaling)
     fields = as_fields(action, "anthropic")
@@ -84,15 +92,19 @@ def anthropic_code(action: object, scaling: Scaling) -> list[str]:
 
 
 def computer_13_code(action: object, scaling: Scaling) -> list[str]:
-    """Return a `computer_13` action as code; raises `ActionError` if the action cannot be read."""
+    """Return a `computer_13` action as code.
+
+    Raises:
+        ActionError: the action cannot be read.
+    """
     parsed = parse_computer_13(action, scaling)
     if isinstance(action, str):
         return [write_pyautogui(parsed)]
     fields = as_fields(action, "computer_13")
-    given = fields.get("parameters", fields)
-    if fields["action_type"] != "SCROLL" or not given.get("dx"):
+    parameters = fields.get("parameters", fields)
+    if fields["action_type"] != "SCROLL" or not parameters.get("dx"):
         return [write_pyautogui(parsed)]
-    notches = number(given["dx"], "SCROLL dx")
+    notches = number(parameters["dx"], "SCROLL dx")
     sideways = hscroll_code(notches, parsed.point)
     if parsed.type == "other":
         return [sideways]
@@ -174,12 +186,12 @@ def _typed(action: Action, fields: dict[str, Any], scaling: Scaling) -> str:
 
 def _through(points: Sequence[tuple[int, int]]) -> list[str]:
     """Return code that drags through all points."""
-    first, *others = [f"pyautogui.moveTo({x}, {y})" for x, y in points]
-    return [first, "pyautogui.mouseDown()", *others, "pyautogui.mouseUp()"]
+    first, *moves = [f"pyautogui.moveTo({x}, {y})" for x, y in points]
+    return [first, "pyautogui.mouseDown()", *moves, "pyautogui.mouseUp()"]
 
 
 def _with_keys(keys: Sequence[str] | None, lines: Sequence[str]) -> str:
-    held = keys or ()
-    down = [f"pyautogui.keyDown({key!r})" for key in held]
-    up = [f"pyautogui.keyUp({key!r})" for key in reversed(held)]
+    held_keys = keys or ()
+    down = [f"pyautogui.keyDown({key!r})" for key in held_keys]
+    up = [f"pyautogui.keyUp({key!r})" for key in reversed(held_keys)]
     return "\n".join([*down, *lines, *up])

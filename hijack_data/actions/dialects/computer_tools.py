@@ -113,15 +113,17 @@ def openai_actions(action: object) -> list[object]:
 def map_openai(action: object, scaling: Scaling) -> Any:
     """Return an OpenAI computer action, or the `computer_call` with one or several, scaled.
 
-    `x, y` and `path` are scaled; `scroll_x, scroll_y` stay. Raises `ActionError` for an unknown
-    `type`, for coordinates that are missing or not numbers, and for unknown fields that may hold
-    coordinates.
+    `x, y` and `path` are scaled; `scroll_x, scroll_y` stay.
+
+    Raises:
+        ActionError: the name of the action is unknown, a coordinate is missing or not a number, or
+            an unknown field may hold coordinates.
     """
     actions = openai_actions(action)
     if len(actions) == 1 and actions[0] is action:
         return _map_openai(action, scaling)
     fields = as_fields(action, OPENAI)
-    mapped = [_map_openai(one, scaling) for one in actions]
+    mapped = [_map_openai(item, scaling) for item in actions]
     if fields.get("actions") is not None:
         fields["actions"] = mapped
     else:
@@ -130,26 +132,31 @@ def map_openai(action: object, scaling: Scaling) -> Any:
 
 
 def parse_openai(action: object, scaling: Scaling) -> list[Action]:
-    """Read an OpenAI action, or those of a `computer_call`. Raises `ActionError` as `map_openai`.
+    """Read an OpenAI action, or those of a `computer_call`.
 
     A drag runs from the first to the last point of its path.
+
+    Raises:
+        ActionError: the name of the action is unknown, a coordinate is missing or not a number, or
+            an unknown field may hold coordinates.
     """
-    return [parse_openai_action(one, scaling) for one in openai_actions(action)]
+    return [parse_openai_action(item, scaling) for item in openai_actions(action)]
 
 
 def _map_openai(action: object, scaling: Scaling) -> dict[str, Any]:
     """Return one OpenAI computer action with `x, y` or `path` scaled.
 
-    Raises `ActionError` for an unknown `type`, for coordinates that are missing or not numbers, and
-    for unknown fields that may hold coordinates.
+    Raises:
+        ActionError: the name of the action is unknown, a coordinate is missing or not a number, or
+            an unknown field may hold coordinates.
     """
     fields, name = _openai(action)
     if name == "drag":
         path = [scaling.point(*p) for p in drag_points(fields)]
-        given = cast("list[Any]", fields["path"])
+        points = cast("list[Any]", fields["path"])
         fields["path"] = [
             {**cast("dict[str, Any]", old), "x": x, "y": y} if isinstance(old, dict) else [x, y]
-            for old, (x, y) in zip(given, path, strict=True)
+            for old, (x, y) in zip(points, path, strict=True)
         ]
     elif name in _OPENAI_POINT:
         fields["x"], fields["y"] = scaling.point(*_xy(fields, name))
@@ -157,13 +164,18 @@ def _map_openai(action: object, scaling: Scaling) -> dict[str, Any]:
 
 
 def parse_openai_action(action: object, scaling: Scaling) -> Action:
-    """Read one OpenAI action. Raises `ActionError` as `map_openai`."""
+    """Read one OpenAI action.
+
+    Raises:
+        ActionError: the name of the action is unknown, a coordinate is missing or not a number, or
+            an unknown field may hold coordinates.
+    """
     fields, name = _openai(action)
-    held = key_combination(fields["keys"], f"{name} keys") if fields.get("keys") else None
+    keys = key_combination(fields["keys"], f"{name} keys") if fields.get("keys") else None
     match name:
         case "drag":
             path = [scaling.point(*p) for p in drag_points(fields)]
-            return Action("drag", *path[0], *path[-1], keys=held)
+            return Action("drag", *path[0], *path[-1], keys=keys)
         case "keypress":
             return Action("hotkey", keys=key_combination(fields.get("keys"), "keypress keys"))
         case "type":
@@ -177,12 +189,12 @@ def parse_openai_action(action: object, scaling: Scaling) -> Action:
     if name == "scroll":
         across, down = (number(fields.get(f, 0), f"scroll {f}") for f in ("scroll_x", "scroll_y"))
         return (
-            action_at("scroll", place, amount=-down / PIXELS_PER_NOTCH, keys=held)
+            action_at("scroll", place, amount=-down / PIXELS_PER_NOTCH, keys=keys)
             if down or not across
             else action_at("other", place)
         )
     types = {"click": click_type(fields.get("button", "left"), 1), "move": "move"}
-    return action_at(types.get(name, name), place, keys=held)
+    return action_at(types.get(name, name), place, keys=keys)
 
 
 def anthropic_action(action: object) -> tuple[object, Callable[[dict[str, Any]], dict[str, Any]]]:
@@ -195,24 +207,30 @@ def anthropic_action(action: object) -> tuple[object, Callable[[dict[str, Any]],
         ActionError: the block has no input, or has fields that may hold coordinates.
     """
     if not isinstance(action, dict) or cast("dict[str, Any]", action).get("type") != TOOL_USE:
-        return cast("object", action), lambda made: made
+        return cast("object", action), lambda new_fields: new_fields
     block = as_fields(cast("object", action), ANTHROPIC)
     check_fields(block, _BLOCK_FIELDS, f"{ANTHROPIC} {TOOL_USE}")
-    given = as_fields(block.get("input"), f"{ANTHROPIC} {TOOL_USE}")
+    fields = as_fields(block.get("input"), f"{ANTHROPIC} {TOOL_USE}")
     if block.get("name") == _COMPUTER:
-        return given, lambda made: {**block, "input": made}
+        return fields, lambda new_fields: {**block, "input": new_fields}
 
-    def rebuild(made: dict[str, Any]) -> dict[str, Any]:
-        return {**block, "input": {key: part for key, part in made.items() if key != "action"}}
+    def rebuild(new_fields: dict[str, Any]) -> dict[str, Any]:
+        return {
+            **block,
+            "input": {key: part for key, part in new_fields.items() if key != "action"},
+        }
 
-    return {"action": block.get("name"), **given}, rebuild
+    return {"action": block.get("name"), **fields}, rebuild
 
 
 def map_anthropic(action: object, scaling: Scaling) -> dict[str, Any]:
     """Return an Anthropic computer action, or its `tool_use` block, scaled.
 
-    Its coordinates and `region` are scaled. Raises `ActionError` for an unknown `action`, for
-    coordinates that are missing or not numbers, and for unknown fields that may hold coordinates.
+    Its coordinates and `region` are scaled.
+
+    Raises:
+        ActionError: the name of the action is unknown, a coordinate is missing or not a number, or
+            an unknown field may hold coordinates.
     """
     inner, rebuild = anthropic_action(action)
     fields, name = _anthropic(inner)
@@ -227,22 +245,31 @@ def map_anthropic(action: object, scaling: Scaling) -> dict[str, Any]:
 
 
 def parse_anthropic(action: object, scaling: Scaling) -> list[Action]:
-    """Read an Anthropic computer action, or its block. Raises `ActionError` as `map_anthropic`."""
+    """Read an Anthropic computer action, or its block.
+
+    Raises:
+        ActionError: the name of the action is unknown, a coordinate is missing or not a number, or
+            an unknown field may hold coordinates.
+    """
     return [parse_anthropic_action(anthropic_action(action)[0], scaling)]
 
 
 def parse_anthropic_action(action: object, scaling: Scaling) -> Action:
-    """Read the action alone. Raises `ActionError` as `map_anthropic`.
+    """Read one Anthropic computer action.
 
     The `text` of a click names the keys held; `hold_key` becomes a hotkey whose `amount` is in
     seconds; sideways scrolling, `screenshot`, `zoom` and `cursor_position` become `"other"`. A
     click without a `coordinate` is at the pointer.
+
+    Raises:
+        ActionError: the name of the action is unknown, a coordinate is missing or not a number, or
+            an unknown field may hold coordinates.
     """
     fields, name = _anthropic(action)
     place = _coordinate(fields, name, "coordinate", scaling)
     if name in _ANTHROPIC_CLICKS:
-        held = key_combination(fields["text"], f"{name} text", "+") if fields.get("text") else None
-        return action_at(_ANTHROPIC_CLICKS[name], place, keys=held)
+        keys = key_combination(fields["text"], f"{name} text", "+") if fields.get("text") else None
+        return action_at(_ANTHROPIC_CLICKS[name], place, keys=keys)
     match name:
         case "left_click_drag" if place is not None:
             return action_at(
@@ -292,28 +319,30 @@ def _anthropic_scroll(fields: dict[str, Any], place: tuple[int, int] | None) -> 
 def _openai(action: object) -> tuple[dict[str, Any], str]:
     fields = as_fields(action, OPENAI)
     name = _name(fields, "type", OPENAI, OPENAI_NAMES)
-    known = (*_OPENAI_FIELDS, *(("x", "y") if name in _OPENAI_POINT else ()))
-    check_fields(fields, (*known, "path") if name == "drag" else known, f"{OPENAI} {name}")
+    field_names = (*_OPENAI_FIELDS, *(("x", "y") if name in _OPENAI_POINT else ()))
+    check_fields(
+        fields, (*field_names, "path") if name == "drag" else field_names, f"{OPENAI} {name}"
+    )
     return fields, name
 
 
 def _anthropic(action: object) -> tuple[dict[str, Any], str]:
     fields = as_fields(action, ANTHROPIC)
     name = _name(fields, "action", ANTHROPIC, ANTHROPIC_NAMES)
-    known = (*_ANTHROPIC_FIELDS, "region") if name == "zoom" else _ANTHROPIC_FIELDS
-    check_fields(fields, known, f"{ANTHROPIC} {name}")
+    field_names = (*_ANTHROPIC_FIELDS, "region") if name == "zoom" else _ANTHROPIC_FIELDS
+    check_fields(fields, field_names, f"{ANTHROPIC} {name}")
     return fields, name
 
 
-def _name(fields: dict[str, Any], field: str, dialect: str, known: Sequence[str]) -> str:
+def _name(fields: dict[str, Any], field: str, dialect: str, valid_names: Sequence[str]) -> str:
     name = fields.get(field)
-    if name not in known:
-        refuse_unknown_action(dialect, name, known)
+    if name not in valid_names:
+        refuse_unknown_action(dialect, name, valid_names)
     return str(name)
 
 
-def _xy(fields: dict[str, Any], what: str) -> tuple[float, float]:
-    return number(fields.get("x"), f"{what} x"), number(fields.get("y"), f"{what} y")
+def _xy(fields: dict[str, Any], label: str) -> tuple[float, float]:
+    return number(fields.get("x"), f"{label} x"), number(fields.get("y"), f"{label} y")
 
 
 def drag_points(fields: dict[str, Any]) -> list[tuple[float, float]]:
@@ -327,13 +356,13 @@ def drag_points(fields: dict[str, Any]) -> list[tuple[float, float]]:
         raise ActionError(f"drag path must be a list of points, got {shown(cast('object', path))}")
     points: list[tuple[float, float]] = []
     for index, item in enumerate(cast("list[Any]", path)):
-        what = f"drag path[{index}]"
+        label = f"drag path[{index}]"
         if isinstance(item, dict):
             corner = cast("dict[str, Any]", item)
-            check_fields(corner, ("x", "y"), what)
-            points.append(_xy(corner, what))
+            check_fields(corner, ("x", "y"), label)
+            points.append(_xy(corner, label))
         else:
-            points.append(point(item, what))
+            points.append(point(item, label))
     return points
 
 
@@ -343,12 +372,12 @@ def _coordinate(
     value = fields.get(field)
     if value is None and not (field == "coordinate" and name in _ANTHROPIC_POINT):
         return None
-    what = f"{name} {field}"
+    label = f"{name} {field}"
     if not isinstance(value, str):
-        return scaling.point(*point(value, what))
-    numbers = coordinates(value, what)
+        return scaling.point(*point(value, label))
+    numbers = coordinates(value, label)
     if len(numbers) != 2:
-        raise ActionError(f"{what} must be [x, y], got {shown(value)}")
+        raise ActionError(f"{label} must be [x, y], got {shown(value)}")
     return scaling.point(*numbers)
 
 

@@ -54,67 +54,67 @@ def as_fields(action: object, dialect: str) -> dict[str, Any]:
     return {str(key): value for key, value in items}
 
 
-def refuse_unknown_action(dialect: str, name: object, known: Iterable[str]) -> NoReturn:
+def refuse_unknown_action(dialect: str, name: object, valid_names: Iterable[str]) -> NoReturn:
     """Refuse an action name that the dialect does not have.
 
     Raises:
         ActionError: always, with the closest known name.
     """
-    names = {each.lower(): each for each in known}
-    wanted = ""
+    names = {valid_name.lower(): valid_name for valid_name in valid_names}
+    lower_name = ""
     if isinstance(name, str) and len(name) < 80:
-        wanted = name.lower()
-    guess = names.get(wanted)
+        lower_name = name.lower()
+    guess = names.get(lower_name)
     if guess is None:
-        upper_case = all(each.isupper() for each in names.values())
-        guess = wanted.upper() if upper_case else wanted
+        upper_case = all(valid_name.isupper() for valid_name in names.values())
+        guess = lower_name.upper() if upper_case else lower_name
     hint = suggest(guess, names.values())
     raise ActionError(f"{dialect} has no action {shown(name)}{hint}")
 
 
-def number(value: object, what: str) -> float:
+def number(value: object, label: str) -> float:
     """Check a finite number.
 
     Raises:
         ActionError: it is anything else.
     """
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise ActionError(f"{what} must be a number, got {shown(value)}; give pixels such as 100")
+        raise ActionError(f"{label} must be a number, got {shown(value)}; give pixels such as 100")
     try:
         finite = float(value)
     except OverflowError:
         finite = math.inf
     if not math.isfinite(finite):
         raise ActionError(
-            f"{what} must be a finite number, got {shown(value)}; give pixels such as 100"
+            f"{label} must be a finite number, got {shown(value)}; give pixels such as 100"
         )
     return int(value) if isinstance(value, Integral) else finite
 
 
-def point(value: object, what: str) -> tuple[float, float]:
+def point(value: object, label: str) -> tuple[float, float]:
     """Check a pair of numbers `[x, y]`.
 
     Raises:
         ActionError: it is anything else.
     """
     if not isinstance(value, list | tuple) or len(cast("list[Any]", value)) != 2:
-        raise ActionError(f"{what} must be [x, y], got {shown(cast('object', value))}")
+        raise ActionError(f"{label} must be [x, y], got {shown(cast('object', value))}")
     x, y = cast("list[Any]", value)
-    return number(x, f"{what}[0]"), number(y, f"{what}[1]")
+    return number(x, f"{label}[0]"), number(y, f"{label}[1]")
 
 
-def text(value: object, what: str) -> str:
+def text(value: object, label: str) -> str:
     """Check a string.
 
     Raises:
         ActionError: it is anything else.
     """
     if not isinstance(value, str):
-        raise ActionError(f"{what} must be a string, got {shown(value)}")
+        raise ActionError(f"{label} must be a string, got {shown(value)}")
     return value
 
 
-def key_names(value: object, what: str, separators: str = "") -> tuple[str, ...]:
+def key_names(value: object, label: str, separators: str = "") -> tuple[str, ...]:
     """Return keys under pyautogui's names in lower case, from a list or a separated string.
 
     Raises:
@@ -130,19 +130,19 @@ def key_names(value: object, what: str, separators: str = "") -> tuple[str, ...]
     elif isinstance(value, list | tuple):
         parts = list(cast("list[Any]", value))
     else:
-        raise ActionError(f"{what} must name keys, got {shown(value)}")
-    keys = [text(part, what) for part in parts]
+        raise ActionError(f"{label} must name keys, got {shown(value)}")
+    keys = [text(part, label) for part in parts]
     if not keys or "" in keys:
-        raise ActionError(f"{what} names no key; give keys such as ['ctrl', 'c']")
+        raise ActionError(f"{label} names no key; give keys such as ['ctrl', 'c']")
     return tuple(_key_name(key) for key in keys)
 
 
-def key_combination(value: object, what: str, separators: str = "") -> tuple[str, ...]:
+def key_combination(value: object, label: str, separators: str = "") -> tuple[str, ...]:
     """Return keys that are pressed together, as `key_names`; letters among them are lower case.
 
     Tools write `["CTRL", "S"]` for Ctrl+S; to pyautogui a capital `S` is Shift as well.
     """
-    keys = key_names(value, what, separators)
+    keys = key_names(value, label, separators)
     if len(keys) == 1:
         return keys
     return tuple(key.lower() for key in keys)
@@ -166,9 +166,9 @@ def click_type(button: object, clicks: object) -> str:
     return _OTHER_BUTTONS.get(button.lower(), "other")
 
 
-def action_at(type: str, place: tuple[int, int] | None, **rest: Any) -> Action:
+def action_at(type: str, place: tuple[int, int] | None, **fields: Any) -> Action:
     """Return an action at a point, or, for `None`, at the pointer."""
     if place is None:
-        return Action(type, **rest)
+        return Action(type, **fields)
     x, y = place
-    return Action(type, x, y, **rest)
+    return Action(type, x, y, **fields)

@@ -25,34 +25,43 @@ from .pyautogui_write import write_pyautogui
 def map_fenced(reply: object, scaling: Scaling) -> str:
     """Return a reply with the code in its fences scaled, or all of it if it has no fence.
 
-    Raises `ActionError` for code that cannot be mapped.
+    Raises:
+        ActionError: the code cannot be mapped.
     """
     answer = answer_text(reply, "opencua")
     text = cast("str", reply)
     spans = fenced_spans(answer)
     if not spans:
-        return map_code(text, scaling, scaling.source)
+        return map_code(text, scaling)
     edits = [TextEdit(start, end, _map_block(text[start:end], scaling)) for start, end in spans]
     return apply_edits(text, edits)
 
 
 def parse_fenced(reply: object, scaling: Scaling) -> list[Action]:
-    """Return the action of each fence. Raises `ActionError` as `map_fenced`."""
+    """Return the action of each fence.
+
+    Raises:
+        ActionError: the code cannot be mapped.
+    """
     answer = answer_text(reply, "opencua")
     spans = fenced_spans(answer) or [(0, len(answer))]
     blocks = [textwrap.dedent(answer[start:end]).strip() for start, end in spans]
     if scaling == Scaling.pixels(None):
         return [parse_pyautogui(block, None) for block in blocks]
     size = scaling.target if scaling.clamp else None
-    return [parse_pyautogui(map_code(block, scaling, scaling.source), size) for block in blocks]
+    return [parse_pyautogui(map_code(block, scaling), size) for block in blocks]
 
 
 def fenced_code(reply: object, scaling: Scaling) -> list[str]:
-    """Return the action of each fence as code in pixels. Raises `ActionError` as `map_fenced`."""
+    """Return the action of each fence as code in pixels.
+
+    Raises:
+        ActionError: the code cannot be mapped, or a block is no action.
+    """
     answer = answer_text(reply, "opencua")
     spans = fenced_spans(answer) or [(0, len(answer))]
     blocks = [textwrap.dedent(answer[start:end]).strip() for start, end in spans]
-    codes = [plain_code(map_code(block, scaling, scaling.source), scaling) for block in blocks]
+    codes = [plain_code(map_code(block, scaling), scaling) for block in blocks]
     for code in codes:
         if not calls_pyautogui(code) and parse_pyautogui(code, None).type == "other":
             raise ActionError(
@@ -83,16 +92,16 @@ def plain_code(code: str, scaling: Scaling) -> str:
             and node.value.id == "computer"
             and node.attr in ("tripleClick", AGENTNET_TRIPLE)
         ]
-        plain = source.edited(edits)
-    if not re.search(r"\bcomputer\s*\.\s*\w+\s*\(", plain):
-        return plain
-    return write_pyautogui(parse_pyautogui(plain, scaling.target if scaling.clamp else None))
+        rewritten = source.edited(edits)
+    if not re.search(r"\bcomputer\s*\.\s*\w+\s*\(", rewritten):
+        return rewritten
+    return write_pyautogui(parse_pyautogui(rewritten, scaling.target if scaling.clamp else None))
 
 
 def _map_block(block: str, scaling: Scaling) -> str:
     """Return a block of code scaled; a block that is indented as a whole keeps its indentation."""
-    plain = textwrap.dedent(block)
-    if plain == block:
-        return map_code(block, scaling, scaling.source)
+    dedented = textwrap.dedent(block)
+    if dedented == block:
+        return map_code(block, scaling)
     indent = block[: len(block) - len(block.lstrip(" \t"))]
-    return textwrap.indent(map_code(plain, scaling, scaling.source), indent)
+    return textwrap.indent(map_code(dedented, scaling), indent)

@@ -1,18 +1,18 @@
 """Parse pyautogui code into the one `Action` of the library."""
 
-import ast
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 
 from ...errors import ParameterError
 from ...types import Action, Size, as_size
-from ..program.arguments import arguments, positional
-from ..program.flow import Flow
-from ..program.folding import Folder
-from ..program.guard import hidden_moves
-from ..program.names import Callee, Names
-from ..program.pointing import Pointing
-from ..program.values import Bindings, MaybeValue
-from ..pyautogui_functions import AGENTNET_TRIPLE, KEYBOARD, POINTER, SPECIAL_WORDS
+from ..call_coordinates import read_coordinates
+from ..pyautogui_functions import (
+    AGENTNET_TRIPLE,
+    KEYBOARD,
+    POINTER,
+    RECORDED_FUNCTIONS,
+    SPECIAL_WORDS,
+)
+from ..pyautogui_grammar import Argument, Call, Value, read_calls
 from ..python_source import ParsedSource, refuse_deep_nesting
 from ..scaling import Scaling
 from .combine_calls import CLIPBOARD, DRAG_BY, MOVE_BY, combine
@@ -36,12 +36,10 @@ _STATUS = {"success": "done", "failure": "fail"}
 def parse_pyautogui(code: str, size: Size | None, normalized: bool = False) -> Action:
     """Parse pyautogui code into one `Action`.
 
-    Raises `ActionError` for code that is not Python and for a coordinate that is not a constant.
-
     Calls that belong together are one action: `moveTo` and `dragTo` a drag, `moveTo` and `scroll` a
     scroll at a point, `write` and `press('enter')` a text that ends in a newline, keys held around
-    a click a click with keys. Code with more than one action, or with a loop or a branch, becomes
-    `"other"`, at the first point in the code. A drag whose start is not in the code has no `x, y`.
+    a click a click with keys. Code with more than one action becomes `"other"`, at the first point
+    in the code. A drag whose start is not in the code has no `x, y`.
 
     Args:
         code: pyautogui code, AgentNet's `computer.terminate(...)` and the like, or WAIT, FAIL or
@@ -51,6 +49,8 @@ def parse_pyautogui(code: str, size: Size | None, normalized: bool = False) -> A
         normalized: coordinates are fractions 0..1 of `size` (AgentNet).
 
     Raises:
+        ActionError: the code is beyond the grammar (`pyautogui_grammar`), or a coordinate is not a
+            number.
         ParameterError: the coordinates are `normalized`, and `size` is missing.
     """
     check_text(code)
@@ -62,120 +62,91 @@ def parse_pyautogui(code: str, size: Size | None, normalized: bool = False) -> A
     word = code.strip()
     if word in SPECIAL_WORDS:
         return Action(SPECIAL_WORDS[word])
-    scaling = Scaling.pixels(checked)
-    screen = checked
-    if normalized and checked:
-        scaling = Scaling.fractions(checked)
-        screen = None
+    scaling = Scaling.fractions(checked) if normalized and checked else Scaling.pixels(checked)
+    source = ParsedSource(code)
+    calls = [_call_action(source, call, scaling) for call in read_calls(source, RECORDED_FUNCTIONS)]
     with refuse_deep_nesting():
-        calls = _Reader(ParsedSource(code), scaling, screen).run()
         return combine(calls, checked)
 
 
-class _Reader:
-    def __init__(self, source: ParsedSource, scaling: Scaling, screen: Size | None) -> None:
-        self._tree = source.tree
-        self._names = Names(source.tree)
-        self._folder = Folder(self._names, screen)
-        self._pointing = Pointing(source, self._folder, scaling)
-        self._plain = {id(s.value) for s in source.tree.body if isinstance(s, ast.Expr)}
-        self._calls: list[Action] = []
+def _call_action(source: ParsedSource, call: Call, scaling: Scaling) -> Action:
+    if call.function in POINTER:
+        x, y, _ = read_coordinates(source, call, scaling)
+        return _pointer(call, x, y)
+    if call.function in KEYBOARD:
+        return _keyboard(call)
+    if call.function == "terminate":
+        return Action(_STATUS.get(str(_first(call)), "other"))
+    if call.function == "copy":
+        return _with_text(CLIPBOARD, _first(call))
+    seconds = _first(call)  # of sleep or wait
+    return Action("wait", amount=_number(seconds))
 
-    def run(self) -> list[Action]:
-        for _ in hidden_moves(self._tree, self._names):
-            return []
-        lost = Flow(self._folder, self._call).run(self._tree)
-        for call in lost:
-            if self._names.callee(call.func) is not None:
-                self._calls.append(Action("other"))
-        return self._calls
 
-    def _call(self, call: ast.Call, env: Bindings) -> None:
-        callee = self._names.callee(call.func)
-        if callee is None:
-            return
-        action = self._action(callee, call, env)
-        if action is not None:
-            self._calls.append(action)
+def _first(call: Call) -> Value:
+    for argument in (*call.positional, *call.keywords.values()):
+        return argument.value
+    return None
 
-    def _action(self, callee: Callee, call: ast.Call, env: Bindings) -> Action | None:
-        module, name = callee
-        if module == "pyautogui" and (name in POINTER or name in KEYBOARD):
-            if id(call) not in self._plain:
-                return Action("other")
-            if name in POINTER:
-                return self._pointer(name, call, env)
-            return self._keyboard(name, call, env)
-        if name in ("sleep", "wait"):
-            return Action("wait", amount=_number(self._first(call, env)))
-        if name == "terminate":
-            status = str(self._first(call, env, "status"))
-            return Action(_STATUS.get(status, "other"))
-        if name == "copy" and module == "pyperclip":
-            return _with_text(CLIPBOARD, self._first(call, env))
-        return None
 
-    def _first(self, call: ast.Call, env: Bindings, name: str = "value") -> MaybeValue:
-        for argument in arguments(call, (name,), self._folder, env).values():
-            return argument.value
-        return None
-
-    def _values(
-        self, call: ast.Call, parameters: Sequence[str], env: Bindings
-    ) -> dict[str, MaybeValue]:
-        given = arguments(call, parameters, self._folder, env)
-        return {name: argument.value for name, argument in given.items()}
-
-    def _pointer(self, name: str, call: ast.Call, env: Bindings) -> Action:
-        x, y, _ = self._pointing.place(call, name, env)
-        given = self._values(call, POINTER[name], env)
-        button = given.get("button", "left")
-        if name in _CLICKS:
-            clicks = given.get("clicks", 1) if name == "click" else _CLICKS[name]
-            return Action(click_type(button, clicks), x, y)
-        if name in _PLAIN:
-            return Action(_PLAIN[name], x, y)
-        if name in ("scroll", "vscroll"):
-            amount = _number(given.get("clicks"))
-            if amount is None:
-                return Action("other", x, y)
-            return Action("scroll", x, y, amount=amount)
-        if click_type(button, 1) != "click":
+def _pointer(call: Call, x: int | None, y: int | None) -> Action:
+    name = call.function
+    arguments = call.bind(POINTER[name])
+    button = _get(arguments, "button", "left")
+    if name in _CLICKS:
+        clicks = _get(arguments, "clicks", 1) if name == "click" else _CLICKS[name]
+        return Action(click_type(button, clicks), x, y)
+    if name in _PLAIN:
+        return Action(_PLAIN[name], x, y)
+    if name in ("scroll", "vscroll"):
+        amount = _number(_get(arguments, "clicks", None))
+        if amount is None:
             return Action("other", x, y)
-        if name in _HOLDS:
-            return Action(_HOLDS[name], x, y)
-        if name == "dragTo":
-            return Action("drag", x2=x, y2=y)
-        return Action(DRAG_BY, x, y)
-
-    def _keyboard(self, name: str, call: ast.Call, env: Bindings) -> Action:
-        given = self._values(call, KEYBOARD[name], env)
-        if name in ("write", "typewrite"):
-            return _with_text("type", given.get("message"))
-        if name == "hotkey":
-            pressed = [argument.value for argument in positional(call.args, self._folder, env)]
-            return _keys("hotkey", pressed or [given.get("keys")])
-        if name == "press":
-            keys = given.get("keys")
-            is_one = isinstance(keys, str) or (isinstance(keys, tuple) and len(keys) == 1)
-            if not is_one or given.get("presses", 1) != 1:
-                return Action("other")
-            return _keys("hotkey", [keys])
-        held = "key_down" if name == "keyDown" else "key_up"
-        return _keys(held, [given.get("key")])
+        return Action("scroll", x, y, amount=amount)
+    if click_type(button, 1) != "click":
+        return Action("other", x, y)
+    if name in _HOLDS:
+        return Action(_HOLDS[name], x, y)
+    if name == "dragTo":
+        return Action("drag", x2=x, y2=y)
+    return Action(DRAG_BY, x, y)
 
 
-def _number(value: MaybeValue) -> float | None:
-    return value if isinstance(value, int | float) else None
+def _keyboard(call: Call) -> Action:
+    name = call.function
+    arguments = call.bind(KEYBOARD[name])
+    if name in ("write", "typewrite"):
+        return _with_text("type", _get(arguments, "message", None))
+    if name == "hotkey":
+        keys = [argument.value for argument in call.positional]
+        return _keys("hotkey", keys or [_get(arguments, "keys", None)])
+    if name == "press":
+        pressed = _get(arguments, "keys", None)
+        is_one = isinstance(pressed, str) or (isinstance(pressed, tuple) and len(pressed) == 1)
+        if not is_one or _get(arguments, "presses", 1) != 1:
+            return Action("other")
+        return _keys("hotkey", [pressed])
+    return _keys("key_down" if name == "keyDown" else "key_up", [_get(arguments, "key", None)])
 
 
-def _with_text(type: str, text: MaybeValue) -> Action:
+def _get(arguments: Mapping[str, Argument], name: str, default: Value) -> Value:
+    argument = arguments.get(name)
+    return default if argument is None else argument.value
+
+
+def _number(value: Value) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return value
+
+
+def _with_text(type: str, text: Value) -> Action:
     if not isinstance(text, str):
         return Action("other")
     return Action(type, text=text)
 
 
-def _keys(type: str, values: Iterable[MaybeValue]) -> Action:
+def _keys(type: str, values: Iterable[Value]) -> Action:
     names: list[str] = []
     for value in values:
         for key in value if isinstance(value, tuple) else (value,):

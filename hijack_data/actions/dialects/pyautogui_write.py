@@ -23,7 +23,8 @@ _CLICKS = {
 def write_pyautogui(action: Action) -> str:
     """Return the code, or one of WAIT, DONE and FAIL.
 
-    Raises `ActionError` for an action that pyautogui cannot express.
+    Raises:
+        ActionError: pyautogui cannot express the action.
     """
     if action.type in _WORDS:
         return _WORDS[action.type]
@@ -32,17 +33,19 @@ def write_pyautogui(action: Action) -> str:
     if action.type not in _POINTER:
         raise unsupported_action_error(action, "pyautogui")
     pointed = _POINTER[action.type](action)
-    held = action.keys or ()
-    down = [f"pyautogui.keyDown({key!r})" for key in held]
-    up = [f"pyautogui.keyUp({key!r})" for key in reversed(held)]
+    keys = action.keys or ()
+    down = [f"pyautogui.keyDown({key!r})" for key in keys]
+    up = [f"pyautogui.keyUp({key!r})" for key in reversed(keys)]
     return "\n".join([*down, pointed, *up])
 
 
 def unsupported_action_error(action: Action, dialect: str) -> ActionError:
     """Return the error for an action that a dialect cannot express."""
-    given = [field.name for field in fields(action) if getattr(action, field.name) is not None]
-    given.remove("type")
-    names = ", ".join(given) or "nothing else"
+    field_names = [
+        field.name for field in fields(action) if getattr(action, field.name) is not None
+    ]
+    field_names.remove("type")
+    names = ", ".join(field_names) or "nothing else"
     return ActionError(f"{dialect} cannot say {action.type!r} with {names}")
 
 

@@ -50,53 +50,57 @@ EXAMPLE = (
 _PHONE = "a desktop has no such key or gesture of a phone"
 
 
-def _drag(given: Arguments) -> list[Meaning]:
+def _drag(arguments: Arguments) -> list[Meaning]:
     # MAI-UI's drag names its end, and GUI-Owl's its start as coordinate1.
-    starts = [given.optional_point(name) for name in ("start_coordinate", "coordinate1")]
-    ends = [given.optional_point(name) for name in ("coordinate", "end_coordinate", "coordinate2")]
-    found = [end for end in ends if end is not None]
-    if len(found) != 1 or None not in starts:
-        raise ActionError(f"{given.what} needs a coordinate to drag to; give one [x, y]")
+    starts = [arguments.optional_point(name) for name in ("start_coordinate", "coordinate1")]
+    ends = [
+        arguments.optional_point(name) for name in ("coordinate", "end_coordinate", "coordinate2")
+    ]
+    known_ends = [end for end in ends if end is not None]
+    if len(known_ends) != 1 or None not in starts:
+        raise ActionError(f"{arguments.label} needs a coordinate to drag to; give one [x, y]")
     start = next((start for start in starts if start is not None), None)
-    return [Meaning(action_at("drag", start, x2=found[0][0], y2=found[0][1]))]
+    return [Meaning(action_at("drag", start, x2=known_ends[0][0], y2=known_ends[0][1]))]
 
 
-def _swipe(given: Arguments) -> list[Meaning]:
-    if given.value("direction") is not None and given.value("coordinate2") is None:
+def _swipe(arguments: Arguments) -> list[Meaning]:
+    if arguments.value("direction") is not None and arguments.value("coordinate2") is None:
         # How far MAI-UI's swipe goes is up to the phone.
-        place = given.optional_point("coordinate")
-        given.direction()
+        place = arguments.optional_point("coordinate")
+        arguments.direction()
         return [Meaning(action_at("other", place), refusal=_PHONE)]
-    x2, y2 = given.point("coordinate2")
-    return [Meaning(action_at("drag", given.point("coordinate"), x2=x2, y2=y2))]
+    x2, y2 = arguments.point("coordinate2")
+    return [Meaning(action_at("drag", arguments.point("coordinate"), x2=x2, y2=y2))]
 
 
-def _scroll(given: Arguments) -> list[Meaning]:
-    place = given.optional_point("coordinate")
-    return [Meaning(action_at("scroll", place, amount=given.number("pixels") / PIXELS_PER_NOTCH))]
+def _scroll(arguments: Arguments) -> list[Meaning]:
+    place = arguments.optional_point("coordinate")
+    return [
+        Meaning(action_at("scroll", place, amount=arguments.number("pixels") / PIXELS_PER_NOTCH))
+    ]
 
 
-def _hscroll(given: Arguments) -> list[Meaning]:
+def _hscroll(arguments: Arguments) -> list[Meaning]:
     # The tool does not define which direction is positive; here it is right, as in pyautogui.
-    notches = given.number("pixels") / PIXELS_PER_NOTCH
-    return [scroll_meaning("right", notches, given.optional_point("coordinate"))]
+    notches = arguments.number("pixels") / PIXELS_PER_NOTCH
+    return [scroll_meaning("right", notches, arguments.optional_point("coordinate"))]
 
 
-def _key(given: Arguments) -> list[Meaning]:
-    name = "text" if given.value("keys") is None else "keys"
-    return [Meaning(Action("hotkey", keys=given.keys(name)))]
+def _key(arguments: Arguments) -> list[Meaning]:
+    name = "text" if arguments.value("keys") is None else "keys"
+    return [Meaning(Action("hotkey", keys=arguments.keys(name)))]
 
 
-def _wait(given: Arguments) -> list[Meaning]:
-    return [Meaning(Action("wait", amount=given.number("time", 0)))]
+def _wait(arguments: Arguments) -> list[Meaning]:
+    return [Meaning(Action("wait", amount=arguments.number("time", 0)))]
 
 
-def _type(given: Arguments) -> list[Meaning]:
-    return [Meaning(Action("type", text=given.text("text")))]
+def _type(arguments: Arguments) -> list[Meaning]:
+    return [Meaning(Action("type", text=arguments.text("text")))]
 
 
-def _answer(given: Arguments) -> list[Meaning]:
-    return [Meaning(Action("done", text=given.text("text")))]
+def _answer(arguments: Arguments) -> list[Meaning]:
+    return [Meaning(Action("done", text=arguments.text("text")))]
 
 
 _COMPUTER: dict[str, Rule] = {
@@ -161,9 +165,9 @@ def _block_calls(text: str, start: int) -> Iterator[ActionCall]:
             if tool not in TOOLS:
                 refuse_unknown_action("tool_call", tool, TOOLS)
             values = {name: argument.value for name, argument in arguments.items()}
-            kept = {name: part for name, part in arguments.items() if name != "action"}
+            rewrite = {name: part for name, part in arguments.items() if name != "action"}
             action = values.pop("action", None)
-            write = rewriter(text[begin - start : end - start], kept, begin)
+            write = rewriter(text[begin - start : end - start], rewrite, begin)
             yield ActionCall(action, values, begin, end, write)
         return
     if not text.strip().startswith("{") or not text.rstrip().endswith("}"):
@@ -180,27 +184,31 @@ def _block_calls(text: str, start: int) -> Iterator[ActionCall]:
 
 
 def _read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
-    """Return the action of a call, its fields, and a function that writes it with other fields."""
-    whole = as_fields(value, "tool call")
-    if "arguments" not in whole and "action" in whole:
-        return flat_call_decoder("action", "tool call")(whole)
-    if whole.get("name") not in TOOLS:
-        refuse_unknown_action("tool_call", whole.get("name"), TOOLS)
-    given: object = whole.get("arguments")
-    as_text = isinstance(given, str)
+    """Return the action of a call, its fields, and a function that writes it with other fields.
+
+    Raises:
+        ActionError: the call is of another tool, or its arguments are not JSON.
+    """
+    call = as_fields(value, "tool call")
+    if "arguments" not in call and "action" in call:
+        return flat_call_decoder("action", "tool call")(call)
+    if call.get("name") not in TOOLS:
+        refuse_unknown_action("tool_call", call.get("name"), TOOLS)
+    raw_arguments: object = call.get("arguments")
+    as_text = isinstance(raw_arguments, str)
     if as_text:  # as the API of chat completions writes it
         try:
-            given = json.loads(given)
+            raw_arguments = json.loads(raw_arguments)
         except (ValueError, RecursionError) as error:
             raise ActionError(f"the arguments of the tool call are not JSON ({error})") from None
-    arguments = as_fields(given, "tool call")
+    arguments = as_fields(raw_arguments, "tool call")
     action = arguments.pop("action", None)
 
     def rebuild(fields: dict[str, Any]) -> dict[str, Any]:
-        made: Any = {"action": action, **fields}
+        rebuilt: Any = {"action": action, **fields}
         if as_text:
-            made = json.dumps(made, ensure_ascii=False)
-        return {**whole, "arguments": made}
+            rebuilt = json.dumps(rebuilt, ensure_ascii=False)
+        return {**call, "arguments": rebuilt}
 
     return action, arguments, rebuild
 

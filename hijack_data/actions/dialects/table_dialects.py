@@ -104,20 +104,20 @@ GLM = CallReader("glm", {**_GLM, **_GLM_PHONE}, _glm_calls)
 # --- CogAgent
 
 
-def _gesture(given: Arguments) -> list[Meaning]:
-    steps = re.findall(r"(KEY_DOWN|KEY_PRESS|KEY_UP)\(key='([^']*)'\)", given.text("actions"))
+def _gesture(arguments: Arguments) -> list[Meaning]:
+    steps = re.findall(r"(KEY_DOWN|KEY_PRESS|KEY_UP)\(key='([^']*)'\)", arguments.text("actions"))
     if not steps:
         raise ActionError("cogagent GESTURE needs actions such as [KEY_PRESS(key='a')]")
     kinds = {"KEY_DOWN": "key_down", "KEY_PRESS": "hotkey", "KEY_UP": "key_up"}
     return [Meaning(Action(kinds[name], keys=(_cog_key(pressed),))) for name, pressed in steps]
 
 
-def _key_press(given: Arguments) -> list[Meaning]:
-    return [Meaning(Action("hotkey", keys=(_cog_key(given.text("key")),)))]
+def _key_press(arguments: Arguments) -> list[Meaning]:
+    return [Meaning(Action("hotkey", keys=(_cog_key(arguments.text("key")),)))]
 
 
 def _cog_key(name: str) -> str:
-    known = {
+    pyautogui_names = {
         "lcontrol": "ctrl",
         "rcontrol": "ctrl",
         "right control": "ctrl",
@@ -131,7 +131,7 @@ def _cog_key(name: str) -> str:
         "return": "enter",
         **{f"{way} arrow": way for way in ("up", "down", "left", "right")},
     }
-    return known.get(name.lower(), name.lower())
+    return pyautogui_names.get(name.lower(), name.lower())
 
 
 _COGAGENT: dict[str, Rule] = {
@@ -211,22 +211,28 @@ AUTOGLM = CallReader("autoglm", _AUTOGLM, _autoglm_calls, notes=("message",))
 # --- ShowUI
 
 
-def _showui_scroll(given: Arguments) -> list[Meaning]:
-    return [scroll_meaning(given.direction("value").lower(), 5, given.optional_point("position"))]
+def _showui_scroll(arguments: Arguments) -> list[Meaning]:
+    return [
+        scroll_meaning(
+            arguments.direction("value").lower(), 5, arguments.optional_point("position")
+        )
+    ]
 
 
-def _showui_type(given: Arguments) -> list[Meaning]:
-    return type_rule("value", "position")(given)
+def _showui_type(arguments: Arguments) -> list[Meaning]:
+    return type_rule("value", "position")(arguments)
 
 
-def _both_ends(given: Arguments) -> list[Meaning]:
-    pair: Any = given.value("position")
+def _both_ends(arguments: Arguments) -> list[Meaning]:
+    pair: Any = arguments.value("position")
     corners = cast("list[Any]", pair) if isinstance(pair, list | tuple) else []
-    flat = [number for corner in corners for number in coordinates(corner, given.what)]
+    flat = [number for corner in corners for number in coordinates(corner, arguments.label)]
     if len(corners) != 2 or len(flat) != 4:
-        got = shown(cast("object", pair))
-        raise ActionError(f"{given.what} needs a position [[x1, y1], [x2, y2]], got {got}")
-    inner = Arguments(given.what, {"start": flat[:2], "end": flat[2:]}, given.scaling)
+        value_text = shown(cast("object", pair))
+        raise ActionError(
+            f"{arguments.label} needs a position [[x1, y1], [x2, y2]], got {value_text}"
+        )
+    inner = Arguments(arguments.label, {"start": flat[:2], "end": flat[2:]}, arguments.scaling)
     return drag_rule(["start"], ["end"])(inner)
 
 
@@ -304,8 +310,8 @@ def _holo_read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
     if isinstance(inner, Mapping):  # beside the note and the thought of a step
         name, arguments, rebuild_inner = flat_call_decoder("action", "holo")(inner)
 
-        def rebuild(given: dict[str, Any]) -> dict[str, Any]:
-            return {**fields, "action": rebuild_inner(given)}
+        def rebuild(inner_arguments: dict[str, Any]) -> dict[str, Any]:
+            return {**fields, "action": rebuild_inner(inner_arguments)}
 
         return name, arguments, rebuild
     if set(fields) == {"x", "y"}:
@@ -331,31 +337,31 @@ HOLO = CallReader("holo", _HOLO, _holo_calls, notes=("element",))
 _XY = ("x", "y")
 
 
-def _gemini_scroll(given: Arguments) -> list[Meaning]:
-    way = given.direction()
+def _gemini_scroll(arguments: Arguments) -> list[Meaning]:
+    way = arguments.direction()
     # 0..1000 of the side of the screen
-    notches = given.distance("magnitude", way, 800) / PIXELS_PER_NOTCH
-    return [scroll_meaning(way, notches, given.point(*_XY))]
+    notches = arguments.distance("magnitude", way, 800) / PIXELS_PER_NOTCH
+    return [scroll_meaning(way, notches, arguments.point(*_XY))]
 
 
-def _gemini_drag(given: Arguments) -> list[Meaning]:
-    starts = [given.optional_point(*names) for names in (_XY, ("start_x", "start_y"))]
+def _gemini_drag(arguments: Arguments) -> list[Meaning]:
+    starts = [arguments.optional_point(*names) for names in (_XY, ("start_x", "start_y"))]
     ends = [
-        given.optional_point(*names)
+        arguments.optional_point(*names)
         for names in (("destination_x", "destination_y"), ("end_x", "end_y"))
     ]
     if starts.count(None) != 1 or ends.count(None) != 1:
         raise ActionError(
-            f"{given.what} needs x, y, destination_x and destination_y (or start_x, start_y, end_x"
-            " and end_y)"
+            f"{arguments.label} needs x, y, destination_x and destination_y (or start_x, start_y,"
+            " end_x and end_y)"
         )
     start = starts[0] or starts[1]
     x2, y2 = cast("tuple[int, int]", ends[0] or ends[1])
     return [Meaning(action_at("drag", start, x2=x2, y2=y2))]
 
 
-def _scroll_document(given: Arguments) -> list[Meaning]:
-    way = given.direction()
+def _scroll_document(arguments: Arguments) -> list[Meaning]:
+    way = arguments.direction()
     if way in ("up", "down"):
         return [Meaning(Action("hotkey", keys=(f"page{way}",)))]
     return [Meaning(Action("other"), refusal="how far the document goes sideways is not defined")]
@@ -403,13 +409,13 @@ def _gemini_read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
         if isinstance(fields.get(wrapper), Mapping):
             fields = as_fields(fields[wrapper], "gemini")
             break
-    given: object = fields.get("args", fields.get("arguments")) or {}
-    if isinstance(given, str):
+    arguments: object = fields.get("args", fields.get("arguments")) or {}
+    if isinstance(arguments, str):
         try:
-            given = json.loads(given)
+            arguments = json.loads(arguments)
         except (ValueError, RecursionError) as error:
             raise ActionError(f"gemini: the arguments are not JSON ({error})") from None
-    return fields.get("name"), as_fields(given, "gemini"), _unchanged
+    return fields.get("name"), as_fields(arguments, "gemini"), _unchanged
 
 
 def _gemini_calls(reply: object) -> list[ActionCall]:

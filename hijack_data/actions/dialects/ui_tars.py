@@ -58,37 +58,37 @@ _XML = "<function"
 
 def _aiming(kind: str) -> Rule:
     # A click may have an end_box, too, which means nothing and is mapped.
-    def rule(given: Arguments) -> list[Meaning]:
-        place = given.point("start_box")
-        _optional(given, "end_box")
+    def rule(arguments: Arguments) -> list[Meaning]:
+        place = arguments.point("start_box")
+        _optional(arguments, "end_box")
         return [Meaning(action_at(kind, place))]
 
     return rule
 
 
-def _drag(given: Arguments) -> list[Meaning]:
-    x2, y2 = given.point("end_box")
-    return [Meaning(action_at("drag", given.point("start_box"), x2=x2, y2=y2))]
+def _drag(arguments: Arguments) -> list[Meaning]:
+    x2, y2 = arguments.point("end_box")
+    return [Meaning(action_at("drag", arguments.point("start_box"), x2=x2, y2=y2))]
 
 
-def _scroll(given: Arguments) -> list[Meaning]:
-    place = _optional(given, "start_box")
-    _optional(given, "end_box")
-    return [scroll_meaning(given.direction(), DEFAULT_NOTCHES, place)]
+def _scroll(arguments: Arguments) -> list[Meaning]:
+    place = _optional(arguments, "start_box")
+    _optional(arguments, "end_box")
+    return [scroll_meaning(arguments.direction(), DEFAULT_NOTCHES, place)]
 
 
-def _long_press(given: Arguments) -> list[Meaning]:
-    return [Meaning(action_at("other", given.point("start_box")), refusal=_PHONE)]
+def _long_press(arguments: Arguments) -> list[Meaning]:
+    return [Meaning(action_at("other", arguments.point("start_box")), refusal=_PHONE)]
 
 
-def _optional(given: Arguments, name: str) -> tuple[int, int] | None:
-    if not str(given.value(name, "")).strip():
+def _optional(arguments: Arguments, name: str) -> tuple[int, int] | None:
+    if not str(arguments.value(name, "")).strip():
         return None
-    return given.optional_point(name)
+    return arguments.optional_point(name)
 
 
-def _type(given: Arguments) -> list[Meaning]:
-    return [Meaning(Action("type", text=given.text("content")))]
+def _type(arguments: Arguments) -> list[Meaning]:
+    return [Meaning(Action("type", text=arguments.text("content")))]
 
 
 RULES: dict[str, Rule] = {
@@ -137,14 +137,14 @@ def _xml_calls(answer: str) -> Iterator[ActionCall]:
     blocks = [(answer, 0, len(answer))]
     if TOOL_CALL.search(answer):
         blocks = tool_call_blocks(answer, "<function=click><parameter=point>1 2</parameter>")
-    found = 0
+    count = 0
     for text, offset, _ in blocks:
         for name, arguments, start, end in xml_functions(text, offset):
-            found += 1
-            known = _renamed(arguments, name)
-            values = {key: argument.value for key, argument in known.items()}
-            yield ActionCall(name, values, start, end, rewriter(answer[start:end], known, start))
-    if not found:
+            count += 1
+            renamed = _renamed(arguments, name)
+            values = {key: argument.value for key, argument in renamed.items()}
+            yield ActionCall(name, values, start, end, rewriter(answer[start:end], renamed, start))
+    if not count:
         raise ActionError(
             f"UI-TARS: no action in {shown(answer.strip())}; write for example"
             " <function=click><parameter=point>100 200</parameter></function>"
@@ -170,32 +170,32 @@ def _call(call: TextCall) -> ActionCall:
 
 def _arguments(call: TextCall) -> dict[str, WrittenArgument]:
     """Return the arguments of a call; they stand in `call.inside`."""
-    found: dict[str, WrittenArgument] = {}
+    arguments: dict[str, WrittenArgument] = {}
     position = 0
     end = len(call.inside.rstrip())
     while position < end:
         match = _ARGUMENT.match(call.inside, position)
         if match is None:
-            rest = shown(call.inside[position:])
-            raise ActionError(f"{call.name}: cannot read {rest}; write name='value'")
+            remainder = shown(call.inside[position:])
+            raise ActionError(f"{call.name}: cannot read {remainder}; write name='value'")
         name = match[1]
-        if name in found:
+        if name in arguments:
             raise ActionError(f"{call.name}: {name} is given twice; give one action for each point")
         group = "a" if match["a"] is not None else "b"
-        found[name] = WrittenArgument(match[group], match.start(group), match.end(group))
+        arguments[name] = WrittenArgument(match[group], match.start(group), match.end(group))
         position = match.end()
-    return found
+    return arguments
 
 
 def _renamed(arguments: dict[str, WrittenArgument], action: str) -> dict[str, WrittenArgument]:
     """Return arguments under the names of UI-TARS 1.0: `point` is `start_box`, and so on."""
-    found: dict[str, WrittenArgument] = {}
+    renamed: dict[str, WrittenArgument] = {}
     for name, argument in arguments.items():
-        known = _ALIASES.get(name, name)
-        if known in found:
-            raise ActionError(f"{action}: {known} is given twice, as {name} too; give it once")
-        found[known] = argument
-    return found
+        key = _ALIASES.get(name, name)
+        if key in renamed:
+            raise ActionError(f"{action}: {key} is given twice, as {name} too; give it once")
+        renamed[key] = argument
+    return renamed
 
 
 def _check_boxless(call: TextCall) -> None:
@@ -238,12 +238,18 @@ def check_ui_tars(text: object, unit: int) -> Any:
 def parse_ui_tars(text: object, scaling: Scaling) -> list[Action]:
     """Read the actions of a reply, in order. If there are several `Action:`, the last one counts.
 
-    `call_user` is `"fail"`, `finished` is `"done"` with its content as text. Raises `ActionError`
-    as `map_ui_tars`.
+    `call_user` is `"fail"`, `finished` is `"done"` with its content as text.
+
+    Raises:
+        ActionError: the reply cannot be read, see `map_ui_tars`.
     """
     return _LAST.parse(text, scaling)
 
 
 def ui_tars_code(text: object, scaling: Scaling) -> list[str]:
-    """Return the actions of a reply as code, in order; raises `ActionError` as `map_ui_tars`."""
+    """Return the actions of a reply as code, in order.
+
+    Raises:
+        ActionError: the reply cannot be read, see `map_ui_tars`, or a desktop cannot do the action.
+    """
     return _LAST.write(text, scaling)

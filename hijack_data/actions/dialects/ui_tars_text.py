@@ -57,25 +57,29 @@ class Call(NamedTuple):
 def sections(text: str) -> list[list[Call]]:
     """Return the calls after each `Action:` (or of the whole text, where there is none), in order.
 
-    An earlier `Action:` that is followed by prose is left out. Raises `ActionError` if the last
-    `Action:` is followed by none, or if it is not clear where an action ends.
+    An earlier `Action:` that is followed by prose is left out.
+
+    Raises:
+        ActionError: no action follows the last `Action:`, or it is not clear where an action ends.
     """
     labels = [match.end() for match in _LABEL.finditer(text)] or [0]
-    found: list[list[Call]] = []
-    done = 0
+    calls_by_label: list[list[Call]] = []
+    position = 0
     for index, label in enumerate(labels):
-        if label < done:  # inside the quotes of an action
+        if label < position:  # inside the quotes of an action
             continue
         calls, end = _neat_calls(text, label)
         following = bisect_left(labels, end, index + 1)
         if following == len(labels):
-            rest = text[end:].strip()
-            found.append(calls if calls and not rest else list(_loose_calls(text, label)))
+            remainder = text[end:].strip()
+            calls_by_label.append(
+                calls if calls and not remainder else list(_loose_calls(text, label))
+            )
             break
         _check_rest(text[end : labels[following]], end)
-        found += [calls] if calls else []
-        done = end
-    return found
+        calls_by_label += [calls] if calls else []
+        position = end
+    return calls_by_label
 
 
 def _neat_calls(text: str, start: int) -> tuple[list[Call], int]:
@@ -90,13 +94,17 @@ def _neat_calls(text: str, start: int) -> tuple[list[Call], int]:
 
 
 def _loose_calls(text: str, start: int) -> Iterator[Call]:
-    """Return the calls from `start` on, split at empty lines; any quotes may be in them."""
+    """Return the calls from `start` on, split at empty lines; any quotes may be in them.
+
+    Raises:
+        ActionError: a part is no action, or it is not clear where an action ends.
+    """
     bounds = [start, *(match.end() for match in _NEXT.finditer(text, start)), len(text)]
     for begin, end in pairwise(bounds):
         match = _LOOSE.fullmatch(text, begin, end)
         if match is None:
-            found = shown(text[begin:end].strip())
-            raise ActionError(f"UI-TARS text has no action at character {begin}: {found}; {_FIX}")
+            part = shown(text[begin:end].strip())
+            raise ActionError(f"UI-TARS text has no action at character {begin}: {part}; {_FIX}")
         call = _call(match)
         if _INNER.search(f"{call.inside})"):
             raise ActionError(
@@ -112,9 +120,15 @@ def _call(match: re.Match[str]) -> Call:
     return Call(match[1], match[2], match.start(2))
 
 
-def _check_rest(rest: str, start: int) -> None:
-    """Raise unless the rest of the text, in which no action was found, is prose."""
-    prose = not _BEGINS.match(rest) and (_HEADING.match(rest) or not _BOX.search(rest))
+def _check_rest(text: str, start: int) -> None:
+    """Check that the rest of the text, in which no action was found, is prose.
+
+    Raises:
+        ActionError: the text is not prose.
+    """
+    prose = not _BEGINS.match(text) and (_HEADING.match(text) or not _BOX.search(text))
     if not prose:
-        found = shown(rest.strip())
-        raise ActionError(f"UI-TARS text has no whole action at character {start}: {found}; {_FIX}")
+        excerpt = shown(text.strip())
+        raise ActionError(
+            f"UI-TARS text has no whole action at character {start}: {excerpt}; {_FIX}"
+        )

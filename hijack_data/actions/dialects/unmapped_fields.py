@@ -5,13 +5,14 @@ from collections.abc import Collection, Mapping
 from typing import Any, cast
 
 from ...errors import ActionError, shown, suggest
-from ..pyautogui_functions import words
 
 # Numeric fields that tools and logs add to an action and that are not coordinates.
-_AMOUNTS = words("""
-    amount clicks duration id index interval ms num_clicks presses repeat seconds step steps times
-    timestamp
-""")
+_AMOUNTS = frozenset(
+    {
+        *("amount", "clicks", "duration", "id", "index", "interval", "ms", "num_clicks"),
+        *("presses", "repeat", "seconds", "step", "steps", "times", "timestamp"),
+    }
+)
 _PLACE = re.compile(r"coord|point|pos|box|region|path|offset|location|^[xy]\d*$")
 _NUMBER = re.compile(r"\d")
 _NUMERIC = re.compile(r"[^\w]*-?\d[\d\s.,;:()\[\]<>x-]*")
@@ -19,7 +20,7 @@ _TAG = re.compile(r"</?\w+>|<\|\w+\|>")  # <point>5 6</point>
 _MAX_DEPTH = 5
 
 
-def check_fields(fields: Mapping[str, Any], known: Collection[str], what: str) -> None:
+def check_fields(fields: Mapping[str, Any], known_names: Collection[str], label: str) -> None:
     """Check that every field is `known` or cannot hold coordinates.
 
     Unknown fields without coordinates (notes, ids, None) are accepted, since no mapping has to
@@ -29,10 +30,10 @@ def check_fields(fields: Mapping[str, Any], known: Collection[str], what: str) -
         ActionError: a field is unknown and may hold coordinates.
     """
     for name, value in fields.items():
-        if name not in known and _may_be_place(name, value):
+        if name not in known_names and _may_be_place(name, value):
             raise ActionError(
-                f"{what} has no field {name!r}, got {shown(value)}, which would stay unmapped"
-                f"{suggest(name.lower(), known)}"
+                f"{label} has no field {name!r}, got {shown(value)}, which would stay unmapped"
+                f"{suggest(name.lower(), known_names)}"
             )
 
 

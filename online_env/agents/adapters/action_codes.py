@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, cast
 
-from hijack_data.actions import code_of, unreadable
+from hijack_data.actions import code_of, unreadable_action
 from hijack_data.errors import ActionError, ParameterTypeError, shown
 from hijack_data.types import Size
 
@@ -26,7 +26,7 @@ def read_action_codes(action: object, dialect: str, size: Size) -> tuple[list[st
     try:
         codes = _read(action, dialect, size)
     except (ActionError, ParameterTypeError) as error:
-        return [unreadable(error)], str(error)
+        return [unreadable_action(error)], str(error)
     return codes, ""
 
 
