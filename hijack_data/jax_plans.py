@@ -28,7 +28,7 @@ import numpy.typing as npt
 from . import resample
 from .backends import backend_of
 from .errors import ImageError, ImageTypeError, ParameterError, ParameterTypeError, shown
-from .kernels import stamps_of
+from .kernels import plan_stamps
 from .kernels.jax_ops import (
     BLOCK,
     PIXELS,
@@ -273,7 +273,7 @@ def _stages(plan: Plan, width: int) -> tuple[list[_Stage], list[tuple[Size, Size
             stages.append(_Stage())
             size = op.size
             continue
-        for stamp in stamps_of(plan, number, size):
+        for stamp in plan_stamps(plan, number, size):
             if stamp.sprite.opaque:
                 for y, x in zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True):
                     _cover(stages[-1], stamp.sprite, y, x, width)

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import ImageError, ImageTypeError, ParameterError
-from ..kernels import Stamp, stamps_of
+from ..kernels import Stamp, plan_stamps
 from ..memory import overlaps
 from ..plan import Paste, Plan
 from ..types import Size, UInt8Array, size_text
@@ -189,7 +189,7 @@ class Backend(ABC):
         """
         for index, op in enumerate(plan.ops):
             if isinstance(op, Paste):
-                stamps = stamps_of(plan, index, self.size(image))
+                stamps = plan_stamps(plan, index, self.size(image))
                 if not owned:
                     image = self.copy(image)
                 image = self.paste(image, stamps)

@@ -129,7 +129,7 @@ def _unfiltered(raw: UInt8Array, width: int) -> UInt8Array | None:
         _kernel()(raw, out)
         return out
 
-    return jit.guarded(compiled, lambda: None)
+    return jit.call_with_fallback(compiled, lambda: None)
 
 
 def _summed(raw: UInt8Array) -> UInt8Array:
@@ -141,7 +141,7 @@ def _summed(raw: UInt8Array) -> UInt8Array:
     return out.reshape(len(out), -1, 3)
 
 
-@jit.lazy("the compiled PNG reader")
+@jit.compiled_on_first_use("the compiled PNG reader")
 def _kernel(numba: Any) -> Callable[[UInt8Array, UInt8Array], None]:
     """Compile `_unfilter`, or load it from Numba's cache on disk."""
     t: Any = numba.types

@@ -27,7 +27,7 @@ from hijack_data.corruption import find
 from hijack_data.errors import ParameterError, ParameterTypeError
 from hijack_data.files import load_image
 from hijack_data.gallery import gallery, sample_id
-from hijack_data.gallery.remake import cli_call, python_call, schedule
+from hijack_data.gallery.reproduce import cli_call, python_call, schedule
 from hijack_data.gallery.tiles import _start, painted
 
 HOSTILE = "<img src=x onerror=alert(1)>.png"

@@ -21,7 +21,7 @@ from pipelines.dataset.images import decode, encode
 
 @pytest.fixture(autouse=True)
 def compiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jit._state, "forgone", jit.START)
+    monkeypatch.setattr(jit._state, "forgone", jit.NUMBA_LOADING_MS)
 
 
 def chunk(name: bytes, body: bytes) -> bytes:
@@ -93,7 +93,7 @@ def test_the_first_pictures_are_left_to_pillow_until_numba_has_paid_for_itself(
 ) -> None:
     pytest.importorskip("numba")
     data = png_file(30, 20, filtered(30, 20, 3, 0, [4, 1]))
-    monkeypatch.setattr(jit._state, "forgone", jit.START - 2.5 * png.SAVES * 30 * 20)
+    monkeypatch.setattr(jit._state, "forgone", jit.NUMBA_LOADING_MS - 2.5 * png.SAVES * 30 * 20)
     found = [png.read(data, isal_zlib) is not None for _ in range(5)]
     assert found == [False, False, False, True, True]
     assert np.array_equal(decode(data, "x"), pillow(data))

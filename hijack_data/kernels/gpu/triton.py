@@ -12,7 +12,7 @@ import triton
 import triton.language as tl
 
 from ...resample import PRECISION_BITS
-from .. import rows as r
+from .. import stamp_rows as r
 
 # Size (height, width) of the tile of one program: small enough that its values fit into registers.
 PASTE_TILE = (8, 64)

@@ -11,7 +11,7 @@ from typing import Any
 
 from hijack_data.errors import HijackError, ParameterError
 from hijack_data.files import write_atomic
-from hijack_data.gallery.embed import embed, scale_for
+from hijack_data.gallery.data_uris import embed, scale_for
 from hijack_data.gallery.markup import Html, script_json, source_hash
 from hijack_data.runs.own_files import refuse_own_file
 

@@ -15,7 +15,7 @@ from ..plan import CLEAN, Plan
 from ..planner import Planner
 from ..safety import judge
 from ..types import UInt8Array
-from .embed import caption, embed, scale_for
+from .data_uris import caption, embed, scale_for
 from .markup import Html, clean, fill, join, script_json, source, source_hash, wrap
 from .tiles import GalleryPicture, Tile, message_tile, painted, tile
 
@@ -28,7 +28,7 @@ def sample_id(path: str | os.PathLike[str]) -> str:
 
 
 @dataclass
-class Board:
+class PageBuilder:
     """Builds the page: `add` each picture, then call `html`."""
 
     planners: Mapping[str, Planner]

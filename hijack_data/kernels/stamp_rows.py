@@ -31,7 +31,9 @@ StampRows: TypeAlias = npt.NDArray[np.int64]
 Addressing: TypeAlias = Callable[[npt.NDArray[Any]], tuple[int, int]]
 
 
-def rows_of(stamps: Iterable[Stamp], key: object, make: Callable[[Sprite], StampRows]) -> StampRows:
+def stamp_rows(
+    stamps: Iterable[Stamp], key: object, make: Callable[[Sprite], StampRows]
+) -> StampRows:
     """Return the rows `[n, COLUMNS]` of stamps.
 
     Args:
@@ -55,7 +57,7 @@ def rows_of(stamps: Iterable[Stamp], key: object, make: Callable[[Sprite], Stamp
     return np.concatenate([np.empty((0, COLUMNS), np.int64), *parts])
 
 
-def rows_of_sprite(sprite: Sprite, place: Addressing) -> StampRows:
+def sprite_rows(sprite: Sprite, place: Addressing) -> StampRows:
     """Return the rows of a sprite that lies at (0, 0); `place` returns where its arrays are."""
     return np.array([_row(layer, place) for layer in sprite.layers], np.int64)
 

@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from ..corruption import Corruption
 from ..rng import Stream
-from . import processes
+from . import fresh_processes
 from .base import expect
-from .screens import SIZES, levels, scene
+from .cases import SIZES, levels, scene
 
 KEYS = tuple(product((0, 1), ("a", "b", 3), (0, 1)))  # seed, sample, epoch
 FRESH_KEYS = ((0, "a", 0), (5, "a", 0), (0, 7, 0), (0, "a", 1))
@@ -114,11 +114,11 @@ def check_seed(cls: type[Corruption]) -> list[str]:
 def check_processes(cls: type[Corruption]) -> list[str]:
     """A fresh process with another hash seed, folder, time zone and order makes the same plans."""
     jobs = _jobs(cls)
-    reason = processes.why_not(cls)
+    reason = fresh_processes.unpicklable_reason(cls)
     if reason:
         return [f"not tried in a fresh process: {reason}"]
-    here = [processes.digest(job) for job in jobs]
-    for world, there in processes.digests(jobs):
+    here = [fresh_processes.digest(job) for job in jobs]
+    for world, there in fresh_processes.digests(jobs):
         differing = sum(a != b for a, b in zip(here, there, strict=True))
         expect(
             not differing,
@@ -129,14 +129,14 @@ def check_processes(cls: type[Corruption]) -> list[str]:
     return []
 
 
-def _jobs(cls: type[Corruption]) -> list[processes.PlanRequest]:
+def _jobs(cls: type[Corruption]) -> list[fresh_processes.PlanRequest]:
     large = scene(SIZES[0])
     small = scene(SIZES[1])
     tried = [(cls(), large), (cls(), small)]
     tried += [(spec, large) for spec in levels(cls)]
-    jobs: list[processes.PlanRequest] = []
+    jobs: list[fresh_processes.PlanRequest] = []
     for spec, screen in tried:
         for seed, sample, epoch in FRESH_KEYS:
             key = {"seed": seed, "sample": sample, "epoch": epoch}
-            jobs.append(processes.PlanRequest(spec, screen, key))
+            jobs.append(fresh_processes.PlanRequest(spec, screen, key))
     return jobs

@@ -59,7 +59,7 @@ def _full_hd_boxes() -> Iterator[Box]:
     yield (1700, 980, 1860, 1040)
 
 
-def other_scenes() -> Iterator[tuple[str, Scene]]:
+def unusual_scenes() -> Iterator[tuple[str, Scene]]:
     """Yield pairs of a description and an unusual screen that occurs in recordings."""
     full = scene(SIZES[0])
     height, width = full.size

@@ -8,7 +8,7 @@ from .. import params as p
 from ..corruption import Corruption, find
 from ..errors import UnknownNameError
 from .base import expect, fail
-from .screens import levels
+from .cases import levels
 
 
 def check_registered(cls: type[Corruption]) -> None:

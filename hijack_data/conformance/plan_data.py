@@ -9,13 +9,13 @@ from ..corruption import Corruption
 from ..errors import HijackError
 from ..plan import Plan
 from ..types import Scene
-from . import screens
+from . import cases
 from .base import expect, fail
 
 
 def check_plan_is_data(cls: type[Corruption]) -> None:
     """Plans survive JSON and pickling unchanged, and an edited plan is refused."""
-    for plan, _ in screens.plans(cls):
+    for plan, _ in cases.plans(cls):
         text = _written(plan)
         again = Plan.from_json(text)
         advice = "keep tuples and NumPy numbers out of recipes, and lists out of plans"
@@ -47,8 +47,8 @@ def _refused(text: str) -> bool:
 
 def check_kept(cls: type[Corruption]) -> None:
     """Later plans do not change an earlier one."""
-    screen = screens.scene(screens.SIZES[0])
-    specs = screens.levels(cls)
+    screen = cases.scene(cases.SIZES[0])
+    specs = cases.levels(cls)
     made = [spec.plan(screen, seed=seed, sample="kept") for spec in specs for seed in range(3)]
     told = [plan.to_json() for plan in made]
     for spec in reversed(specs):
@@ -63,8 +63,8 @@ def check_kept(cls: type[Corruption]) -> None:
 
 def check_untouched(cls: type[Corruption]) -> None:
     """Planning changes none of its inputs: scene, corruption, severities, environment."""
-    given = [screens.scene(screens.SIZES[0]), *(other for _, other in screens.other_scenes())]
-    for spec in screens.levels(cls):
+    given = [cases.scene(cases.SIZES[0]), *(other for _, other in cases.unusual_scenes())]
+    for spec in cases.levels(cls):
         for screen in given:
             before = _state(spec, screen)
             with suppress(Exception):  # the checks in `scenes` report what planning raises

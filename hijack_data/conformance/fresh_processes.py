@@ -17,13 +17,13 @@ from typing import Any, NamedTuple
 from ..corruption import Corruption
 from ..errors import ParameterError
 from ..types import Scene
-from . import child
+from . import planning_process
 from .base import fail
 
 TIMEOUT = 120.0  # seconds
 # Several, because a small set often has the same order under two hash seeds. The dates of the two
 # time zones always differ.
-WORLDS: tuple[Mapping[str, str], ...] = (
+PROCESS_ENVIRONMENTS: tuple[Mapping[str, str], ...] = (
     {"PYTHONHASHSEED": "0", "TZ": "Pacific/Kiritimati"},
     {"PYTHONHASHSEED": "1", "TZ": "Etc/GMT+12"},
     {"PYTHONHASHSEED": "2", "TZ": "Pacific/Kiritimati"},
@@ -39,7 +39,7 @@ class PlanRequest(NamedTuple):
     key: Mapping[str, Any]
 
 
-def why_not(cls: type[Corruption]) -> str:
+def unpicklable_reason(cls: type[Corruption]) -> str:
     """Return why another process cannot find a class, or `""` if it can.
 
     If the class is found but a corruption of it cannot be sent there, the check fails with
@@ -59,7 +59,7 @@ def why_not(cls: type[Corruption]) -> str:
 
 
 def digest(job: PlanRequest) -> str:
-    """Return the digest of a plan as `child.digest` does; raise unless a screen is refused."""
+    """Return the digest of a plan, or `ParameterError` if the corruption refuses the screen."""
     try:
         return job.spec.plan(job.scene, **job.key).digest()
     except ParameterError as error:
@@ -70,14 +70,14 @@ def digests(jobs: Sequence[PlanRequest]) -> Iterator[tuple[str, list[str]]]:
     """Yield, for each fresh process, a description of it and the digests of `jobs`."""
     with tempfile.TemporaryDirectory() as folder, ExitStack() as ending:
         started: list[subprocess.Popen[bytes]] = []
-        for number, world in enumerate(WORLDS):
+        for number, world in enumerate(PROCESS_ENVIRONMENTS):
             order = _order(len(jobs), number)
             request = Path(folder, f"{number}.pickle")
             request.write_bytes(_request([jobs[i] for i in order]))
             process = ending.enter_context(_start(request, world, folder))
             ending.callback(process.kill)  # if nobody waited for its answer
             started.append(process)
-        for number, (world, process) in enumerate(zip(WORLDS, started, strict=True)):
+        for number, (world, process) in enumerate(zip(PROCESS_ENVIRONMENTS, started, strict=True)):
             order = _order(len(jobs), number)
             found = dict(zip(order, _answer(process), strict=True))
             named = ", ".join(f"{key}={value}" for key, value in world.items())
@@ -89,7 +89,7 @@ def _order(count: int, number: int) -> list[int]:
     order = list(range(count))
     if number % 2:
         order.reverse()
-    turned = number * count // len(WORLDS)
+    turned = number * count // len(PROCESS_ENVIRONMENTS)
     return order[turned:] + order[:turned]
 
 
@@ -111,7 +111,7 @@ def _start(request: Path, world: Mapping[str, str], folder: str) -> subprocess.P
     optimised = [f"-{'O' * sys.flags.optimize}"] if sys.flags.optimize else []
     with request.open("rb") as file:
         return subprocess.Popen(
-            [sys.executable, *optimised, "-P", child.__file__],
+            [sys.executable, *optimised, "-P", planning_process.__file__],
             stdin=file,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
