@@ -25,8 +25,8 @@ from .stamps import Stamp, at_once
 StampedPixels: TypeAlias = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]
 
 # the smallest side of a padded block, the smallest padded number of pixels
-BLOCK = 128
-PIXELS = 4096
+MIN_BLOCK_SIDE = 128
+MIN_PADDED_PIXELS = 4096
 _jax: Any = jax  # JAX leaves many types unknown
 
 
@@ -38,34 +38,36 @@ def compilations() -> int:
 
 def paste(image: Any, stamps: list[Stamp]) -> Any:
     """Stamp sprites, in order; return a new array."""
-    ours = False  # whether `image` is our own copy, which may be donated
+    donatable = False  # whether `image` is our own copy, which may be donated
     for stamp in stamps:
         if not len(stamp.ys):
             continue
         if stamp.sprite.opaque:
-            image = _paste_opaque(image, stamp, ours)
+            image = _paste_opaque(image, stamp, donatable)
         else:
-            image = _paste_soft(image, stamp, ours)
-        ours = True
+            image = _paste_soft(image, stamp, donatable)
+        donatable = True
     return image
 
 
-def _paste_opaque(image: Any, stamp: Stamp, ours: bool) -> Any:
+def _paste_opaque(image: Any, stamp: Stamp, donatable: bool) -> Any:
     for y, x in zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True):
-        run = _paste_block_into if ours else _paste_block
-        image = run(image, *padded_block(stamp.sprite, y, x, image.shape, (BLOCK, BLOCK)))
-        ours = True
+        run = _paste_block_into if donatable else _paste_block
+        image = run(
+            image, *padded_block(stamp.sprite, y, x, image.shape, (MIN_BLOCK_SIDE, MIN_BLOCK_SIDE))
+        )
+        donatable = True
     return image
 
 
-def _paste_soft(image: Any, stamp: Stamp, ours: bool) -> Any:
+def _paste_soft(image: Any, stamp: Stamp, donatable: bool) -> Any:
     step = at_once(stamp.sprite)
     for i in range(0, len(stamp.ys), step):
         ys = stamp.ys[i : i + step]
         xs = stamp.xs[i : i + step]
-        run = _paste_pixels_into if ours else _paste_pixels
+        run = _paste_pixels_into if donatable else _paste_pixels
         image = run(image, *_padded_pixels(stamp.sprite, ys, xs, image.shape))
-        ours = True
+        donatable = True
     return image
 
 
@@ -123,7 +125,7 @@ def _padded_pixels(
     """Return positions, keep and paint, padded with positions beyond the picture."""
     at, keep, paint = stamped_pixels(sprite, ys, xs, shape[1])
     count = len(at)
-    bucket = max(PIXELS, power_of_two(count))
+    bucket = max(MIN_PADDED_PIXELS, power_of_two(count))
     index = np.full(bucket, shape[0] * shape[1], np.int32)
     keeps = np.zeros((bucket, 1), np.uint8)
     paints = np.zeros((bucket, 3), np.uint16)
