@@ -51,7 +51,7 @@ COMMANDS = {
     "serve": "online_env.serving.cli:serve",
     "score": "online_env.scoring.cli:score",
     "report": "online_env.report.cli:report",
-    "tasks": "online_env.tasks.cli:tasks",
+    "tasks": "online_env.tasks.task_commands:tasks",
     "prefetch": "online_env.osworld.cli:prefetch",
     "osworld": "online_env.osworld.cli:osworld",
 }

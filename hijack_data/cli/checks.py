@@ -97,7 +97,7 @@ def _tasks_of(loaded: LoadedFile) -> list[str]:
     named = any(getattr(value, "phrasings", None) for value in module.values())
     if not named and "task" not in loaded.names:
         return []
-    return importlib.import_module("online_env.tasks.checking").tasks_of(loaded)
+    return importlib.import_module("online_env.tasks.checking").task_names(loaded)
 
 
 def _check_task(out: Any, name: str, desktop: bool) -> int:

@@ -19,7 +19,7 @@ from hijack_data.types import Size, UInt8Array
 from ..desktops.protocol import Capability, Desktop, RunResult
 from ..errors import DesktopError, DesktopTimeoutError
 from ..tasks import Hand, Machine, Task
-from ..tasks.careful import CarefulHand
+from ..tasks.careful_hand import CarefulHand
 from ..tasks.hand import GiveUpError
 from .base import DONE, FAIL, Observation
 
@@ -223,7 +223,7 @@ class Recovering(Oracle):
         machine = self._machine
         if machine is None:
             raise DesktopError("the oracle has no task yet: call prepare after reset")
-        opened = task.opens(machine)
+        opened = task.initial_app(machine)
         start = machine.command_line(*opened) if opened else ""
         hand = CarefulHand(desktop, task.apps, start)
         for left in reversed(range(self.TRIES)):
@@ -236,4 +236,4 @@ class Recovering(Oracle):
                     raise
             if not task.infeasible and task.validate(machine).passed:
                 return
-            hand.begin_again()
+            hand.prepare_retry()

@@ -37,7 +37,7 @@ from hijack_data.types import Size
 from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
-from ..tasks import TASKS, Task, sets
+from ..tasks import TASKS, Task, task_sets
 from .providers import EMBEDDED, PROVIDERS
 
 AnyRegistry: TypeAlias = Registry[Any]
@@ -233,8 +233,8 @@ def override(
     if agent is not None:
         bench = replace(bench, agents=_registered("--agent", agent, AGENTS))
     if task is not None:
-        is_set = task.strip() in sets.set_names()
-        chosen = sets.members(task.strip()) if is_set else _tasks_named(task)
+        is_set = task.strip() in task_sets.set_names()
+        chosen = task_sets.members(task.strip()) if is_set else _tasks_named(task)
         bench = replace(bench, tasks=chosen)
     if corruption is not None:
         bench = replace(bench, corruptions=_planners(bench, corruption))
@@ -411,8 +411,8 @@ class _Reader:
 
     def _tasks(self, key: str, tree: ConfigNode) -> tuple[str, ...] | None:
         """Return the tasks of a named set, of a folder of OSWorld's, or of a list."""
-        if isinstance(tree, ScalarNode) and tree.value in sets.set_names():
-            return sets.members(str(tree.value))
+        if isinstance(tree, ScalarNode) and tree.value in task_sets.set_names():
+            return task_sets.members(str(tree.value))
         if isinstance(tree, ScalarNode) and _is_folder(tree.value):
             try:
                 return tuple(map(TASKS.find, _files_in(str(tree.value))))

@@ -19,7 +19,7 @@ from hijack_data.runs.run_log import EPISODES, RUN
 
 from ..agents.makers import FileAgentMaker
 from ..agents.registry import AGENTS
-from ..tasks import sets
+from ..tasks import task_sets
 from . import scores
 from .config import Bench
 from .jobs import Job
@@ -108,12 +108,12 @@ def estimate(
 
 def expected(bench: Bench, listed: Sequence[Job], history: History) -> list[Expected]:
     """Return the expected cost of each job; the arguments are those of `estimate`."""
-    measured = sets.measured()
+    measured = task_sets.measured()
     return [_expected(bench, job, history, measured) for job in listed]
 
 
 def _expected(
-    bench: Bench, job: Job, history: History, measured: Mapping[str, sets.Measured]
+    bench: Bench, job: Job, history: History, measured: Mapping[str, task_sets.Measured]
 ) -> Expected:
     per_step = history.step_bytes or STEP_BYTES
     usd = 0.0

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from pathlib import PurePath
 
 from .kit.apps import APPS
-from .tree import TreeNode
+from .tree_nodes import TreeNode
 
 PANEL = "xfce4-panel"
 LOCKER = "mate-screensaver"
@@ -87,6 +87,6 @@ def is_minimised(window: TreeNode, seen: list[TreeNode]) -> bool:
     )
 
 
-def program_of(title: str) -> str:
+def program_name(title: str) -> str:
     """Return what a title ends with: most windows name a document, then their program."""
     return title.rpartition(" - ")[2]

@@ -19,11 +19,11 @@ from PIL import Image
 
 from hijack_data.rng import Stream
 from online_env.tasks import get
-from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.folder_desktop import FolderDesktop
 from online_env.tasks.kit import documents, sheets, slides
 from online_env.tasks.kit.office import dump
-from online_env.tasks.kit.prose import report
-from online_env.tasks.kit.talks import talk
+from online_env.tasks.kit.sample_reports import report
+from online_env.tasks.kit.sample_talks import talk
 from online_env.tasks.machine import Machine
 
 ROWS = [("Item", "Price"), ("lamp", 2.5), ("rope", 4)]
@@ -222,7 +222,7 @@ def test_slides_show_what_was_put_on_them_and_whether_they_are_hidden() -> None:
     fill.solid()
     fill.fore_color.theme_color = 5
     assert slides.read_slides(dump(made)) == (
-        slides.SlideContent(title="Ada O'Neill", texts=("one",), drawn=1),
+        slides.SlideContent(title="Ada O'Neill", texts=("one",), shapes=1),
         slides.SlideContent(title="B", texts=("two",), marks=("italic",), hidden=True),
         slides.SlideContent(title="C", background="of a theme"),
     )
@@ -235,7 +235,7 @@ def test_the_icon_that_impress_saves_for_an_empty_place_is_no_picture() -> None:
         Image.new("RGB", size).save(picture, "PNG")
         made.slides[0].shapes.add_picture(picture, 0, 0).name = name
     (read,) = slides.read_slides(dump(made))
-    assert read.drawn == 2
+    assert read.shapes == 2
 
 
 def test_slide_changes_says_what_differs() -> None:
@@ -259,7 +259,7 @@ def test_a_result_that_cannot_be_read_is_a_problem_and_no_error(tmp_path, data: 
         machine = Machine(FolderDesktop(tmp_path))
         task.prepare(machine)
         machine.remember()
-        machine.write(task.drawn.path, data)
+        machine.write(task.values.path, data)
         assert "another format" in next(task.problems(machine))
 
 

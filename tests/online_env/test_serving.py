@@ -23,7 +23,7 @@ from online_env.serving.errors import (
 )
 from online_env.serving.running import TOKEN, ServeOptions, adjusted, read_token
 from online_env.serving.sessions import DesktopSession
-from online_env.tasks import sets
+from online_env.tasks import task_sets
 
 from support.episodes import CLICK
 from support.live import Marking
@@ -413,8 +413,8 @@ def test_what_is_not_served_is_refused(given, error, words):
 
 
 def test_servers_are_for_training_unless_they_are_told_otherwise():
-    bench = Bench(tasks=sets.members("small"))
-    held_out = set(sets.members("held_out"))
+    bench = Bench(tasks=task_sets.members("small"))
+    held_out = set(task_sets.members("held_out"))
     training = ServeOptions(bench=bench).draws()
     assert training.tasks
     assert not held_out & set(training.tasks)

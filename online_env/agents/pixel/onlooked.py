@@ -11,7 +11,7 @@ from typing import ClassVar
 from hijack_data.runs.run_log import REINIT
 from hijack_data.types import UInt8Array
 
-from ...tasks.plan_words import ToldStep, read_plan
+from ...tasks.plan_words import PlanStep, read_plan
 from ..base import WAIT
 from ..files import DEFAULT_ERRORS, read_errors
 from .agent import Pixel, answer_of
@@ -69,7 +69,7 @@ class PixelOnlooker(Pixel):
         self._said = ""
         self._before: tuple[UInt8Array, tuple[TextLine, ...]] | None = None
 
-    def _begin(self, steps: Sequence[ToldStep]) -> None:
+    def _begin(self, steps: Sequence[PlanStep]) -> None:
         super()._begin(steps)
         self._named = tuple(step.text for step in steps if step.verb == "window")
 

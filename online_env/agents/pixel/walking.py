@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from hijack_data.types import Point, Size, UInt8Array
 
-from ...tasks.plan_words import ToldStep
+from ...tasks.plan_words import PlanStep
 from ..base import FAIL, WAIT
 from .matching import SeenText, all_texts, closest_text, find_text
 from .reading import ScreenReader, TextLine
@@ -48,7 +48,7 @@ class PlanWalk:
         reader: Reads the pictures; several walks may share one.
     """
 
-    def __init__(self, steps: Iterable[ToldStep], reader: ScreenReader) -> None:
+    def __init__(self, steps: Iterable[PlanStep], reader: ScreenReader) -> None:
         self.steps = tuple(steps)
         self._reader = reader
         self._at = 0
@@ -89,7 +89,7 @@ class PlanWalk:
         self._missed = 0
         self._turned = 0
 
-    def _try(self, step: ToldStep, picture: UInt8Array) -> Walked | None:
+    def _try(self, step: PlanStep, picture: UInt8Array) -> Walked | None:
         """Return the action of a step; `None` if it needs none."""
         match step.verb:
             case "type" | "press":
@@ -103,7 +103,7 @@ class PlanWalk:
             case _:
                 return self._look(step, picture)
 
-    def _look(self, step: ToldStep, picture: UInt8Array) -> Walked | None:
+    def _look(self, step: PlanStep, picture: UInt8Array) -> Walked | None:
         """Look for the text of a step, and act on it."""
         lines = self._reader.read(picture)
         seen = place_of(step, lines)
@@ -115,7 +115,7 @@ class PlanWalk:
         code = _CLICKS[step.verb].format(x=x, y=y)
         return self._taken(step, code, f"I read {seen.line.text!r}.")
 
-    def _not_seen(self, step: ToldStep, lines: Sequence[TextLine], size: Size) -> Walked:
+    def _not_seen(self, step: PlanStep, lines: Sequence[TextLine], size: Size) -> Walked:
         if step.verb == "scroll" and self._turned < SCROLLS:
             self._turned += 1
             return Walked(said=self._words(step), action=wheel_code(step, size, WHEEL))
@@ -126,16 +126,16 @@ class PlanWalk:
         closest = closest_text(lines, step.text)
         return Walked(said=f"{said} The closest text is {closest!r}.", lost=True)
 
-    def _taken(self, step: ToldStep, action: str, note: str = "") -> Walked:
+    def _taken(self, step: PlanStep, action: str, note: str = "") -> Walked:
         said = self._words(step, note)
         self._advance()
         return Walked(said=said, action=action)
 
-    def _words(self, step: ToldStep, note: str = "") -> str:
+    def _words(self, step: PlanStep, note: str = "") -> str:
         return f"Step {self._at + 1} of {len(self.steps)}: {step.line}. {note}".rstrip()
 
 
-def place_of(step: ToldStep, lines: Sequence[TextLine]) -> SeenText | None:
+def place_of(step: PlanStep, lines: Sequence[TextLine]) -> SeenText | None:
     """Return where the text of a step stands; `None` if it, or its anchor, is not there."""
     if not step.near:
         return find_text(lines, step.text)
@@ -143,7 +143,7 @@ def place_of(step: ToldStep, lines: Sequence[TextLine]) -> SeenText | None:
     return find_text(lines, step.text, anchors) if anchors else None
 
 
-def point_of(step: ToldStep, seen: SeenText, size: Size) -> Point:
+def point_of(step: PlanStep, seen: SeenText, size: Size) -> Point:
     """Return the pixel to click on: in the middle of a text, or beside it."""
     left, top, right, bottom = seen.box
     x, y = seen.centre
@@ -161,7 +161,7 @@ def point_of(step: ToldStep, seen: SeenText, size: Size) -> Point:
     return min(max(x, 0), width - 1), min(max(y, 0), height - 1)
 
 
-def keyboard_code(step: ToldStep) -> str:
+def keyboard_code(step: PlanStep) -> str:
     """Return the code of a step that types or presses keys."""
     if step.verb == "type":
         return f"pyautogui.write({step.text!r})"
@@ -171,7 +171,7 @@ def keyboard_code(step: ToldStep) -> str:
     return "\n".join([f"pyautogui.hotkey({keys})"] * step.count)
 
 
-def wheel_code(step: ToldStep, size: Size, clicks: int) -> str:
+def wheel_code(step: PlanStep, size: Size, clicks: int) -> str:
     """Return the code that turns the wheel in the middle of the picture."""
     height, width = size
     way = -clicks if step.way == "down" else clicks

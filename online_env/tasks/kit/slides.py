@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..hand import Hand
-from ..tree import TreeNode
+from ..tree_nodes import TreeNode
 from .office import APP, OfficeTask, plain
 
 PLACE_ICON = (89, 71)  # width and height in pixels of what LibreOffice 7.4 shows at an empty place
@@ -21,7 +21,7 @@ class SlideContent:
         texts: The other texts on it.
         notes: What the speaker reads.
         background: The colour of its own background, such as `FFFF00`; "" if it has none.
-        drawn: How many pictures, tables, lines and other shapes without a text were put on it.
+        shapes: The number of pictures, tables, lines and other shapes without a text on it.
         marks: Which of `bold`, `italic` and `underlined` parts of its texts were made.
         hidden: Whether it is left out when the slides are shown.
     """
@@ -30,7 +30,7 @@ class SlideContent:
     texts: tuple[str, ...] = ()
     notes: str = ""
     background: str = ""
-    drawn: int = 0
+    shapes: int = 0
     marks: tuple[str, ...] = ()
     hidden: bool = False
 
@@ -113,7 +113,7 @@ def slide_changes(
         yield f"there are {len(now)} slides, not {len(wanted)}"
         return
     for number, (found, right) in enumerate(zip(now, wanted, strict=True), 1):
-        for name in ("texts", "notes", "background", "drawn", "marks", "hidden"):
+        for name in ("texts", "notes", "background", "shapes", "marks", "hidden"):
             if name not in but and getattr(found, name) != getattr(right, name):
                 yield f"the {name} of slide {number} are {getattr(found, name)!r}"
 
@@ -163,7 +163,7 @@ def _slide(slide: Any) -> SlideContent:
         texts=tuple(text for text in texts if text),
         notes="" if notes is None else plain(notes.text).strip(),
         background=_background(slide),
-        drawn=sum(_is_drawn(shape) for shape in others),
+        shapes=sum(_is_drawn(shape) for shape in others),
         marks=_marks(slide),
         hidden=slide._element.get("show") in ("0", "false"),
     )

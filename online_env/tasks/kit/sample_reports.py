@@ -4,7 +4,7 @@ from typing import Any
 
 from hijack_data.rng import Stream
 
-from .words import CITIES, FIRST_NAMES, GOODS, LAST_NAMES, MONTHS, sample
+from .word_lists import CITIES, FIRST_NAMES, GOODS, LAST_NAMES, MONTHS, sample
 
 OCCASIONS = ("Harbour walk", "Autumn fair", "Chess weekend", "Museum night", "Boat repair")
 PARTS = ("Where we meet", "What it costs", "Who takes part", "How we travel", "If it rains")

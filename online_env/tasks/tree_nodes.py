@@ -44,7 +44,7 @@ class TreeNode:
         return (x1 + x2) // 2, (y1 + y2) // 2
 
 
-def nodes(xml: str) -> list[TreeNode]:
+def read_tree(xml: str) -> list[TreeNode]:
     """Return all nodes of the applications, in document order.
 
     Raises:

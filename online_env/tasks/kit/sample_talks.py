@@ -4,7 +4,7 @@ from typing import Any
 
 from hijack_data.rng import Stream
 
-from .words import CITIES, GOODS, sample, shuffled
+from .word_lists import CITIES, GOODS, sample, shuffled
 
 PARTS = {
     "Why {city}": "Friendly people\nA river and two hills\nGood bread",

@@ -57,7 +57,7 @@ def rearranged(
     wanted = list(folders)
     sources = [old for old, _ in moves]
     targets = [new for _, new in (*moves, *copies)]
-    yield from machine.untouched(*sources, *targets, *wanted)
+    yield from machine.unexpected_changes(*sources, *targets, *wanted)
     was = machine.before.files
     now = machine.snapshot().files
     for old, new in (*moves, *copies):

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from hijack_data.rng import Stream
 
 from .chromium import Bookmark
-from .words import sample
+from .word_lists import sample
 
 HOSTS = ("wiki.test", "news.test", "docs.test", "shop.test")
 FOLDERS = ("Recipes", "Travel", "Work", "Garden", "Hobbies", "School")

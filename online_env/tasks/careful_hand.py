@@ -12,15 +12,23 @@ from hijack_data.runs.run_log import REINIT
 
 from ..desktops.protocol import Desktop
 from ..errors import DesktopTimeoutError
-from .hand import BUTTONS, ENTRIES, MENU_ROLES, PATIENCE, PAUSE, Hand, title_click
-from .own_windows import DIALOGS, LOCKER, PANEL, OwnWindows, is_minimised, panel_button, program_of
-from .tree import TreeNode
+from .hand import BUTTONS, ENTRIES, MENU_ROLES, PAUSE, TIMEOUT_S, Hand, title_click
+from .own_windows import (
+    DIALOGS,
+    LOCKER,
+    PANEL,
+    OwnWindows,
+    is_minimised,
+    panel_button,
+    program_name,
+)
+from .tree_nodes import TreeNode
 
 PASSWORD = "password"
 _FIELDS = (*ENTRIES, "combo-box")
 _LEFT_OPEN = 3  # dialogs that one try may leave behind
 _CHANGES = 60  # that are taken back before another try
-LOST = 2.0  # seconds without what is wanted, until the hand looks for a reason
+LOST_S = 2.0  # seconds without what is wanted, until the hand looks for a reason
 _PATIENT = 3  # looks for a reason before an Escape, which also stops a page that is loading
 # An application whose tool bars keep the keyboard after a click: F6 takes it on to the next pane,
 # from which Escape leads back to the document.
@@ -37,7 +45,7 @@ class CarefulHand(Hand):
             closed.
         start: What to type to start the task's first application again; "" if it has none.
         password: The user's password.
-        patience: Seconds to wait for something before `DesktopTimeoutError`.
+        timeout: Seconds to wait for something before `DesktopTimeoutError`.
     """
 
     def __init__(
@@ -46,9 +54,9 @@ class CarefulHand(Hand):
         apps: Iterable[str],
         start: str = "",
         password: str = PASSWORD,
-        patience: float = PATIENCE,
+        timeout: float = TIMEOUT_S,
     ) -> None:
-        super().__init__(desktop, patience)
+        super().__init__(desktop, timeout)
         self._own = OwnWindows(apps, start)
         self._start = start
         self._password = password
@@ -64,7 +72,7 @@ class CarefulHand(Hand):
         """Return the nodes of the tree as it is now, and keep the titles of the own windows."""
         seen = super().look()
         shown = self._own.shown(seen)
-        self._programs |= {program_of(node.name) for node in shown if node.name}
+        self._programs |= {program_name(node.name) for node in shown if node.name}
         active = [node.app for node in self._own.frames(seen) if "active" in node.states]
         self._first = self._first or next(iter(active), "")
         self._had_document |= any(map(self._own.names_document, shown))
@@ -82,7 +90,7 @@ class CarefulHand(Hand):
             DesktopTimeoutError: No such node came in time, or the document had to be opened again:
                 what the oracle did in it is lost.
         """
-        self._lost = time.monotonic() + LOST
+        self._lost = time.monotonic() + LOST_S
         self._missed = 0
         return super().wait(what, test, meanwhile)
 
@@ -90,11 +98,11 @@ class CarefulHand(Hand):
         if time.monotonic() <= self._lost:
             return super()._while_missing(seen, meanwhile)
         self._missed += 1
-        if self.put_right(seen, escape=self._missed >= _PATIENT):
+        if self.recover(seen, escape=self._missed >= _PATIENT):
             raise DesktopTimeoutError(
                 "the document was closed; it is open again, but without what was done in it"
             )
-        self._lost = time.monotonic() + LOST
+        self._lost = time.monotonic() + LOST_S
         return False
 
     def run(self, code: str) -> None:
@@ -133,7 +141,7 @@ class CarefulHand(Hand):
     def _is_focused_field(self, node: TreeNode) -> bool:
         return node.role in _FIELDS and "focused" in node.states and self._own.has(node)
 
-    def put_right(self, seen: list[TreeNode] | None = None, escape: bool = True) -> bool:
+    def recover(self, seen: list[TreeNode] | None = None, escape: bool = True) -> bool:
         """Look for a reason why things are not as expected, and do something about it.
 
         Args:
@@ -157,15 +165,15 @@ class CarefulHand(Hand):
             self._escape(present)  # a menu or a dialog may be open
         return False
 
-    def begin_again(self) -> None:
+    def prepare_retry(self) -> None:
         """Put right what is in the way of another try: also what the last one left open or changed.
 
         A dialog, and a text being edited in it or under it, take an Escape each. A dialog may open
         another one when it is left: LibreOffice's question of the format opens the one to save.
         """
-        self.put_right()
+        self.recover()
         for _ in range(_LEFT_OPEN):
-            time.sleep(LOST / 2)  # a dialog that follows another takes a moment
+            time.sleep(LOST_S / 2)  # a dialog that follows another takes a moment
             seen = self.look()
             if not self._own.dialogs(seen):
                 break
@@ -199,7 +207,7 @@ class CarefulHand(Hand):
         if button is None or not window.name:
             return False
         self._click_plainly(button)
-        time.sleep(LOST / 2)  # a panel takes a moment to bring a window to the front
+        time.sleep(LOST_S / 2)  # a panel takes a moment to bring a window to the front
         return True
 
     def _take_back(self) -> None:
@@ -264,7 +272,7 @@ class CarefulHand(Hand):
         if self._own.shown(seen):
             return False
         for node in reversed(seen):  # the button of a dialog comes after that of its window
-            if node.app == PANEL and node.box and program_of(node.name) in self._programs:
+            if node.app == PANEL and node.box and program_name(node.name) in self._programs:
                 self._click_plainly(node)
                 self._until(self._own.shown)
                 return True
@@ -290,7 +298,7 @@ class CarefulHand(Hand):
         """
         if self._own.windows(seen):
             return False
-        time.sleep(LOST)
+        time.sleep(LOST_S)
         return not self._own.windows(self.look())
 
     def _is_closed(self, seen: list[TreeNode]) -> bool:
@@ -298,12 +306,12 @@ class CarefulHand(Hand):
         frames = self._own.frames(seen)
         if any(self._own.names_document(node) for node in frames):
             return False
-        bare = [node for node in frames if node.box and node.name == program_of(node.name) != ""]
+        bare = [node for node in frames if node.box and node.name == program_name(node.name) != ""]
         return self._had_document and bool(bare) and not self._own.dialogs(seen)
 
     def _unlock(self) -> None:
         super().run("pyautogui.press('shift')")  # the screen is black until a key is pressed
-        time.sleep(LOST / 2)
+        time.sleep(LOST_S / 2)
         super().run(f"pyautogui.write({self._password + chr(10)!r})")
         self._until(lambda seen: not any(n.app == LOCKER and n.box for n in seen))
 
@@ -344,7 +352,7 @@ class CarefulHand(Hand):
         super().run("pyautogui.hotkey('alt', 'f2')")
         self._until(lambda seen: any("appfinder" in node.app and node.box for node in seen))
         super().run(f"pyautogui.write({self._start!r})")
-        time.sleep(LOST / 2)  # the finder takes a text over a moment after it was typed
+        time.sleep(LOST_S / 2)  # the finder takes a text over a moment after it was typed
         super().run("pyautogui.press('enter')")
         self._until(self._own.shown)
 
@@ -357,7 +365,7 @@ class CarefulHand(Hand):
             self._asked = True
             super().run(REINIT)
         super().run("pyautogui.press('f5')")
-        time.sleep(LOST)
+        time.sleep(LOST_S)
 
     def _click_plainly(self, node: TreeNode) -> None:
         """Click on a button of the panel."""
@@ -378,7 +386,7 @@ class CarefulHand(Hand):
         super()._scroll()
 
     def _until(self, test: Callable[[list[TreeNode]], object]) -> None:
-        """Wait until a test of the tree passes, or for as long as the hand has patience."""
+        """Wait until a test of the tree passes, or for as long as the hand has timeout."""
         deadline = time.monotonic() + self._patience
         while time.monotonic() < deadline:
             if test(self.look()):

@@ -50,9 +50,9 @@ def tasks(
 
 
 def _list(set_: str | None, as_json: bool, out: Path | None) -> None:
-    from . import catalogue, sets
+    from . import catalogue, task_sets
 
-    found = catalogue.rows(sets.members(set_ or sets.SUITE))
+    found = catalogue.rows(task_sets.members(set_ or task_sets.SUITE))
     if out is not None:
         pictures = "images/suite" if (out.parent / "images" / "suite").is_dir() else ""
         write_atomic(out, catalogue.page(found, pictures))

@@ -12,7 +12,7 @@ from hijack_data.rng import Stream
 from ..base import Task
 from ..hand import ENTRIES, Hand
 from ..machine import Machine
-from ..tree import TreeNode
+from ..tree_nodes import TreeNode
 
 GIMP = "gimp"
 EXPORT = "file-"  # the part of GIMP that has a window for the options of a format
@@ -38,15 +38,15 @@ class PictureTask(Task):
 
     def prepare(self, machine: Machine) -> None:
         """Put the picture in place."""
-        machine.write(self.drawn.path, encoded(self.picture()))
+        machine.write(self.values.path, encoded(self.picture()))
 
-    def opens(self, machine: Machine) -> Sequence[str]:
+    def initial_app(self, machine: Machine) -> Sequence[str]:
         """Return GIMP with the picture."""
-        return "gimp", machine.path(self.drawn.path)
+        return "gimp", machine.path(self.values.path)
 
     def picture(self) -> Image.Image:
         """Return the picture as it is at first."""
-        return drawing(Stream(self.seed, self.name), *self.drawn.size)
+        return drawing(Stream(self.seed, self.name), *self.values.size)
 
 
 def drawing(stream: Stream, width: int, height: int) -> Image.Image:
@@ -258,8 +258,8 @@ def gimp_export(hand: Hand, path: str, quality: int | None = None) -> None:
         hand.replace(str(quality))
         hand.press("tab")
     hand.button("Export", EXPORT)
-    hand.gone("dialog", _OPTIONS)
-    hand.gone("dialog", app=GIMP)
+    hand.wait_until_gone("dialog", _OPTIONS)
+    hand.wait_until_gone("dialog", app=GIMP)
 
 
 def set_canvas(hand: Hand, width: int, height: int, left: int, top: int) -> None:
@@ -273,7 +273,7 @@ def set_canvas(hand: Hand, width: int, height: int, left: int, top: int) -> None
     for field, value in zip(fields[1:], (height, left, top), strict=False):
         _enter(hand, field, value)
     hand.button("Resize", GIMP)
-    hand.gone("dialog", "Set Image Canvas Size", GIMP)
+    hand.wait_until_gone("dialog", "Set Image Canvas Size", GIMP)
 
 
 def _enter(hand: Hand, field: TreeNode, value: int) -> None:
@@ -283,7 +283,7 @@ def _enter(hand: Hand, field: TreeNode, value: int) -> None:
 
 def _canvas_fields(hand: Hand) -> tuple[list[TreeNode], TreeNode]:
     """Return the four fields for numbers, and the chain between the first two."""
-    return hand.at_rest("dialog Set Image Canvas Size", lambda: _canvas_parts(hand))
+    return hand.wait_until_stable("dialog Set Image Canvas Size", lambda: _canvas_parts(hand))
 
 
 def _canvas_parts(hand: Hand) -> tuple[list[TreeNode], TreeNode] | None:
