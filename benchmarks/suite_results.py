@@ -186,7 +186,7 @@ def by_task(tasks: Mapping[str, Task], played: Sequence[Played]) -> str:
 
 def all_tasks() -> dict[str, Task]:
     """Return the tasks of the suite by name."""
-    return {name: get(name) for name in suite.listed()}
+    return {name: get(name) for name in suite.class_references()}
 
 
 def page(agents: Mapping[str, Sequence[Played]]) -> str:

@@ -108,7 +108,7 @@ def estimate(
 
 def expected(bench: Bench, listed: Sequence[Job], history: History) -> list[Expected]:
     """Return the expected cost of each job; the arguments are those of `estimate`."""
-    measured = task_sets.measured()
+    measured = task_sets.read_measurements()
     return [_expected(bench, job, history, measured) for job in listed]
 
 

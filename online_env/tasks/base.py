@@ -147,9 +147,9 @@ class Task(ABC):
         machine.begin()
         self.prepare(machine)
         machine.remember()
-        opened = self.initial_app(machine)
-        if opened:
-            machine.open(*opened)
+        app = self.initial_app(machine)
+        if app:
+            machine.open(*app)
 
     def validate(self, machine: Machine, answer: str = "DONE") -> Verdict:
         """Judge the result; an error of `problems` is passed on, and is never a 0.
@@ -170,10 +170,10 @@ class Task(ABC):
                 0.0, f"the task cannot be done ({self.infeasible}): FAIL would have been right"
             )
         machine.wait_until_idle(self.apps)
-        found = list(self.problems(machine))
-        found += machine.unexpected_site_changes(but=self.sites)
-        if found:
-            return Verdict(0.0, "; ".join(found))
+        problems = list(self.problems(machine))
+        problems += machine.unexpected_site_changes(but=self.sites)
+        if problems:
+            return Verdict(0.0, "; ".join(problems))
         return Verdict(1.0, "FAIL was right" if self.infeasible else "done as asked")
 
     def teardown(self, machine: Machine) -> None:

@@ -34,7 +34,7 @@ class FolderDesktop:
         """Run a command in the folder; a string goes to the shell."""
         if any(word in argv for word in _NOT_HERE):
             return RunResult("success", returncode=1)
-        done = subprocess.run(
+        process = subprocess.run(
             argv,
             shell=isinstance(argv, str),
             cwd=self._home,
@@ -42,9 +42,9 @@ class FolderDesktop:
             capture_output=True,
             timeout=timeout,
         )
-        output = done.stdout.decode("utf-8", "replace")
-        error = done.stderr.decode("utf-8", "replace")
-        return RunResult("success", output, error, done.returncode)
+        output = process.stdout.decode("utf-8", "replace")
+        error = process.stderr.decode("utf-8", "replace")
+        return RunResult("success", output, error, process.returncode)
 
     def read_file(self, path: str) -> bytes:
         """Return the content of a file.
@@ -104,5 +104,5 @@ class FolderDesktop:
         """Nothing: the folder stays."""
 
 
-def _no_screen(what: str) -> DesktopError:
-    return DesktopError(f"a folder has no screen, so it has no {what}; use a real desktop")
+def _no_screen(operation: str) -> DesktopError:
+    return DesktopError(f"a folder has no screen, so it has no {operation}; use a real desktop")

@@ -24,8 +24,8 @@ class OwnWindows:
     """
 
     def __init__(self, apps: Iterable[str], start: str) -> None:
-        known = [APPS[name] for name in apps if name in APPS]
-        self._names = [name for app in known for name in (app.tree, app.helper) if name]
+        task_apps = [APPS[name] for name in apps if name in APPS]
+        self._names = [name for app in task_apps for name in (app.tree, app.helper) if name]
         self._documents = {PurePath(word).name for word in shlex.split(start)[1:] if "/" in word}
 
     def has(self, node: TreeNode) -> bool:
@@ -45,45 +45,45 @@ class OwnWindows:
             return False
         return bool(self._names) and not node.app.lower().startswith(_SYSTEM)
 
-    def windows(self, seen: list[TreeNode]) -> list[TreeNode]:
+    def windows(self, nodes: list[TreeNode]) -> list[TreeNode]:
         """Return the own windows and dialogs, whether they show or not."""
-        return [node for node in seen if self.has_window(node)]
+        return [node for node in nodes if self.has_window(node)]
 
-    def shown(self, seen: list[TreeNode]) -> list[TreeNode]:
+    def shown(self, nodes: list[TreeNode]) -> list[TreeNode]:
         """Return those that show."""
-        return [node for node in self.windows(seen) if node.box]
+        return [node for node in self.windows(nodes) if node.box]
 
-    def frames(self, seen: list[TreeNode]) -> list[TreeNode]:
+    def frames(self, nodes: list[TreeNode]) -> list[TreeNode]:
         """Return those that are no dialogs."""
-        return [node for node in self.windows(seen) if node.role == "frame"]
+        return [node for node in self.windows(nodes) if node.role == "frame"]
 
-    def dialogs(self, seen: list[TreeNode]) -> list[TreeNode]:
+    def dialogs(self, nodes: list[TreeNode]) -> list[TreeNode]:
         """Return the own dialogs that show beside an own frame; some tasks have a dialog alone.
 
         A frame under a modal dialog may not say that it shows. An alert may be a part of a web
         page; one that is modal is a window.
         """
-        if not self.frames(seen):
+        if not self.frames(nodes):
             return []
-        found = [node for node in self.shown(seen) if node.role in DIALOGS]
-        return [node for node in found if node.role != "alert" or "modal" in node.states]
+        candidates = [node for node in self.shown(nodes) if node.role in DIALOGS]
+        return [node for node in candidates if node.role != "alert" or "modal" in node.states]
 
     def names_document(self, window: TreeNode) -> bool:
         """Return whether the title of a window names a document that the task opened."""
         return any(name in window.name for name in self._documents)
 
 
-def panel_button(window: TreeNode, seen: list[TreeNode]) -> TreeNode | None:
+def panel_button(window: TreeNode, nodes: list[TreeNode]) -> TreeNode | None:
     """Return the button of the panel with the name of a window."""
-    buttons = (node for node in seen if node.app == PANEL and node.box)
+    buttons = (node for node in nodes if node.app == PANEL and node.box)
     return next((node for node in buttons if node.name == window.name), None)
 
 
-def is_minimised(window: TreeNode, seen: list[TreeNode]) -> bool:
+def is_minimised(window: TreeNode, nodes: list[TreeNode]) -> bool:
     """Return whether a window of that application and name is minimised."""
     return any(
         node.app == window.app and node.name == window.name and "iconified" in node.states
-        for node in seen
+        for node in nodes
     )
 
 

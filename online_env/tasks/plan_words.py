@@ -140,25 +140,25 @@ class _StepReader:
         return PlanStep(line=self._line, verb="wait", text=text, near=self._near())
 
     def _press(self) -> PlanStep:
-        found = self._taken(_KEYS)
-        if found is None:
+        match = self._taken(_KEYS)
+        if match is None:
             raise PlanWordsError("press takes keys, such as: press ctrl+s, or: press tab 3 times")
-        keys = tuple(key.lower() for key in found["keys"].split("+"))
+        keys = tuple(key.lower() for key in match["keys"].split("+"))
         for key in keys:
             if len(key) > 1 and key not in _NAMED_KEYS:
                 raise PlanWordsError(f"there is no key {key!r}{suggest(key, _NAMED_KEYS)}")
-        return PlanStep(line=self._line, verb="press", keys=keys, count=_count(found["count"]))
+        return PlanStep(line=self._line, verb="press", keys=keys, count=_count(match["count"]))
 
     def _scroll(self) -> PlanStep:
-        found = self._taken(_SCROLL)
-        if found is None:
+        match = self._taken(_SCROLL)
+        if match is None:
             raise PlanWordsError('scroll takes a way: scroll down 3, or: scroll down to "Send"')
         return PlanStep(
             line=self._line,
             verb="scroll",
-            way=found["way"],
-            count=_count(found["count"]),
-            text=self._text("scroll down to") if found["to"] else "",
+            way=match["way"],
+            count=_count(match["count"]),
+            text=self._text("scroll down to") if match["to"] else "",
         )
 
     def _near(self) -> str:
@@ -180,18 +180,18 @@ class _StepReader:
 
     def _taken(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
         """Take what matches, if it is whole words."""
-        found = pattern.match(self._rest)
-        if found is None:
+        match = pattern.match(self._rest)
+        if match is None:
             return None
-        rest = self._rest[found.end() :]
-        if rest and not rest[0].isspace() and rest[0] != '"':
+        remainder = self._rest[match.end() :]
+        if remainder and not remainder[0].isspace() and remainder[0] != '"':
             return None
-        self._rest = rest.strip()
-        return found
+        self._rest = remainder.strip()
+        return match
 
 
 def _count(digits: str | None) -> int:
-    shown = (digits or "1").lstrip("0") or "0"
-    if len(shown) > len(str(MOST)) or not 1 <= int(shown) <= MOST:
-        raise PlanWordsError(f"{shown[:20]} times is not 1 to {MOST}")
-    return int(shown)
+    number = (digits or "1").lstrip("0") or "0"
+    if len(number) > len(str(MOST)) or not 1 <= int(number) <= MOST:
+        raise PlanWordsError(f"{number[:20]} times is not 1 to {MOST}")
+    return int(number)

@@ -67,7 +67,7 @@ def test_jobs_go_in_order_to_the_first_machine_that_is_free(durations, machines,
 
 
 def test_a_task_takes_the_oracle_what_the_suite_says():
-    known = task_sets.measured()[TASK]
+    known = task_sets.read_measurements()[TASK]
     (found,) = expected(BENCH, [Job("oracle", TASK, "marks", 0)], History())
     assert (found.seconds, found.basis) == (pytest.approx(known.seconds), "suite")
     assert found.bytes == pytest.approx((known.actions + 2) * STEP_BYTES)

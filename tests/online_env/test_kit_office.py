@@ -192,7 +192,7 @@ def test_text_changes_sees_what_else_was_done_to_letters(mark: str) -> None:
 def test_text_changes_says_what_differs() -> None:
     before = documents.read_text(dump(documents.document("T", ["One.", "Two."])))
     assert list(documents.text_changes(before, before)) == []
-    now = documents.changed(before, "One.", style="Heading 1")
+    now = documents.replace_paragraph(before, "One.", style="Heading 1")
     assert list(documents.text_changes(now, before)) == [
         "the style of paragraph 2 is 'Heading 1', not 'Normal'"
     ]

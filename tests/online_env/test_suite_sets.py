@@ -20,7 +20,7 @@ HELD_OUT = "aeebe8e4ff8b18d0"
 
 def test_every_task_is_on_exactly_one_side() -> None:
     training, held_out = task_sets.members("training"), task_sets.members("held_out")
-    assert sorted([*training, *held_out]) == sorted(suite.listed())
+    assert sorted([*training, *held_out]) == sorted(suite.class_references())
     assert set(training) & set(held_out) == set()
 
 
@@ -30,16 +30,18 @@ def test_no_task_moves_to_the_other_side() -> None:
 
 
 def test_core_and_small_follow_from_the_rule() -> None:
-    domains, lengths = task_sets.chosen_from()
+    domains, lengths = task_sets.candidates()
     assert domains == {name: get(name).domain for name in domains}
-    assert list(task_sets.members("core")) == task_sets.chosen(domains, lengths, task_sets.CORE)
+    assert list(task_sets.members("core")) == task_sets.choose(domains, lengths, task_sets.CORE)
     light = {name: domain for name, domain in domains.items() if task_sets.is_light(get(name).apps)}
     assert list(task_sets.members("small")) == task_sets.quick(light, lengths, task_sets.SMALL)
 
 
 def test_every_task_was_measured() -> None:
-    found = task_sets.measured()
-    assert sorted(found) == sorted(suite.listed()), "measure: python benchmarks/suite.py --write"
+    found = task_sets.read_measurements()
+    assert sorted(found) == sorted(suite.class_references()), (
+        "measure: python benchmarks/suite.py --write"
+    )
     assert max(measured.actions for measured in found.values()) <= 25
     assert min(measured.actions for measured in found.values()) >= 2
 
@@ -47,9 +49,9 @@ def test_every_task_was_measured() -> None:
 def test_the_rule_takes_turns_over_domains_and_lengths() -> None:
     domains = {"a1": "a", "a2": "a", "a3": "a", "b1": "b", "c1": "c", "c2": "c"}
     lengths = {"a1": 1, "a2": 5, "a3": 9, "b1": 4, "c1": 2, "c2": 3}
-    assert task_sets.chosen(domains, lengths, 3) == ["a2", "b1", "c2"]
-    assert task_sets.chosen(domains, lengths, 5) == ["a2", "a3", "b1", "c1", "c2"]
-    assert task_sets.chosen(domains, lengths, 99) == sorted(domains)
+    assert task_sets.choose(domains, lengths, 3) == ["a2", "b1", "c2"]
+    assert task_sets.choose(domains, lengths, 5) == ["a2", "a3", "b1", "c1", "c2"]
+    assert task_sets.choose(domains, lengths, 99) == sorted(domains)
     assert task_sets.quick(domains, lengths, 2) == ["b1", "c2"]
 
 

@@ -34,7 +34,7 @@ def begin(hand: Hand, address: str, heading: Name) -> None:
     deadline = time.monotonic() + _LOADING
     while time.monotonic() < deadline:
         bar = hand.see("entry", BAR, app=APP)
-        if bar is not None and _plain(bar.text) not in ("", _plain(address)):
+        if bar is not None and _shown_address(bar.text) not in ("", _shown_address(address)):
             break
         if hand.see("heading", heading, app=APP) is not None:
             return
@@ -42,7 +42,7 @@ def begin(hand: Hand, address: str, heading: Name) -> None:
     visit(hand, address, heading)
 
 
-def _plain(address: str) -> str:
+def _shown_address(address: str) -> str:
     """Return an address as the bar shows it."""
     return address.removeprefix("http://").rstrip("/")
 
@@ -119,7 +119,7 @@ def tick(hand: Hand, label: Name) -> None:
     hand.find(BOXES, label, app=APP, state="checked")
 
 
-def has(hand: Hand, roles: Roles, name: Name) -> bool:
+def shows_text(hand: Hand, roles: Roles, name: Name) -> bool:
     """Return whether the page has a node, on the screen or further down; it is in sight then.
 
     What is not on the screen is not in the tree of this browser, so the page is scrolled.
@@ -127,14 +127,14 @@ def has(hand: Hand, roles: Roles, name: Name) -> bool:
     before: list[TreeNode] = []
     for _ in range(_SCREENS):
         time.sleep(0.3)  # a page comes, and scrolls, piece by piece
-        seen = page(hand)
-        if any(fits(roles, name)(node) for node in seen):
+        nodes = page(hand)
+        if any(fits(roles, name)(node) for node in nodes):
             return True
-        if seen and seen == before:
+        if nodes and nodes == before:
             hand.run("pyautogui.scroll(50)")
             return False
         hand.run("pyautogui.scroll(-3)")
-        before = seen
+        before = nodes
     return False
 
 
@@ -145,12 +145,12 @@ def starting(*parts: str) -> re.Pattern[str]:
 
 def page(hand: Hand) -> list[TreeNode]:
     """Return what shows of the page, without the browser's own parts, from top to bottom."""
-    seen = hand.look()
-    whole = next((node for node in seen if node.role == "document-web" and node.box), None)
-    if whole is None or whole.box is None:
+    nodes = hand.look()
+    document = next((node for node in nodes if node.role == "document-web" and node.box), None)
+    if document is None or document.box is None:
         return []
-    left, top, right, bottom = whole.box
-    inside = [node for node in seen if node.box and APP in node.app.lower()]
+    left, top, right, bottom = document.box
+    inside = [node for node in nodes if node.box and APP in node.app.lower()]
     return [
         node
         for node in inside

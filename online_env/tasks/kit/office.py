@@ -62,11 +62,11 @@ class OfficeTask(Task):
         """The content of the document as it was made."""
         return self.content(dump(self.made()))
 
-    def judge(self, now: Any, before: Any) -> Iterator[str]:
+    def judge(self, after: Any, before: Any) -> Iterator[str]:
         """Yield what is wrong with the content of the document.
 
         Args:
-            now: What `content` returned of it.
+            after: What `content` returned of it.
             before: The same of the document as it was made.
         """
         raise NotImplementedError
@@ -84,11 +84,11 @@ class OfficeTask(Task):
         """Yield other files that changed, and what `judge` yields."""
         new = [getattr(self.values, key) for key in self.added]
         yield from machine.unexpected_changes(self.values.path, *new)
-        now = self.read(machine, self.values.path)
-        if now is None:
+        after = self.read(machine, self.values.path)
+        if after is None:
             yield f"{self.values.path} is gone, or in another format than its name says"
             return
-        yield from self.judge(now, self.before)
+        yield from self.judge(after, self.before)
 
     def read(self, machine: Machine, path: str) -> Any:
         """Return the content of a document; `None` if there is none that can be read."""
@@ -126,7 +126,7 @@ def dump(document: Saved) -> bytes:
     return stream.getvalue()
 
 
-def plain(text: str) -> str:
+def straighten_quotes(text: str) -> str:
     """Return a text as it was typed: with straight quotation marks, and no space at line ends.
 
     LibreOffice makes quotation marks and apostrophes round when they are typed.
@@ -139,11 +139,11 @@ def save(hand: Hand) -> None:
     """Save the open document in the format of its name, and wait until that is done."""
     _await_change(hand)
     hand.press("ctrl", "s")
-    what = "question of the format, or saved document"
-    asked = patiently(lambda: hand.wait(what, _is_asked_or_saved))
-    if asked.role == "alert":
+    description = "question of the format, or saved document"
+    node = with_retries(lambda: hand.wait(description, _is_asked_or_saved))
+    if node.role == "alert":
         keep_format(hand)
-    patiently(lambda: hand.wait("saved document", _is_saved))
+    with_retries(lambda: hand.wait("saved document", _is_saved))
 
 
 def keep_format(hand: Hand) -> None:
@@ -164,17 +164,17 @@ def find_text(hand: Hand, text: str) -> None:
 def replace_all(hand: Hand, old: str, new: str) -> None:
     """Replace a text everywhere by the dialog for it."""
     hand.press("ctrl", "h")
-    patiently(lambda: hand.find("dialog", "Find and Replace", app=APP))
+    with_retries(lambda: hand.find("dialog", "Find and Replace", app=APP))
     hand.replace(old)
     hand.click_on("panel", "Replace With", app=APP)
     hand.replace(new)
     hand.button("Replace All", app=APP)
-    patiently(lambda: hand.wait("changed document", _is_changed))  # Impress says nothing
+    with_retries(lambda: hand.wait("changed document", _is_changed))  # Impress says nothing
     hand.button("Close", app=APP)
     hand.wait_until_gone("dialog", "Find and Replace", app=APP)
 
 
-def patiently(look: Callable[[], TreeNode]) -> TreeNode:
+def with_retries(look: Callable[[], TreeNode]) -> TreeNode:
     """Return what a look finds; LibreOffice may not answer for a minute when it loads a part.
 
     Raises:
@@ -201,7 +201,7 @@ def open_document(hand: Hand, path: str, role: str, name: str) -> None:
         return
     hand.press("ctrl", "o")
     hand.choose_file(path, "Open", app=APP)
-    patiently(lambda: hand.find(role, name, app=APP))
+    with_retries(lambda: hand.find(role, name, app=APP))
 
 
 def menu(hand: Hand, *names: str) -> None:

@@ -21,10 +21,10 @@ def visit(hand: Hand, address: str, title: str) -> None:
     hand.press("ctrl", "l")
     # Without Delete, the address bar may complete what was typed to another address.
     hand.run(f"pyautogui.write({address!r}); pyautogui.press('delete'); pyautogui.press('enter')")
-    arrived(hand, title)
+    wait_for_page(hand, title)
 
 
-def arrived(hand: Hand, title: str) -> None:
+def wait_for_page(hand: Hand, title: str) -> None:
     """Wait for the page whose title begins so."""
     for role in ("frame", "document-web"):
         hand.find(role, re.compile(re.escape(title)), CHROME)
@@ -34,7 +34,7 @@ def follow(hand: Hand, name: Name, title: str = "") -> None:
     """Click on a link or a button, and wait for the page whose title begins so."""
     hand.click_on(LINKS, name, CHROME, scroll=True)
     if title:
-        arrived(hand, title)
+        wait_for_page(hand, title)
 
 
 def enter(hand: Hand, name: Name, text: str, role: Roles = "entry") -> None:

@@ -67,8 +67,8 @@ def rename(old: str, new: str) -> list[str]:
 
 def choose(names: Sequence[str]) -> list[str]:
     """Tell how to select files that the file manager shows."""
-    first, *others = names
-    return [f"click {quoted(first)}", *(f"ctrl-click {quoted(name)}" for name in others)]
+    first, *other_names = names
+    return [f"click {quoted(first)}", *(f"ctrl-click {quoted(name)}" for name in other_names)]
 
 
 def move(names: Sequence[str], folder: str) -> list[str]:
@@ -161,12 +161,12 @@ def replace_in_office(old: str, new: str) -> list[str]:
     ]
 
 
-def open_in_office(path: str, shown: str) -> list[str]:
+def open_in_office(path: str, visible_text: str) -> list[str]:
     """Tell how to open another document, relative to the home folder, and what to see then."""
     return [
         "press ctrl+o",
         *name_file(path),
-        f"wait for {quoted(shown)}",
+        f"wait for {quoted(visible_text)}",
         "wait",  # keys that come at once go to the document before
     ]
 

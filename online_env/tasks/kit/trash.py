@@ -9,27 +9,29 @@ _FILES = ".local/share/Trash/files"
 _INFO = ".local/share/Trash/info"
 
 
-def throw_away(machine: Machine, path: str, data: bytes, when: str = "2024-05-06T07:08:09") -> None:
+def move_to_trash(
+    machine: Machine, path: str, data: bytes, deletion_date: str = "2024-05-06T07:08:09"
+) -> None:
     """Put a file into the trash that was at a path, relative to the home folder."""
     name = PurePosixPath(path).name
-    info = f"[Trash Info]\nPath={quote(machine.path(path))}\nDeletionDate={when}\n"
+    info = f"[Trash Info]\nPath={quote(machine.path(path))}\nDeletionDate={deletion_date}\n"
     machine.write(f"{_INFO}/{name}.trashinfo", info)
     # What watches the trash reads it as soon as the file is there, and never again.
     machine.write(f"{_FILES}/{name}", data)
 
 
-def thrown_away(machine: Machine) -> dict[str, bytes]:
+def trashed_files(machine: Machine) -> dict[str, bytes]:
     """Return what is in the trash: content by path, relative to the home folder, of old.
 
     A folder has no content, and is left out.
     """
-    found: dict[str, bytes] = {}
+    files: dict[str, bytes] = {}
     for name in machine.names(_INFO) or ():
         info = machine.text(f"{_INFO}/{name}") or ""
         data = machine.read(f"{_FILES}/{name.removesuffix('.trashinfo')}")
         if data is not None:
-            found[_place(info).removeprefix(f"{machine.home}/")] = data
-    return found
+            files[_place(info).removeprefix(f"{machine.home}/")] = data
+    return files
 
 
 def take_out(machine: Machine, path: str) -> None:

@@ -55,13 +55,13 @@ class RenameBookmark(Task):
         hand.find("push-button", f"More actions for {self.values.new}")
 
     def wrong_results(self):
-        drawn, write = self.values, chromium.write_bookmarks
-        added = [*drawn.entries, (drawn.new, drawn.url)]
-        as_folder = [(drawn.new if n == drawn.folder else n, v) for n, v in drawn.entries]
+        values, write = self.values, chromium.write_bookmarks
+        with_copy = [*values.entries, (values.new, values.url)]
+        as_folder = [(values.new if n == values.folder else n, v) for n, v in values.entries]
         return {
-            "added, not renamed": lambda m: write(m, added),
+            "added, not renamed": lambda m: write(m, with_copy),
             "the folder": lambda m: write(m, as_folder),
-            "another name": lambda m: write(m, self.renamed(new=drawn.new + "!")),
+            "another name": lambda m: write(m, self.renamed(new=values.new + "!")),
             "all others removed": lambda m: write(m, self.renamed()[:1]),
         }
 

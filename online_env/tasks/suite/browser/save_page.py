@@ -72,7 +72,7 @@ class SavePage(Task):
 
     def wrong_results(self):
         path, title = self.values.path, f"<title>{self.values.title} - Openfolio</title>"
-        other = next(slug for slug in articles("wiki") if slug not in self.values.place)
+        other_slug = next(slug for slug in articles("wiki") if slug not in self.values.place)
 
         def put(change):
             return lambda m: m.write(path, change(self.served(m)))
@@ -80,7 +80,7 @@ class SavePage(Task):
         return {
             "in another folder": lambda m: m.write(f"Music/{self.values.file}", self.served(m)),
             "the text alone": put(lambda page: seen_text(page, "article")),
-            "another page": lambda m: m.write(path, self.served(m, f"/wiki/{other}")),
+            "another page": lambda m: m.write(path, self.served(m, f"/wiki/{other_slug}")),
             "the form to edit it": lambda m: m.write(
                 path, self.served(m, self.values.place.replace("wiki", "edit", 1))
             ),

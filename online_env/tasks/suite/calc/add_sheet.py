@@ -38,14 +38,14 @@ class AddSheet(SheetTask):
     def made(self):
         return book(self.values.rows)
 
-    def judge(self, now, before):
+    def judge(self, after, before):
         new, text = self.values.new, self.values.text
-        yield from changes(now, before, {new})
-        if now.sheets != (*before.sheets, new):
-            yield f"the sheets are {', '.join(now.sheets)}"
+        yield from changes(after, before, {new})
+        if after.sheets != (*before.sheets, new):
+            yield f"the sheets are {', '.join(after.sheets)}"
             return
-        if now.values(new) != {"A1": text}:
-            yield f"the sheet {new} holds {now.values(new)!r}"
+        if after.values(new) != {"A1": text}:
+            yield f"the sheet {new} holds {after.values(new)!r}"
 
     def oracle(self, hand):
         if hand.see("page-tab", self.values.new, app="soffice") is None:
@@ -87,8 +87,8 @@ class AddSheet(SheetTask):
     def with_sheet(self, name, cells, index):
         """Return what adds a sheet."""
 
-        def change(found):
-            sheet = found.create_sheet(name, index)
+        def change(workbook):
+            sheet = workbook.create_sheet(name, index)
             for address, value in cells.items():
                 sheet[address] = value
 

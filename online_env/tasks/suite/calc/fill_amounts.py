@@ -47,13 +47,13 @@ class FillAmounts(SheetTask):
         """Return the values by address."""
         return {f"D{n}": row[1] * row[2] for n, row in enumerate(self.values.rows, 2)}
 
-    def judge(self, now, before):
+    def judge(self, after, before):
         amounts = self.amounts()
-        yield from changes(now, before, set(amounts))
+        yield from changes(after, before, set(amounts))
         for address, amount in amounts.items():
-            if not is_number(now.value(address), amount):
-                yield f"{address} is {now.value(address)!r}, not {amount:.2f}"
-            if not uses(now.entry(address), f"B{address[1:]}", f"C{address[1:]}"):
+            if not is_number(after.value(address), amount):
+                yield f"{address} is {after.value(address)!r}, not {amount:.2f}"
+            if not uses(after.entry(address), f"B{address[1:]}", f"C{address[1:]}"):
                 yield f"{address} holds no formula with columns B and C of its row"
 
     def oracle(self, hand):
@@ -99,11 +99,11 @@ class FillAmounts(SheetTask):
         formulas = {f"D{n}": f"=C{n}*B{n}" for n in range(2, len(amounts) + 2)}
 
         def outcome(machine):
-            found = self.load(machine.read(self.values.path))
+            workbook = self.load(machine.read(self.values.path))
             for address, entry in {**formulas, **but}.items():
-                found.active[address] = entry
+                workbook.active[address] = entry
             first = amounts["D2"]
             values = {a: first if but.get(a) == "=B2*C2" else amounts[a] for a in amounts}
-            machine.write(self.values.path, with_values(dump(found), values))
+            machine.write(self.values.path, with_values(dump(workbook), values))
 
         return outcome

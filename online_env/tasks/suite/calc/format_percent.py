@@ -39,15 +39,17 @@ class FormatPercent(SheetTask):
         """Return the addresses of the numbers."""
         return [f"C{number}" for number in range(2, len(self.values.rows) + 2)]
 
-    def judge(self, now, before):
+    def judge(self, after, before):
         cells = dict(before.cells)
         for address in self.cells():
             place = (before.sheets[0], address)
-            found = now.cells.get(place, before.cells[place]).number_format
-            cells[place] = replace(cells[place], number_format=found)
-            if "%" not in re.sub(r'"[^"]*"|\\.', "", found):  # a quoted sign is only a letter
-                yield f"{address} has the format {found}"
-        yield from changes(now, replace(before, cells=cells))
+            number_format = after.cells.get(place, before.cells[place]).number_format
+            cells[place] = replace(cells[place], number_format=number_format)
+            if "%" not in re.sub(
+                r'"[^"]*"|\\.', "", number_format
+            ):  # a quoted sign is only a letter
+                yield f"{address} has the format {number_format}"
+        yield from changes(after, replace(before, cells=cells))
 
     def oracle(self, hand):
         cells = self.cells()
@@ -82,8 +84,8 @@ class FormatPercent(SheetTask):
     def shown(self, addresses, look="0.0%"):
         """Return what gives cells a format."""
 
-        def change(found):
+        def change(workbook):
             for address in addresses:
-                found.active[address].number_format = look
+                workbook.active[address].number_format = look
 
         return self.edited(change)

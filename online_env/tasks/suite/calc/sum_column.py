@@ -46,11 +46,11 @@ class SumColumn(SheetTask):
             {"Expenses": [("Nr", "Person", "Purpose", self.values.column), *self.values.rows]}
         )
 
-    def judge(self, now, before):
-        yield from changes(now, before, {self.values.cell})
-        found = now.value(self.values.cell)
-        if not is_number(found, self.values.total):
-            yield f"{self.values.cell} is {found!r}, not {self.values.total}"
+    def judge(self, after, before):
+        yield from changes(after, before, {self.values.cell})
+        actual = after.value(self.values.cell)
+        if not is_number(actual, self.values.total):
+            yield f"{self.values.cell} is {actual!r}, not {self.values.total}"
 
     def oracle(self, hand):
         enter(hand, self.values.cell, self.values.formula)

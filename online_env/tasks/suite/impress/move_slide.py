@@ -27,13 +27,13 @@ class MoveSlide(SlideTask):
     )
 
     def draw(self, stream):
-        drawn = talk(stream)
-        index = stream.integer(1, len(drawn["slides"]) - 2)
+        values = talk(stream)
+        index = stream.integer(1, len(values["slides"]) - 2)
         order = stream.choice(("first", "last"))
         return {
-            **drawn,
+            **values,
             "index": index,
-            "title": drawn["slides"][index][0],
+            "title": values["slides"][index][0],
             "order": order,
             "where": {"first": "the very beginning", "last": "the end"}[order],
         }
@@ -41,14 +41,14 @@ class MoveSlide(SlideTask):
     def made(self):
         return presentation(self.values.slides)
 
-    def judge(self, now, before):
-        yield from slide_changes(now, [before[number] for number in self.wanted()])
+    def judge(self, after, before):
+        yield from slide_changes(after, [before[number] for number in self.wanted()])
 
     def wanted(self):
         """Return the present indices of the slides in their new order."""
         index = self.values.index
-        others = [number for number in range(len(self.values.slides)) if number != index]
-        return [index, *others] if self.values.order == "first" else [*others, index]
+        other_slides = [number for number in range(len(self.values.slides)) if number != index]
+        return [index, *other_slides] if self.values.order == "first" else [*other_slides, index]
 
     def oracle(self, hand):
         count = len(self.values.slides)
@@ -71,14 +71,16 @@ class MoveSlide(SlideTask):
         ]
 
     def wrong_results(self):
-        wanted = self.wanted()
+        order = self.wanted()
         index = self.values.index
-        others = [number for number in wanted if number != index]
+        other_slides = [number for number in order if number != index]
         is_first = self.values.order == "first"
         return {
-            "to the other end": self.put([*others, index] if is_first else [index, *others]),
-            "the others turned": self.put([index, *others[::-1]]),
-            "without it": self.put(others),
+            "to the other end": self.put(
+                [*other_slides, index] if is_first else [index, *other_slides]
+            ),
+            "the others turned": self.put([index, *other_slides[::-1]]),
+            "without it": self.put(other_slides),
         }
 
     def right_result(self, machine):
@@ -86,4 +88,4 @@ class MoveSlide(SlideTask):
 
     def put(self, order):
         """Return what leaves some slides, in an order."""
-        return self.edited(lambda made: order_slides(made, order))
+        return self.edited(lambda presentation_file: order_slides(presentation_file, order))

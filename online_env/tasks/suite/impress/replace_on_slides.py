@@ -23,15 +23,15 @@ class ReplaceOnSlides(SlideTask):
     )
 
     def draw(self, stream):
-        drawn = talk(stream)
-        others = [city for city in CITIES if city != drawn["city"]]
-        return {**drawn, "old": drawn["city"], "new": stream.choice(others)}
+        values = talk(stream)
+        other_cities = [city for city in CITIES if city != values["city"]]
+        return {**values, "old": values["city"], "new": stream.choice(other_cities)}
 
     def made(self):
         return presentation(self.values.slides)
 
-    def judge(self, now, before):
-        wanted = [
+    def judge(self, after, before):
+        expected = [
             replace(
                 slide,
                 title=self.moved(slide.title),
@@ -39,7 +39,7 @@ class ReplaceOnSlides(SlideTask):
             )
             for slide in before
         ]
-        yield from slide_changes(now, wanted)
+        yield from slide_changes(after, expected)
 
     def moved(self, text):
         """Return a text with the new name."""
@@ -71,8 +71,8 @@ class ReplaceOnSlides(SlideTask):
     def changed(self, change, titles=True, texts=True):
         """Return what changes the titles and the texts of all slides."""
 
-        def outcome(made):
-            for slide in made.slides:
+        def outcome(presentation_file):
+            for slide in presentation_file.slides:
                 for shape in slide.shapes:
                     is_title = shape.shape_id == slide.shapes.title.shape_id
                     if titles if is_title else texts:

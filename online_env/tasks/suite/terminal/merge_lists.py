@@ -2,7 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps, shell
-from online_env.tasks.kit.word_lists import FIRST_NAMES, LAST_NAMES, shuffled
+from online_env.tasks.kit.word_lists import FIRST_NAMES, LAST_NAMES, shuffle
 
 FIRST = tuple(name for name in FIRST_NAMES if name.isascii())
 LAST = tuple(name for name in LAST_NAMES if name.isascii() and name.isalpha())
@@ -24,10 +24,10 @@ class MergeLists(Task):
     )
 
     def draw(self, stream):
-        people = [f"{first} {stream.choice(LAST)}" for first in shuffled(stream, FIRST)]
+        people = [f"{first} {stream.choice(LAST)}" for first in shuffle(stream, FIRST)]
         groups = [people[:3], people[2:6], people[5:9]]  # neighbours have one in common
-        a, b, c = shuffled(stream, ("family.txt", "work.txt", "club.txt"))
-        lists = dict(zip((a, b, c), (shuffled(stream, group) for group in groups), strict=True))
+        a, b, c = shuffle(stream, ("family.txt", "work.txt", "club.txt"))
+        lists = dict(zip((a, b, c), (shuffle(stream, group) for group in groups), strict=True))
         folder = f"{stream.choice(EVENTS)} {stream.integer(2024, 2027)}"
         new = f"all-{stream.integer(1, 9)}.txt"
         return {
@@ -53,9 +53,9 @@ class MergeLists(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.path)
-        found = (machine.text(self.values.path) or "").split("\n")
-        if [line.strip() for line in found if line.strip()] != self.merged:
-            yield f"{self.values.path} holds {found}"
+        lines = (machine.text(self.values.path) or "").split("\n")
+        if [line.strip() for line in lines if line.strip()] != self.merged:
+            yield f"{self.values.path} holds {lines}"
 
     def oracle(self, hand):
         new = self.values.all

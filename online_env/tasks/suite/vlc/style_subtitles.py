@@ -56,9 +56,9 @@ class StyleSubtitles(Task):
     def right_result(self, machine):
         self.save(machine, {"sub-language": f" {self.values.code}", "vout": "any"})
 
-    def save(self, machine, changed):
+    def save(self, machine, changes):
         """Write the wanted settings, some of them changed."""
-        vlc.store(machine, self.wanted() | changed)
+        vlc.store(machine, self.wanted() | changes)
 
     def wanted(self):
         """Return the settings as VLC stores them."""

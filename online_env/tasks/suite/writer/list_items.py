@@ -29,13 +29,13 @@ class ListItems(TextTask):
     def made(self):
         return document(self.values.title, self.values.paragraphs)
 
-    def judge(self, now, before):
-        wanted = [
+    def judge(self, after, before):
+        expected = [
             replace(paragraph, marker="bullet" if paragraph.text in self.values.items else "")
             for paragraph in before.paragraphs
         ]
-        yield from text_changes(now, replace(before, paragraphs=tuple(wanted)), {"style"})
-        for paragraph, was in zip(now.paragraphs, before.paragraphs, strict=False):
+        yield from text_changes(after, replace(before, paragraphs=tuple(expected)), {"style"})
+        for paragraph, was in zip(after.paragraphs, before.paragraphs, strict=False):
             if not paragraph.marker and paragraph.style != was.style:
                 yield f"{paragraph.text!r} has the style {paragraph.style}, not {was.style}"
 
@@ -78,8 +78,8 @@ class ListItems(TextTask):
     def styled(self, texts, style):
         """Return what gives paragraphs a style."""
 
-        def change(found):
+        def change(document_file):
             for text in texts:
-                find_paragraph(found, text).style = found.styles[style]
+                find_paragraph(document_file, text).style = document_file.styles[style]
 
         return self.edited(change)

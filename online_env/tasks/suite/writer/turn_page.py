@@ -27,11 +27,11 @@ class TurnPage(TextTask):
     def made(self):
         return document(self.values.title, self.values.paragraphs)
 
-    def judge(self, now, before):
-        for found, was in zip(now.sizes, before.sizes, strict=False):
-            if max(abs(a - b) for a, b in zip(sorted(found), sorted(was), strict=True)) > 0.1:
-                yield f"the paper has {found} inches, not {was[::-1]}"
-        yield from text_changes(now, replace(before, landscape=(True,)))
+    def judge(self, after, before):
+        for actual, was in zip(after.sizes, before.sizes, strict=False):
+            if max(abs(a - b) for a, b in zip(sorted(actual), sorted(was), strict=True)) > 0.1:
+                yield f"the paper has {actual} inches, not {was[::-1]}"
+        yield from text_changes(after, replace(before, landscape=(True,)))
 
     def oracle(self, hand):
         menu(hand, "Format", "Page Style...")
@@ -60,7 +60,9 @@ class TurnPage(TextTask):
         return {
             "wider than long": self.sized(20, 11),
             "half as wide": self.sized(4, 11),
-            "the text changed, too": self.sized(11, 8.5, lambda found: drop(found, first)),
+            "the text changed, too": self.sized(
+                11, 8.5, lambda document_file: drop(document_file, first)
+            ),
         }
 
     def right_result(self, machine):
@@ -69,20 +71,20 @@ class TurnPage(TextTask):
     def sized(self, width, height, also=None):
         """Return what gives the page a width and a height in inches."""
 
-        def change(found):
+        def change(document_file):
             from docx.shared import Inches
 
-            for section in found.sections:
+            for section in document_file.sections:
                 section.page_width = Inches(width)
                 section.page_height = Inches(height)
             if also is not None:
-                also(found)
+                also(document_file)
 
         return self.edited(change)
 
 
-def drop(found, text):
+def drop(document_file, text):
     """Empty a paragraph of a document."""
-    for paragraph in found.paragraphs:
+    for paragraph in document_file.paragraphs:
         if paragraph.text == text:
             paragraph.clear()
