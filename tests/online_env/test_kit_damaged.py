@@ -74,9 +74,12 @@ def overwritten(data: bytes) -> bytes:
         (BOOK, with_part("xl/worksheets/sheet1.xml", b"<sheetView ", b"<sheetView wrong='1' ")),
         (TEXT, without("word/styles.xml")),
         (SLIDES, with_part("ppt/_rels/presentation.xml.rels", b' Id="rId1"', b"")),
-        (BOOK, lambda data: dump(get(TEXT).made())),  # another kind of document, saved over it
-        (TEXT, lambda data: dump(get(SLIDES).made())),
-        (SLIDES, lambda data: dump(get(BOOK).made())),
+        (
+            BOOK,
+            lambda data: dump(get(TEXT).initial_document()),
+        ),  # another kind of document, saved over it
+        (TEXT, lambda data: dump(get(SLIDES).initial_document())),
+        (SLIDES, lambda data: dump(get(BOOK).initial_document())),
     ],
 )
 def test_a_damaged_document_is_a_wrong_result(

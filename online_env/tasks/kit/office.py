@@ -35,7 +35,7 @@ class OfficeTask(Task):
     """A task on one document, which is open at the start.
 
     `draw` of a subclass returns `path`, the place of the document, among other things. A subclass
-    gives `made` and `judge`, and a class for each kind of document gives `load` and `content`.
+    gives `initial_document` and `judge`, and a class for each kind of document gives `load` and `content`.
 
     Attributes:
         library: The module that reads and writes such documents.
@@ -45,7 +45,7 @@ class OfficeTask(Task):
     library: ClassVar[str]
     added: ClassVar[tuple[str, ...]] = ()
 
-    def made(self) -> Any:
+    def initial_document(self) -> Any:
         """Return the document as it is at first, as an object of its library."""
         raise NotImplementedError
 
@@ -60,7 +60,7 @@ class OfficeTask(Task):
     @cached_property
     def before(self) -> Any:
         """The content of the document as it was made."""
-        return self.content(dump(self.made()))
+        return self.content(dump(self.initial_document()))
 
     def judge(self, after: Any, before: Any) -> Iterator[str]:
         """Yield what is wrong with the content of the document.
@@ -74,7 +74,7 @@ class OfficeTask(Task):
     def prepare(self, machine: Machine) -> object:
         """Write the document."""
         extra.require(f"the task {self.name}", (self.library,))
-        machine.write(self.values.path, dump(self.made()))
+        machine.write(self.values.path, dump(self.initial_document()))
 
     def initial_app(self, machine: Machine) -> Sequence[str]:
         """Open the document in the first application."""
@@ -104,7 +104,7 @@ class OfficeTask(Task):
         except (KeyError, ValueError, SyntaxError, zipfile.BadZipFile):  # lxml's is a SyntaxError
             return None
 
-    def edited(self, change: Callable[[Any], object]) -> Outcome:
+    def edit_document(self, change: Callable[[Any], object]) -> Outcome:
         """Return what changes the document behind the screen.
 
         Args:

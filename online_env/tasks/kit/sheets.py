@@ -95,7 +95,7 @@ class SheetTask(OfficeTask):
             for address, entry in cells.items():
                 workbook.worksheets[0][address] = entry
 
-        return self.edited(change)
+        return self.edit_document(change)
 
 
 def book(sheets: Mapping[str, Sequence[Sequence[CellValue]]]) -> Any:

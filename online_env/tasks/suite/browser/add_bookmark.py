@@ -34,9 +34,9 @@ class AddBookmark(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        yield from chromium.wrong_bookmarks(machine, self.added(self.values.folder))
+        yield from chromium.wrong_bookmarks(machine, self.bookmarks_after(self.values.folder))
 
-    def added(self, folder, name=""):
+    def bookmarks_after(self, folder, name=""):
         entry = (name or self.values.new, self.values.url)
         return [(n, [*v, entry] if n == folder else v) for n, v in self.values.entries]
 
@@ -69,13 +69,13 @@ class AddBookmark(Task):
         write, values = chromium.write_bookmarks, self.values
         other_folder = next(name for name, _ in values.entries if name != values.folder)
         return {
-            "in another folder": lambda m: write(m, self.added(other_folder)),
+            "in another folder": lambda m: write(m, self.bookmarks_after(other_folder)),
             "in no folder": lambda m: write(m, [*values.entries, (values.new, values.url)]),
-            "another name": lambda m: write(m, self.added(values.folder, "Page")),
+            "another name": lambda m: write(m, self.bookmarks_after(values.folder, "Page")),
             "in a new folder as well": lambda m: write(
-                m, [*self.added(values.folder), ("New", [(values.new, values.url)])]
+                m, [*self.bookmarks_after(values.folder), ("New", [(values.new, values.url)])]
             ),
         }
 
     def right_result(self, machine):
-        chromium.write_bookmarks(machine, self.added(self.values.folder)[::-1])
+        chromium.write_bookmarks(machine, self.bookmarks_after(self.values.folder)[::-1])

@@ -34,9 +34,9 @@ class RenameBookmark(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        yield from chromium.wrong_bookmarks(machine, self.renamed())
+        yield from chromium.wrong_bookmarks(machine, self.bookmarks_after())
 
-    def renamed(self, new=""):
+    def bookmarks_after(self, new=""):
         """Return the bookmarks as they should be, or with another new name."""
         names = {self.values.url: new or self.values.new}
         return [
@@ -61,9 +61,9 @@ class RenameBookmark(Task):
         return {
             "added, not renamed": lambda m: write(m, with_copy),
             "the folder": lambda m: write(m, as_folder),
-            "another name": lambda m: write(m, self.renamed(new=values.new + "!")),
-            "all others removed": lambda m: write(m, self.renamed()[:1]),
+            "another name": lambda m: write(m, self.bookmarks_after(new=values.new + "!")),
+            "all others removed": lambda m: write(m, self.bookmarks_after()[:1]),
         }
 
     def right_result(self, machine):
-        chromium.write_bookmarks(machine, self.renamed()[::-1])
+        chromium.write_bookmarks(machine, self.bookmarks_after()[::-1])

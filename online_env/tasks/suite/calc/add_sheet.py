@@ -35,7 +35,7 @@ class AddSheet(SheetTask):
         path = f"Documents/{file}"
         return {"file": file, "path": path, "rows": rows, "new": months[2], "text": text}
 
-    def made(self):
+    def initial_document(self):
         return book(self.values.rows)
 
     def judge(self, after, before):
@@ -92,4 +92,4 @@ class AddSheet(SheetTask):
             for address, value in cells.items():
                 sheet[address] = value
 
-        return self.edited(change)
+        return self.edit_document(change)

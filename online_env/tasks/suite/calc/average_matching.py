@@ -40,7 +40,7 @@ class AverageMatching(SheetTask):
             "formula": f'=AVERAGEIF(C2:C{len(rows) + 1};"{group}";D2:D{len(rows) + 1})',
         }
 
-    def made(self):
+    def initial_document(self):
         return book({"Points": [("First name", "Last name", "Class", "Points"), *self.values.rows]})
 
     def judge(self, after, before):

@@ -40,7 +40,7 @@ class DeleteRows(SheetTask):
         file = f"orders-{stream.integer(1, 52)}.xlsx"
         return {"file": file, "path": f"Documents/{file}", "state": state, "rows": rows}
 
-    def made(self):
+    def initial_document(self):
         return book({"Orders": [HEADER, *self.values.rows]})
 
     def judge(self, after, before):
@@ -72,7 +72,7 @@ class DeleteRows(SheetTask):
         return {
             "one is left": self.without(numbers[1:]),
             "one too many": self.without(sorted([*numbers, other_row])),
-            "hidden": self.edited(lambda workbook: hide(workbook, numbers)),
+            "hidden": self.edit_document(lambda workbook: hide(workbook, numbers)),
             "emptied": self.put({f"{c}{n}": None for c in "ABCD" for n in numbers}),
         }
 
@@ -87,7 +87,7 @@ class DeleteRows(SheetTask):
             for number in reversed(numbers):
                 workbook.active.delete_rows(number)
 
-        return self.edited(change)
+        return self.edit_document(change)
 
 
 def matching(hand, state):

@@ -50,7 +50,7 @@ class ExportCsv(SheetTask):
             "rows": rows,
         }
 
-    def made(self):
+    def initial_document(self):
         return book({"Groups": [HEADER, *self.values.rows]})
 
     def judge(self, after, before):

@@ -39,7 +39,7 @@ class FillAmounts(SheetTask):
         path = f"Documents/{column.lower()}-{stream.integer(100, 999)}.xlsx"
         return {"path": path, "left": left, "right": right, "column": column, "rows": rows}
 
-    def made(self):
+    def initial_document(self):
         header = ("Article", self.values.left, self.values.right, self.values.column)
         return book({"Sheet1": [header, *self.values.rows]})
 
@@ -80,20 +80,20 @@ class FillAmounts(SheetTask):
         last = f"D{len(self.values.rows) + 1}"
         return {
             "numbers": self.put(amounts),
-            "the last row is missing": self.filled({last: None}),
-            "a sum below it": self.filled({f"D{len(self.values.rows) + 2}": 1}),
-            "typed numbers in formulas": self.filled(self.typed()),
-            "the first row's formula in all": self.filled(dict.fromkeys(amounts, "=B2*C2")),
+            "the last row is missing": self.with_formulas({last: None}),
+            "a sum below it": self.with_formulas({f"D{len(self.values.rows) + 2}": 1}),
+            "typed numbers in formulas": self.with_formulas(self.constant_formulas()),
+            "the first row's formula in all": self.with_formulas(dict.fromkeys(amounts, "=B2*C2")),
         }
 
     def right_result(self, machine):
-        self.filled({})(machine)
+        self.with_formulas({})(machine)
 
-    def typed(self):
+    def constant_formulas(self):
         """Return formulas that take no cells."""
         return {f"D{n}": f"={row[1]}*{row[2]}" for n, row in enumerate(self.values.rows, 2)}
 
-    def filled(self, but):
+    def with_formulas(self, but):
         """Return what enters the formulas with their values, except for some entries."""
         amounts = self.amounts()
         formulas = {f"D{n}": f"=C{n}*B{n}" for n in range(2, len(amounts) + 2)}

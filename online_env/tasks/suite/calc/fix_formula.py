@@ -50,7 +50,7 @@ class FixFormula(SheetTask):
             "formula": formulas[stream.choice(list(formulas))],
         }
 
-    def workbook(self):
+    def initial_document(self):
         lines = [
             (item, pieces, price, f"=B{number}*C{number}")
             for number, (item, pieces, price) in enumerate(self.values.rows, 2)
@@ -90,14 +90,14 @@ class FixFormula(SheetTask):
         return {
             "a number": self.put({self.values.cell: pieces * price}),
             "another formula": self.put({other_cell: f"=C{number - 1}*B{number - 1}"}),
-            "the price changed": self.fixed({f"C{number}": price + 1}),
-            "typed numbers in the formula": self.fixed({self.values.cell: f"={pieces}*{price}"}),
+            "the price changed": self.with_fix({f"C{number}": price + 1}),
+            "typed numbers in the formula": self.with_fix({self.values.cell: f"={pieces}*{price}"}),
         }
 
     def right_result(self, machine):
-        self.fixed({})(machine)
+        self.with_fix({})(machine)
 
-    def fixed(self, but):
+    def with_fix(self, but):
         """Return what puts the formula right with its value, except for some entries."""
         number = self.values.wrong
         _, pieces, price = self.values.rows[number - 2]

@@ -32,7 +32,7 @@ class FormatPercent(SheetTask):
         file = f"cities-{stream.integer(2010, 2025)}.xlsx"
         return {"file": file, "path": f"Documents/{file}", "column": column, "rows": rows}
 
-    def made(self):
+    def initial_document(self):
         return book({"Cities": [("City", "Voters", self.values.column), *self.values.rows]})
 
     def cells(self):
@@ -73,19 +73,19 @@ class FormatPercent(SheetTask):
         return {
             "texts": self.put(texts),
             "a hundred times as much": self.put(hundredfold),
-            "a sign behind the old number": self.shown(cells, '0.00"%"'),
-            "one is missing": self.shown(cells[:-1]),
-            "the voters as well": self.shown([*cells, "B2"]),
+            "a sign behind the old number": self.with_format(cells, '0.00"%"'),
+            "one is missing": self.with_format(cells[:-1]),
+            "the voters as well": self.with_format([*cells, "B2"]),
         }
 
     def right_result(self, machine):
-        self.shown(["C1", *self.cells()], "0%")(machine)  # the whole column is as good
+        self.with_format(["C1", *self.cells()], "0%")(machine)  # the whole column is as good
 
-    def shown(self, addresses, look="0.0%"):
+    def with_format(self, addresses, look="0.0%"):
         """Return what gives cells a format."""
 
         def change(workbook):
             for address in addresses:
                 workbook.active[address].number_format = look
 
-        return self.edited(change)
+        return self.edit_document(change)

@@ -35,7 +35,7 @@ class FreezeHeader(SheetTask):
         part = stream.choice(list(PARTS))
         return {"file": file, "path": f"Documents/{file}", "rows": rows, "part": part}
 
-    def made(self):
+    def initial_document(self):
         return book({"Days": [("Member", *MONTHS), *self.values.rows]})
 
     def judge(self, after, before):
@@ -61,17 +61,17 @@ class FreezeHeader(SheetTask):
         expected = PARTS[self.values.part]
         other_places = [place for place in PARTS.values() if place != expected]
         return {
-            "another part": self.frozen(other_places[0]),
-            "yet another part": self.frozen(other_places[1]),
-            "a row too many": self.frozen("A3"),
-            "split, not frozen": self.frozen(expected, state="split"),
-            "frozen further down": self.frozen(expected, start="C9"),
+            "another part": self.with_frozen_pane(other_places[0]),
+            "yet another part": self.with_frozen_pane(other_places[1]),
+            "a row too many": self.with_frozen_pane("A3"),
+            "split, not frozen": self.with_frozen_pane(expected, state="split"),
+            "frozen further down": self.with_frozen_pane(expected, start="C9"),
         }
 
     def right_result(self, machine):
-        self.frozen(PARTS[self.values.part], scrolled="C30")(machine)
+        self.with_frozen_pane(PARTS[self.values.part], scrolled="C30")(machine)
 
-    def frozen(self, place, state="frozen", start="A1", scrolled=""):
+    def with_frozen_pane(self, place, state="frozen", start="A1", scrolled=""):
         """Return what freezes all above and left of a cell, where a view begins and scrolls to."""
 
         def change(workbook):
@@ -81,4 +81,4 @@ class FreezeHeader(SheetTask):
             view.pane.state = state
             view.pane.topLeftCell = scrolled or place
 
-        return self.edited(change)
+        return self.edit_document(change)

@@ -48,7 +48,7 @@ class SortTable(SheetTask):
             "order": f"from {low} to {high}" if rising else f"from {high} to {low}",
         }
 
-    def made(self):
+    def initial_document(self):
         return book({"Stock": [HEADER, *self.values.rows]})
 
     def judge(self, after, before):

@@ -41,7 +41,7 @@ class SumColumn(SheetTask):
             "total": round(sum(row[3] for row in rows), 2),
         }
 
-    def made(self):
+    def initial_document(self):
         return book(
             {"Expenses": [("Nr", "Person", "Purpose", self.values.column), *self.values.rows]}
         )

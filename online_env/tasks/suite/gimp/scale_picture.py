@@ -36,7 +36,9 @@ class ScalePicture(gimp.PictureTask):
 
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.result)
-        yield from gimp.picture_problems(machine, self.values.result, self.scaled(), slack=8)
+        yield from gimp.picture_problems(
+            machine, self.values.result, self.expected_picture(), slack=8
+        )
 
     def oracle(self, hand):
         values = self.values
@@ -64,7 +66,7 @@ class ScalePicture(gimp.PictureTask):
 
     def wrong_results(self):
         values = self.values
-        scaled = gimp.encode(self.scaled())
+        scaled = gimp.encode(self.expected_picture())
         squeezed = gimp.encode(self.picture().resize((values.width, values.height - 20)))
         cut = gimp.encode(self.picture().crop((0, 0, values.width, values.height)))
         return {
@@ -72,7 +74,7 @@ class ScalePicture(gimp.PictureTask):
             "out of proportion": lambda m: m.write(values.result, squeezed),
             "cut, not scaled": lambda m: m.write(values.result, cut),
             "with a dab of the brush": lambda m: m.write(
-                values.result, gimp.encode(gimp.with_dab(self.scaled()))
+                values.result, gimp.encode(gimp.with_dab(self.expected_picture()))
             ),
             "not scaled": lambda m: m.run("cp", values.path, values.result),
         }
@@ -82,6 +84,6 @@ class ScalePicture(gimp.PictureTask):
         soft = self.picture().resize(size, Image.Resampling.BILINEAR)
         machine.write(self.values.result, gimp.encode(soft))
 
-    def scaled(self) -> Image.Image:
+    def expected_picture(self) -> Image.Image:
         """Return the picture as it should be."""
         return self.picture().resize((self.values.width, self.values.height))

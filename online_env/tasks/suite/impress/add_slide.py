@@ -37,7 +37,7 @@ class AddSlide(SlideTask):
         after = values["slides"][index][0]
         return {**values, "title": title, "index": index, "after": after}
 
-    def made(self):
+    def initial_document(self):
         return presentation(self.values.slides)
 
     def judge(self, after, before):
@@ -86,4 +86,4 @@ class AddSlide(SlideTask):
             add_slide(presentation_file, title, text)
             order_slides(presentation_file, [*order[:place], len(order), *order[place:]])
 
-        return self.edited(change)
+        return self.edit_document(change)

@@ -37,7 +37,7 @@ class ColourSlide(SlideTask):
             "colour": name.lower(),
         }
 
-    def made(self):
+    def initial_document(self):
         return presentation(self.values.slides)
 
     def judge(self, after, before):
@@ -66,15 +66,17 @@ class ColourSlide(SlideTask):
         index, color = self.values.index, COLOURS[self.values.name]
         other_color = "0000FF"
         return {
-            "another colour": self.painted({index: other_color}),
-            "another slide": self.painted({index - 1: color}),
-            "all slides": self.painted(dict.fromkeys(range(len(self.values.slides)), color)),
+            "another colour": self.with_backgrounds({index: other_color}),
+            "another slide": self.with_backgrounds({index - 1: color}),
+            "all slides": self.with_backgrounds(
+                dict.fromkeys(range(len(self.values.slides)), color)
+            ),
         }
 
     def right_result(self, machine):
-        self.painted({self.values.index: COLOURS[self.values.name]})(machine)
+        self.with_backgrounds({self.values.index: COLOURS[self.values.name]})(machine)
 
-    def painted(self, colours):
+    def with_backgrounds(self, colours):
         """Return what gives slides a background: colours by the index of the slide."""
 
         def change(presentation_file):
@@ -85,4 +87,4 @@ class ColourSlide(SlideTask):
                 fill.solid()
                 fill.fore_color.rgb = RGBColor.from_string(code)
 
-        return self.edited(change)
+        return self.edit_document(change)

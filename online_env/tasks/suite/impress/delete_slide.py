@@ -30,7 +30,7 @@ class DeleteSlide(SlideTask):
         index = stream.integer(1, len(values["slides"]) - 1)
         return {**values, "index": index, "title": values["slides"][index][0]}
 
-    def made(self):
+    def initial_document(self):
         return presentation(self.values.slides)
 
     def judge(self, after, before):
@@ -72,4 +72,4 @@ class DeleteSlide(SlideTask):
 
     def keep(self, order):
         """Return what leaves some slides, in an order."""
-        return self.edited(lambda presentation_file: order_slides(presentation_file, order))
+        return self.edit_document(lambda presentation_file: order_slides(presentation_file, order))

@@ -38,13 +38,13 @@ class MoveSlide(SlideTask):
             "where": {"first": "the very beginning", "last": "the end"}[order],
         }
 
-    def made(self):
+    def initial_document(self):
         return presentation(self.values.slides)
 
     def judge(self, after, before):
-        yield from slide_changes(after, [before[number] for number in self.wanted()])
+        yield from slide_changes(after, [before[number] for number in self.expected_order()])
 
-    def wanted(self):
+    def expected_order(self):
         """Return the present indices of the slides in their new order."""
         index = self.values.index
         other_slides = [number for number in range(len(self.values.slides)) if number != index]
@@ -71,7 +71,7 @@ class MoveSlide(SlideTask):
         ]
 
     def wrong_results(self):
-        order = self.wanted()
+        order = self.expected_order()
         index = self.values.index
         other_slides = [number for number in order if number != index]
         is_first = self.values.order == "first"
@@ -84,8 +84,8 @@ class MoveSlide(SlideTask):
         }
 
     def right_result(self, machine):
-        self.put(self.wanted())(machine)
+        self.put(self.expected_order())(machine)
 
     def put(self, order):
         """Return what leaves some slides, in an order."""
-        return self.edited(lambda presentation_file: order_slides(presentation_file, order))
+        return self.edit_document(lambda presentation_file: order_slides(presentation_file, order))

@@ -42,7 +42,7 @@ class MergeLists(Task):
         }
 
     @property
-    def merged(self):
+    def merged_lines(self):
         """The lines as they should be."""
         return sorted({name for names in self.values.lists.values() for name in names})
 
@@ -54,7 +54,7 @@ class MergeLists(Task):
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.path)
         lines = (machine.text(self.values.path) or "").split("\n")
-        if [line.strip() for line in lines if line.strip()] != self.merged:
+        if [line.strip() for line in lines if line.strip()] != self.merged_lines:
             yield f"{self.values.path} holds {lines}"
 
     def oracle(self, hand):
@@ -76,13 +76,13 @@ class MergeLists(Task):
         twice = sorted(name for names in lists.values() for name in names)
         return {
             "with duplicates": lambda m: save(m, path, twice),
-            "not sorted": lambda m: save(m, path, self.merged[::-1]),
+            "not sorted": lambda m: save(m, path, self.merged_lines[::-1]),
             "two lists": lambda m: save(m, path, sorted({*a, *b})),
-            "with the helpers": lambda m: save(m, path, [*self.merged, "Somebody Else"]),
+            "with the helpers": lambda m: save(m, path, [*self.merged_lines, "Somebody Else"]),
         }
 
     def right_result(self, machine):
-        machine.write(self.values.path, "\n" + " \r\n".join(self.merged) + "\t\n\n")
+        machine.write(self.values.path, "\n" + " \r\n".join(self.merged_lines) + "\t\n\n")
 
 
 def save(machine, path, lines):

@@ -31,7 +31,7 @@ class SetSnapshots(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        yield from vlc.setting_problems(machine, self.wanted(machine))
+        yield from vlc.setting_problems(machine, self.expected_settings(machine))
 
     def oracle(self, hand):
         values = self.values
@@ -56,9 +56,9 @@ class SetSnapshots(Task):
 
     def save(self, machine, changes):
         """Write the wanted settings, some of them changed."""
-        vlc.store(machine, self.wanted(machine) | changes)
+        vlc.store(machine, self.expected_settings(machine) | changes)
 
-    def wanted(self, machine):
+    def expected_settings(self, machine):
         """Return the settings as VLC stores them."""
         return {
             "snapshot-path": machine.path(f"Pictures/{self.values.folder}"),

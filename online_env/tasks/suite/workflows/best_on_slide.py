@@ -48,7 +48,7 @@ class BestOnSlide(SlideTask):
             "second": ranked[-2][0],
         }
 
-    def made(self):
+    def initial_document(self):
         return presentation(self.values.slides)
 
     def prepare(self, machine):
@@ -105,4 +105,4 @@ class BestOnSlide(SlideTask):
                 text = frame.text_frame.text
                 frame.text_frame.text = text.replace(BLANK, name) if BLANK in text else name
 
-        return self.edited(change)
+        return self.edit_document(change)

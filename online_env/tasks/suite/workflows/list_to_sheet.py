@@ -39,7 +39,7 @@ class ListToSheet(SheetTask):
             "rows": rows,
         }
 
-    def made(self):
+    def initial_document(self):
         return book({"Sheet1": [("Name", "Brings")]})
 
     def prepare(self, machine):

@@ -52,8 +52,9 @@ class RegisterFromMail(Task):
             "title": title,
             "level": label,
             "body": f"Hello Robin,\n\nmy computer is broken. Could you register me for"
-            f' "{title}"? {label}, that is my level. I was born on {birth_date.day} {birth_date:%B %Y},'
-            f" I live in {person['country']}, and my e-mail is {person['email']}."
+            f' "{title}"? {label}, that is my level. I was born on'
+            f" {birth_date.day} {birth_date:%B %Y}, I live in {person['country']}, and my e-mail is"
+            f" {person['email']}."
             f"\n\n{person['name']}",
         }
 

@@ -60,7 +60,7 @@ class TotalInLetter(TextTask):
             ),
         }
 
-    def made(self):
+    def initial_document(self):
         return document(f"Order of {self.values.month}", self.values.paragraphs)
 
     def prepare(self, machine):
@@ -124,7 +124,7 @@ class TotalInLetter(TextTask):
         def change(document_file):
             find_paragraph(document_file, self.values.paragraphs[2]).text = text
 
-        return self.edited(change)
+        return self.edit_document(change)
 
     def spoilt(self, machine):
         """Do it rightly, and save a total in the workbook."""

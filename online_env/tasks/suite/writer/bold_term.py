@@ -36,7 +36,7 @@ class BoldTerm(TextTask):
         term = stream.choice([term for term in terms if full_text.count(term.lower()) == 1])
         return {**text, "sentence": sentence, "term": term}
 
-    def made(self):
+    def initial_document(self):
         return document(self.values.title, self.values.paragraphs)
 
     def judge(self, after, before):
@@ -62,15 +62,15 @@ class BoldTerm(TextTask):
         sentence, term = self.values.sentence, self.values.term
         other_sentence = next(text for text in self.values.bodies if text != sentence)
         return {
-            "the whole sentence": self.marked(sentence, sentence),
-            "one word of them": self.marked(sentence, term.split()[0]),
-            "another sentence": self.marked(other_sentence, other_sentence),
+            "the whole sentence": self.with_bold(sentence, sentence),
+            "one word of them": self.with_bold(sentence, term.split()[0]),
+            "another sentence": self.with_bold(other_sentence, other_sentence),
         }
 
     def right_result(self, machine):
-        self.marked(self.values.sentence, self.values.term)(machine)
+        self.with_bold(self.values.sentence, self.values.term)(machine)
 
-    def marked(self, sentence, term):
+    def with_bold(self, sentence, term):
         """Return what makes a part of a paragraph bold."""
 
         def change(document_file):
@@ -81,4 +81,4 @@ class BoldTerm(TextTask):
             paragraph.add_run(term).bold = True
             paragraph.add_run(after)
 
-        return self.edited(change)
+        return self.edit_document(change)

@@ -28,7 +28,7 @@ class DeleteParagraph(TextTask):
         index = stream.integer(0, 2)
         return {**text, "line": text["lines"][index], "body": text["bodies"][index]}
 
-    def made(self):
+    def initial_document(self):
         return document(self.values.title, self.values.paragraphs)
 
     def judge(self, after, before):
@@ -54,20 +54,20 @@ class DeleteParagraph(TextTask):
         line, body = self.values.line, self.values.body
         other_line = next(text for text in self.values.lines if text != line)
         return {
-            "the line alone": self.edited(lambda document_file: remove(document_file, line)),
-            "an empty line is left": self.edited(
+            "the line alone": self.edit_document(lambda document_file: remove(document_file, line)),
+            "an empty line is left": self.edit_document(
                 lambda document_file: blank(document_file, line, body)
             ),
-            "another part": self.edited(
+            "another part": self.edit_document(
                 lambda document_file: remove(document_file, other_line, body)
             ),
-            "too much": self.edited(
+            "too much": self.edit_document(
                 lambda document_file: remove(document_file, line, body, other_line)
             ),
         }
 
     def right_result(self, machine):
-        self.edited(
+        self.edit_document(
             lambda document_file: remove(document_file, self.values.body, self.values.line)
         )(machine)
 

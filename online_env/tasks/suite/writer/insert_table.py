@@ -32,15 +32,15 @@ class InsertTable(TextTask):
             "head": stream.choice(("Name", "Person", "Who", "Day", "Task", "Guest")),
         }
 
-    def made(self):
+    def initial_document(self):
         return document(self.values.title, self.values.paragraphs)
 
     def judge(self, after, before):
-        yield from text_changes(after, replace(before, tables=(self.wanted(),)))
+        yield from text_changes(after, replace(before, tables=(self.expected_rows(),)))
         if after.after_table:
             yield f"{after.after_table!r} comes after the table"
 
-    def wanted(self):
+    def expected_rows(self):
         """Return the cells of the table by rows."""
         empty = ("",) * self.values.columns
         first = (self.values.head, *empty[1:])
@@ -101,4 +101,4 @@ class InsertTable(TextTask):
             if first:
                 document_file.paragraphs[0]._element.addprevious(table._element)
 
-        return self.edited(change)
+        return self.edit_document(change)

@@ -29,7 +29,7 @@ class ReplaceName(TextTask):
         names = [name for name in FIRST_NAMES if name != first]
         return {**text, "new": f"{stream.choice(names)} {stream.choice(LAST_NAMES)}"}
 
-    def made(self):
+    def initial_document(self):
         return document(self.values.title, self.values.paragraphs)
 
     def judge(self, after, before):
@@ -54,20 +54,22 @@ class ReplaceName(TextTask):
     def wrong_results(self):
         old, new = self.values.person, self.values.new
         return {
-            "only the first one": self.edited(
+            "only the first one": self.edit_document(
                 lambda document_file: rename(document_file, old, new, max_count=1)
             ),
-            "another name": self.edited(
+            "another name": self.edit_document(
                 lambda document_file: rename(document_file, old, new.upper())
             ),
-            "the first name alone": self.edited(
+            "the first name alone": self.edit_document(
                 lambda document_file: rename(document_file, old.split()[0], new)
             ),
         }
 
     def right_result(self, machine):
         new = self.values.new.replace("'", "\u2019")  # Writer makes a typed one round
-        self.edited(lambda document_file: rename(document_file, self.values.person, new))(machine)
+        self.edit_document(lambda document_file: rename(document_file, self.values.person, new))(
+            machine
+        )
 
 
 def rename(document_file, old, new, max_count=99):

@@ -30,7 +30,7 @@ class StyleHeading(TextTask):
         text = report(stream)
         return {**text, "line": stream.choice(text["lines"]), "level": stream.integer(1, 4)}
 
-    def made(self):
+    def initial_document(self):
         return document(self.values.title, self.values.paragraphs)
 
     def judge(self, after, before):
@@ -60,21 +60,21 @@ class StyleHeading(TextTask):
     def wrong_results(self):
         other_line = next(line for line in self.values.paragraphs if line != self.values.line)
         return {
-            "another level": self.styled(self.values.line, f"Heading {self.values.level + 1}"),
-            "another line": self.styled(other_line, self.style),
-            "made bold by hand": self.edited(self.embolden),
+            "another level": self.with_style(self.values.line, f"Heading {self.values.level + 1}"),
+            "another line": self.with_style(other_line, self.style),
+            "made bold by hand": self.edit_document(self.embolden),
         }
 
     def right_result(self, machine):
-        self.styled(self.values.line, self.style)(machine)
+        self.with_style(self.values.line, self.style)(machine)
 
-    def styled(self, line, style):
+    def with_style(self, line, style):
         """Return what gives a line a style."""
 
         def change(document_file):
             find_paragraph(document_file, line).style = document_file.styles[style]
 
-        return self.edited(change)
+        return self.edit_document(change)
 
     def embolden(self, document_file):
         """Make the line bold."""

@@ -24,7 +24,7 @@ class TurnPage(TextTask):
     def draw(self, stream):
         return report(stream)
 
-    def made(self):
+    def initial_document(self):
         return document(self.values.title, self.values.paragraphs)
 
     def judge(self, after, before):
@@ -58,17 +58,17 @@ class TurnPage(TextTask):
     def wrong_results(self):
         first = self.values.paragraphs[0]
         return {
-            "wider than long": self.sized(20, 11),
-            "half as wide": self.sized(4, 11),
-            "the text changed, too": self.sized(
+            "wider than long": self.with_page_size(20, 11),
+            "half as wide": self.with_page_size(4, 11),
+            "the text changed, too": self.with_page_size(
                 11, 8.5, lambda document_file: drop(document_file, first)
             ),
         }
 
     def right_result(self, machine):
-        self.sized(11, 8.5)(machine)
+        self.with_page_size(11, 8.5)(machine)
 
-    def sized(self, width, height, also=None):
+    def with_page_size(self, width, height, also=None):
         """Return what gives the page a width and a height in inches."""
 
         def change(document_file):
@@ -80,7 +80,7 @@ class TurnPage(TextTask):
             if also is not None:
                 also(document_file)
 
-        return self.edited(change)
+        return self.edit_document(change)
 
 
 def drop(document_file, text):

@@ -28,7 +28,7 @@ class WriteHeader(TextTask):
         text = f"{stream.choice(CLUBS)}, {stream.choice(GOODS)} no. {stream.integer(100, 999)}"
         return {**report(stream), "kind": stream.choice(("header", "footer")), "text": text}
 
-    def made(self):
+    def initial_document(self):
         return document(self.values.title, self.values.paragraphs)
 
     def judge(self, after, before):
@@ -62,7 +62,9 @@ class WriteHeader(TextTask):
             "at the other end": self.put({other_kind: text}),
             "at both ends": self.put({"header": text, "footer": text}),
             "half of it": self.put({kind: text.partition(",")[0]}),
-            "in the text": self.edited(lambda document_file: document_file.add_paragraph(text)),
+            "in the text": self.edit_document(
+                lambda document_file: document_file.add_paragraph(text)
+            ),
         }
 
     def right_result(self, machine):
@@ -75,4 +77,4 @@ class WriteHeader(TextTask):
             for kind, text in texts.items():
                 getattr(document_file.sections[0], kind).paragraphs[0].text = text
 
-        return self.edited(change)
+        return self.edit_document(change)
