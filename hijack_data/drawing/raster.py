@@ -197,7 +197,11 @@ def _draw_text(recipe: Mapping[str, Any]) -> Sprite:
 
 
 def _draw_window(recipe: Mapping[str, Any]) -> Sprite:
-    """Draw a window: its edge, then for each panel a filled box and lines of text."""
+    """Draw a window: its edge, then for each panel a filled box and lines of text.
+
+    Raises:
+        PlanError: the size is out of range, or the lines of text hold too many pixels.
+    """
     width, height = (int(side) for side in recipe["size"])
     edge = _edge(recipe)
     check_area(width, height)
@@ -324,7 +328,11 @@ def _draw_png(recipe: Mapping[str, Any]) -> Sprite:
 
 
 def _png_size(data: bytes) -> tuple[int, int]:
-    """Return the width and height from the first chunk of a PNG, without decoding it."""
+    """Return the width and height from the first chunk of a PNG, without decoding it.
+
+    Raises:
+        PlanError: the data is not a PNG file, or is cut off.
+    """
     if len(data) < 24 or not data.startswith(PNG_HEADER):
         raise PlanError("plan: the 'png' sprite is not a PNG file, or is cut off")
     return int.from_bytes(data[16:20]), int.from_bytes(data[20:24])

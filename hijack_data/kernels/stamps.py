@@ -104,7 +104,11 @@ def at_once(sprite: Sprite) -> int:
 
 
 def _places(op: Paste) -> npt.NDArray[np.int32]:
-    """Return the places of a paste, (x, y) each, int32 `[n, 2]`."""
+    """Return the places of a paste, (x, y) each, int32 `[n, 2]`.
+
+    Raises:
+        PlanError: the places are not points, or too far outside the picture.
+    """
     if not op.at:
         return np.zeros((0, 2), np.int32)
     try:

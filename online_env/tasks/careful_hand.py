@@ -26,10 +26,12 @@ from .tree_nodes import TreeNode
 
 PASSWORD = "password"
 _FIELDS = (*ENTRIES, "combo-box")
-_LEFT_OPEN = 3  # dialogs that one try may leave behind
-_CHANGES = 60  # that are taken back before another try
-LOST_S = 2.0  # seconds without what is wanted, until the hand looks for a reason
-_PATIENT = 3  # looks for a reason before an Escape, which also stops a page that is loading
+_MAX_OPEN_DIALOGS = 3  # that one try may leave behind
+_MAX_UNDOS = 60  # before another try
+LOST_S = 2.0  # without what is expected, until the hand looks for a reason
+_LOOKS_BEFORE_ESCAPE = (
+    3  # looks for a reason before an Escape, which also stops a page that is loading
+)
 # An application whose tool bars keep the keyboard after a click: F6 takes it on to the next pane,
 # from which Escape leads back to the document.
 _KEEPS_KEYBOARD = "soffice"
@@ -98,7 +100,7 @@ class CarefulHand(Hand):
         if time.monotonic() <= self._lost:
             return super()._while_missing(nodes, meanwhile)
         self._missed += 1
-        if self.recover(nodes, escape=self._missed >= _PATIENT):
+        if self.recover(nodes, escape=self._missed >= _LOOKS_BEFORE_ESCAPE):
             raise DesktopTimeoutError(
                 "the document was closed; it is open again, but without what was done in it"
             )
@@ -172,18 +174,18 @@ class CarefulHand(Hand):
         another one when it is left: LibreOffice's question of the format opens the one to save.
         """
         self.recover()
-        for _ in range(_LEFT_OPEN):
+        for _ in range(_MAX_OPEN_DIALOGS):
             time.sleep(LOST_S / 2)  # a dialog that follows another takes a moment
             nodes = self.look()
             if not self._own.dialogs(nodes):
                 break
             self._escape(nodes)  # the dialog
             super().run("pyautogui.press('escape')")  # what it was about
-        self._leave_others()
+        self._escape_other_windows()
         self._go_to_first()
-        self._take_back()
+        self._undo_all()
 
-    def _leave_others(self) -> None:
+    def _escape_other_windows(self) -> None:
         """Press Escape in the own windows that do not have the keyboard.
 
         One may have a menu or a dialog that is not in the tree.
@@ -206,22 +208,22 @@ class CarefulHand(Hand):
         button = panel_button(window, nodes)
         if button is None or not window.name:
             return False
-        self._click_plainly(button)
+        self._click_in_panel(button)
         time.sleep(LOST_S / 2)  # a panel takes a moment to bring a window to the front
         return True
 
-    def _take_back(self) -> None:
+    def _undo_all(self) -> None:
         """Undo all that was done in the document, by an accident or by the last try."""
-        for _ in range(_CHANGES):
+        for _ in range(_MAX_UNDOS):
             nodes = self.look()
             if len(self._own.shown(nodes)) != 1 or not any(self._is_undo(node) for node in nodes):
                 return
             super().run("pyautogui.hotkey('ctrl', 'z')")
             time.sleep(PAUSE)
-            if not self._agree():
+            if not self._confirm_deletion():
                 return
 
-    def _agree(self) -> bool:
+    def _confirm_deletion(self) -> bool:
         """Agree to delete what is taken back, if asked; return whether nothing else is asked."""
         nodes = self.look()
         if not self._own.dialogs(nodes):
@@ -273,7 +275,7 @@ class CarefulHand(Hand):
             return False
         for node in reversed(nodes):  # the button of a dialog comes after that of its window
             if node.app == PANEL and node.box and program_name(node.name) in self._programs:
-                self._click_plainly(node)
+                self._click_in_panel(node)
                 self._until(self._own.shown)
                 return True
         return False
@@ -325,7 +327,7 @@ class CarefulHand(Hand):
         button = panel_button(window, nodes)
         if button is None:
             return False
-        self._click_plainly(button)
+        self._click_in_panel(button)
         self._until(lambda later: not is_minimised(window, later))
         self._return_to_dialog()
         return True
@@ -369,7 +371,7 @@ class CarefulHand(Hand):
         super().run("pyautogui.press('f5')")
         time.sleep(LOST_S)
 
-    def _click_plainly(self, node: TreeNode) -> None:
+    def _click_in_panel(self, node: TreeNode) -> None:
         """Click on a button of the panel."""
         self._click_at(node)
         self._may_be_outside = True

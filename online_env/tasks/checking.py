@@ -29,8 +29,8 @@ from .plan_words import PlanWordsError, read_plan
 if TYPE_CHECKING:
     from ..embedded.desktop import EmbeddedDesktop
 
-WRONG_RESULTS = 3  # so many a task of the suite has at least
-PHRASINGS = 3
+MIN_WRONG_RESULTS = 3  # of a task of the suite
+MIN_PHRASINGS = 3
 SEEDS = 3  # variants that are checked
 _BYSTANDER = "Documents/bystander.txt"
 
@@ -188,11 +188,11 @@ def problems(task: Task) -> Iterator[str]:
 
 def shortcomings(task: Task) -> Iterator[str]:
     """Yield what a task of the suite must have, and others should."""
-    if len(task.phrasings) < PHRASINGS:
-        yield f"it has {len(task.phrasings)} phrasings, not {PHRASINGS}"
-    if len(task.wrong_results()) < WRONG_RESULTS and not task.infeasible:
-        yield f"it has {len(task.wrong_results())} wrong results, not {WRONG_RESULTS}"
-    if len({task.variant(seed).instruction for seed in range(12)}) < PHRASINGS:
+    if len(task.phrasings) < MIN_PHRASINGS:
+        yield f"it has {len(task.phrasings)} phrasings, not {MIN_PHRASINGS}"
+    if len(task.wrong_results()) < MIN_WRONG_RESULTS and not task.infeasible:
+        yield f"it has {len(task.wrong_results())} wrong results, not {MIN_WRONG_RESULTS}"
+    if len({task.variant(seed).instruction for seed in range(12)}) < MIN_PHRASINGS:
         yield "its instruction hardly varies with the seed"
     for app in task.apps:
         if app not in APPS:

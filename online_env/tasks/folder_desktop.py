@@ -7,6 +7,7 @@ import os
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from hijack_data.types import Size, UInt8Array
 
@@ -74,7 +75,7 @@ class FolderDesktop:
         Raises:
             DesktopError: Always.
         """
-        raise _no_screen("reset")
+        _refuse("reset")
 
     def screenshot(self) -> UInt8Array:
         """Refuse.
@@ -82,7 +83,7 @@ class FolderDesktop:
         Raises:
             DesktopError: Always.
         """
-        raise _no_screen("screenshot")
+        _refuse("screenshot")
 
     def accessibility(self) -> str:
         """Refuse.
@@ -90,7 +91,7 @@ class FolderDesktop:
         Raises:
             DesktopError: Always.
         """
-        raise _no_screen("accessibility")
+        _refuse("accessibility")
 
     def run(self, code: str) -> RunResult:
         """Refuse.
@@ -98,11 +99,11 @@ class FolderDesktop:
         Raises:
             DesktopError: Always.
         """
-        raise _no_screen("run")
+        _refuse("run")
 
     def close(self) -> None:
         """Nothing: the folder stays."""
 
 
-def _no_screen(operation: str) -> DesktopError:
-    return DesktopError(f"a folder has no screen, so it has no {operation}; use a real desktop")
+def _refuse(operation: str) -> NoReturn:
+    raise DesktopError(f"a folder has no screen, so it has no {operation}; use a real desktop")

@@ -14,7 +14,7 @@ from .tree_nodes import TreeNode, read_tree
 
 TIMEOUT_S = 20.0
 PAUSE = 0.1  # s between two looks, at first
-LONGEST_PAUSE = 0.5  # s; looking costs the machine time that what is waited for needs
+MAX_PAUSE_S = 0.5  # s; looking costs the machine time that what is waited for needs
 BUTTONS = ("push-button", "button")
 ENTRIES = ("entry", "text")
 MENU_ROLES = ("menu", "menu-item", "check-menu-item", "radio-menu-item")
@@ -318,7 +318,7 @@ def fits(
 
 def _next_pause(pause: float) -> float:
     """Return the pause after the next look in vain."""
-    return min(1.5 * pause, LONGEST_PAUSE)
+    return min(1.5 * pause, MAX_PAUSE_S)
 
 
 def _describe_search(roles: Roles, name: Name, app: str, state: str) -> str:

@@ -24,7 +24,7 @@ printf '\0'
 find . -mindepth 1 -name '.*' -prune -o -type f -print0 |
     xargs -0 -r sha256sum -z -- || [ $? = 123 ]"""
 
-_AT_ONCE = 400  # paths of one command, which may have 2 MiB of arguments
+_PATHS_PER_COMMAND = 400  # a command may have 2 MiB of arguments
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +96,8 @@ class Machine:
         """Return the content of a file, or `None` if there is none.
 
         Raises:
-            DesktopError: The file cannot be read, or the desktop cannot tell whether it is there.
+            DesktopError: The desktop cannot tell whether the file is there.
+            GuestError: The file cannot be read.
         """
         full_path = self.path(path)
         if not commands.ran(self.desktop, "test", "-f", full_path).ok:
@@ -122,7 +123,8 @@ class Machine:
     def exists(self, path: str) -> bool:
         """Return whether there is a file, folder or link.
 
-        `DesktopError` is raised if the desktop cannot tell.
+        Raises:
+            DesktopError: The desktop cannot tell.
         """
         full_path = self.path(path)
         return commands.ran(self.desktop, "test", "-e", full_path, "-o", "-L", full_path).ok
@@ -130,7 +132,8 @@ class Machine:
     def names(self, folder: str) -> set[str] | None:
         """Return the names in a folder, hidden ones as well, or `None` if there is none.
 
-        `DesktopError` is raised if the desktop cannot tell.
+        Raises:
+            DesktopError: The desktop cannot tell.
         """
         command = ["find", self.path(folder), "-mindepth", "1", "-maxdepth", "1"]
         result = commands.ran(self.desktop, *command, "-printf", r"%f\0")
@@ -298,8 +301,8 @@ class Machine:
             return
         new_paths = self.snapshot().files.keys() - self._at_first.files.keys()
         top_paths = sorted(path for path in new_paths if path.rpartition("/")[0] not in new_paths)
-        for start in range(0, len(top_paths), _AT_ONCE):
-            self.run("rm", "-rf", "--", *top_paths[start : start + _AT_ONCE])
+        for start in range(0, len(top_paths), _PATHS_PER_COMMAND):
+            self.run("rm", "-rf", "--", *top_paths[start : start + _PATHS_PER_COMMAND])
 
 
 def _without_empty_values(stored: Any) -> Any:

@@ -33,10 +33,17 @@ def tasks(
     Such as: hijack tasks --suite; hijack tasks OSWORLD_EXAMPLES --out tasks.jsonl (369 x 9 = 3321).
     """
     if suite or set_:
-        if source is not None:
-            raise click.UsageError("give either OSWORLD_EXAMPLES or --suite")
-        _list(set_, as_json, out)
-        return
+        _list(source, set_, as_json, out)
+    else:
+        _write_osworld_rows(source, out, clean)
+
+
+def _write_osworld_rows(source: Path | None, out: Path | None, clean: bool) -> None:
+    """Write the rows of OSWorld's tasks.
+
+    Raises:
+        UsageError: The folder of task files, or the file to write, is not given.
+    """
     if source is None:
         raise click.UsageError("say which tasks: --suite, or a folder of OSWorld's task files")
     if out is None:
@@ -44,12 +51,19 @@ def tasks(
     from ..osworld import table
     from ..osworld.tasks import load
 
-    names = load(source)
-    count = table.write(names, out, clean)
-    click.echo(f"{out}: {count} rows, {len(names)} tasks, revision {names.revision}")
+    examples = load(source)
+    count = table.write(examples, out, clean)
+    click.echo(f"{out}: {count} rows, {len(examples)} tasks, revision {examples.revision}")
 
 
-def _list(set_: str | None, as_json: bool, out: Path | None) -> None:
+def _list(source: Path | None, set_: str | None, as_json: bool, out: Path | None) -> None:
+    """List the tasks of the suite, or of a set.
+
+    Raises:
+        UsageError: A folder of OSWorld's task files is given, too.
+    """
+    if source is not None:
+        raise click.UsageError("give either OSWORLD_EXAMPLES or --suite")
     from . import catalogue, task_sets
 
     rows = catalogue.rows(task_sets.members(set_ or task_sets.SUITE))

@@ -11,9 +11,9 @@ APP = "chrom"
 BAR = "Address and search bar"
 FIELDS = ("entry", "combo-box", "spin-button", "text")
 BOXES = ("radio-button", "check-box")
-_LOADING = 4.0  # s until a page that was asked for shows its heading
+_LOADING_S = 4.0  # until a page that was asked for shows its heading
 _TABBING = 2.0  # s until the next field has the focus
-_SCREENS = 30  # turns of the wheel until a page must have come to its end
+_MAX_SCROLLS = 30  # until a page must have come to its end
 
 
 def visit(hand: Hand, address: str, heading: Name, *, in_new_tab: bool = False) -> None:
@@ -31,7 +31,7 @@ def begin(hand: Hand, address: str, heading: Name) -> None:
 
     An oracle begins with it: at the start the page is open, later it may be another one.
     """
-    deadline = time.monotonic() + _LOADING
+    deadline = time.monotonic() + _LOADING_S
     while time.monotonic() < deadline:
         bar = hand.see("entry", BAR, app=APP)
         if bar is not None and _shown_address(bar.text) not in ("", _shown_address(address)):
@@ -125,7 +125,7 @@ def shows_text(hand: Hand, roles: Roles, name: Name) -> bool:
     What is not on the screen is not in the tree of this browser, so the page is scrolled.
     """
     before: list[TreeNode] = []
-    for _ in range(_SCREENS):
+    for _ in range(_MAX_SCROLLS):
         time.sleep(0.3)  # a page comes, and scrolls, piece by piece
         nodes = page(hand)
         if any(fits(roles, name)(node) for node in nodes):

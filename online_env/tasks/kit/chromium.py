@@ -200,7 +200,11 @@ def write_history(machine: Machine, pages: Sequence[tuple[str, str]]) -> None:
 
 
 def _rows(machine: Machine, path: str, query: str) -> list[tuple[Any, ...]]:
-    """Return the rows of a query of a copy; none if there is no such file yet."""
+    """Return the rows of a query of a copy of a database; none if there is no such file yet.
+
+    Raises:
+        DesktopError: The file is no database, or lacks the tables.
+    """
     data = _profile_file(machine, path)
     if not data:
         return []
@@ -220,6 +224,11 @@ def _profile_file(machine: Machine, path: str) -> bytes | None:
 
 
 def _json(machine: Machine, path: str) -> dict[str, Any]:
+    """Return the JSON object in a file of the profile; empty if there is no such file yet.
+
+    Raises:
+        DesktopError: The file holds something else.
+    """
     data = _profile_file(machine, path)
     if data is None:
         return {}

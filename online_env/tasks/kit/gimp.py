@@ -20,7 +20,7 @@ _NO_PICTURE = (OSError, SyntaxError, ValueError, Image.DecompressionBombError)
 _OPTIONS = re.compile("Export Image as")
 _ASKED = re.compile("Export Image as|Question")
 _CHANGED = re.compile(r"\*\[")  # how the title begins, as long as there is something to take back
-_CHANGES = 12  # so many changes are taken back at most
+_MAX_UNDOS = 12
 _CANVAS_FIELDS = 4  # width, height, and the two offsets
 _SLACK = 0.1  # mean difference of colour values, of 255: less than that of a dab of the brush
 _SPOT = 16  # pixels
@@ -228,7 +228,7 @@ def leave_dialogs(hand: Hand) -> None:
 def undo_all(hand: Hand) -> None:
     """Take back what an earlier try, or an accident, changed in the open picture."""
     leave_dialogs(hand)
-    for _ in range(_CHANGES):
+    for _ in range(_MAX_UNDOS):
         if hand.see("frame", _CHANGED, GIMP) is None:
             return
         hand.press("ctrl", "z")

@@ -19,8 +19,8 @@ from .word_lists import straight
 APP = "soffice"
 OWN_FORMAT = re.compile("Use (?!ODF)")
 _MODIFIED = "Save All"  # the menu item can be used while a document has unsaved changes
-_TRIES = 3  # so many times the timeout of a hand, for what LibreOffice has to load first
-_NOTICED = 3.0  # seconds, until the menu follows a change
+_TIMEOUTS_TO_LOAD = 3  # of the hand, for what LibreOffice has to load first
+_MENU_UPDATE_S = 3.0  # until the menu follows a change
 
 
 class Saved(Protocol):
@@ -35,7 +35,8 @@ class OfficeTask(Task):
     """A task on one document, which is open at the start.
 
     `draw` of a subclass returns `path`, the place of the document, among other things. A subclass
-    gives `initial_document` and `judge`, and a class for each kind of document gives `load` and `content`.
+    defines `initial_document` and `judge`; a class for each kind of document defines `load` and
+    `content`.
 
     Attributes:
         library: The module that reads and writes such documents.
@@ -180,7 +181,7 @@ def with_retries(look: Callable[[], TreeNode]) -> TreeNode:
     Raises:
         DesktopTimeoutError: It found nothing in several times the timeout of its hand.
     """
-    for _ in range(_TRIES - 1):
+    for _ in range(_TIMEOUTS_TO_LOAD - 1):
         try:
             return look()
         except DesktopTimeoutError:
@@ -219,7 +220,7 @@ def _is_in_bar(node: TreeNode, name: str) -> bool:
 
 def _await_change(hand: Hand) -> None:
     """Wait until the menu has noticed a change, or for some seconds."""
-    deadline = time.monotonic() + _NOTICED
+    deadline = time.monotonic() + _MENU_UPDATE_S
     while any(_is_saved(node) for node in hand.look()) and time.monotonic() < deadline:
         time.sleep(PAUSE)
 

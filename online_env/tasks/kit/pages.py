@@ -12,7 +12,7 @@ LINKS = ("link", *BUTTONS)
 _MENU_EDGE = 8  # px above the first item of a menu of the settings
 _MENU_ITEM = 36  # px
 _DOUBLE_CLICKS = 3
-_OPENING = 5.0  # s that a folder may take to open
+_OPENING_S = 5.0  # that a folder may take to open
 
 
 def visit(hand: Hand, address: str, title: str) -> None:
@@ -77,11 +77,14 @@ def open_folder(hand: Hand, folder: str) -> None:
     """Open a folder of the bookmarks bar in Chromium's bookmark manager, which shows.
 
     On a busy desktop the page may take a double click for two clicks, which only select the folder.
+
+    Raises:
+        DesktopTimeoutError: The folder does not open.
     """
     hand.click_on("tree-item", "Bookmarks bar")
     for _ in range(_DOUBLE_CLICKS):
         hand.double_click(hand.find("static", folder, CHROME))
-        deadline = time.monotonic() + _OPENING
+        deadline = time.monotonic() + _OPENING_S
         while time.monotonic() < deadline:
             if hand.see(BUTTONS, f"More actions for {folder}", CHROME) is None:
                 return

@@ -23,7 +23,7 @@ _RATE = 8000  # samples a second of a recording
 _LOUDNESS = 6000
 _PITCHES = tuple(round(220 * 2 ** (step / 12), 1) for step in range(0, 25, 2))  # whole tones
 _PITCH_SLACK = 0.03  # a quarter of a whole tone
-_PICTURES_A_SECOND = 5
+_FRAMES_PER_SECOND = 5
 _IS_KEY = 0x10  # a picture of an AVI file that can be shown without others
 _HAS_INDEX = 0x10
 
@@ -127,7 +127,7 @@ def scene(stream: Stream, title: str) -> Image.Image:
 def film(scenes: Sequence[Image.Image]) -> bytes:
     """Return an AVI file (motion JPEG, silent) that shows each picture for `SCENE` seconds."""
     jpegs = [gimp.encode(picture, "JPEG", 90) for picture in scenes]
-    frames = [data for data in jpegs for _ in range(SCENE * _PICTURES_A_SECOND)]
+    frames = [data for data in jpegs for _ in range(SCENE * _FRAMES_PER_SECOND)]
     chunks, index, place = [], [], 4
     for data in frames:
         chunk = _chunk(b"00dc", data)
@@ -151,9 +151,9 @@ def _headers(frames: int, largest: int) -> bytes:
     The fields are those of AVIMAINHEADER, AVISTREAMHEADER and BITMAPINFOHEADER, in their order.
     """
     width, height = FILM_SIZE
-    a_second = largest * _PICTURES_A_SECOND
-    main = (1_000_000 // _PICTURES_A_SECOND, a_second, 0, _HAS_INDEX, frames, 0, 1, largest)
-    stream = (0, 0, 0, 1, _PICTURES_A_SECOND, 0, frames, largest, 0, 0)
+    a_second = largest * _FRAMES_PER_SECOND
+    main = (1_000_000 // _FRAMES_PER_SECOND, a_second, 0, _HAS_INDEX, frames, 0, 1, largest)
+    stream = (0, 0, 0, 1, _FRAMES_PER_SECOND, 0, frames, largest, 0, 0)
     format_ = struct.pack(
         "<3i2H4s5I", 40, width, height, 1, 24, b"MJPG", width * height * 3, *[0] * 4
     )

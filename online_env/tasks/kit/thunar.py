@@ -10,7 +10,7 @@ from ..hand import PAUSE, Hand
 APP = "thunar"
 ROWS = ("table-cell", "list-item")
 TRIES = 3
-LISTING = 1.0  # seconds until a folder is surely listed
+LISTING_S = 1.0  # until a folder is surely listed
 
 
 def go(hand: Hand, folder: str) -> None:
@@ -37,7 +37,7 @@ def as_list(hand: Hand) -> None:
 
 def present(hand: Hand, *names: str) -> list[str]:
     """Return those of some names that the folder shows; if any lacks, look for a second."""
-    deadline = time.monotonic() + LISTING
+    deadline = time.monotonic() + LISTING_S
     while True:
         visible_names = {node.name for node in hand.look() if node.box and node.role in ROWS}
         present_names = [name for name in names if name in visible_names]
@@ -71,13 +71,13 @@ def select(hand: Hand, *names: str) -> None:
 def reload(hand: Hand) -> None:
     """Load the folder again, so that the accessibility tree has the names that the rows have."""
     hand.press("ctrl", "r")
-    time.sleep(LISTING)
+    time.sleep(LISTING_S)
 
 
 def _are_selected(hand: Hand, names: Sequence[str]) -> bool:
     """Return whether the status bar tells so, within a second."""
     status = f'"{names[0]}" ' if len(names) == 1 else f"Selection: {len(names)} "
-    deadline = time.monotonic() + LISTING
+    deadline = time.monotonic() + LISTING_S
     while time.monotonic() < deadline:
         nodes = hand.look()
         bars = [node for node in nodes if node.role == "statusbar" and node.box]
