@@ -1,7 +1,7 @@
-"""A hand that notices what got in its way and puts it right, as a careful user would.
+"""A hand that notices disturbances and undoes them, as a careful user would.
 
-It is told what a person knows: the applications of the task, how to start the first of them, and
-the password. It is never told what was disturbed, and it acts with pointer and keyboard alone.
+It knows what a person knows: the applications of the task, how to start the first of them, and the
+password. It does not know what was disturbed, and it acts with pointer and keyboard alone.
 """
 
 import re
@@ -13,11 +13,11 @@ from hijack_data.runs.run_log import REINIT
 from ..desktops.protocol import Desktop
 from ..errors import DesktopTimeoutError
 from .hand import BUTTONS, ENTRIES, MENU_ROLES, PAUSE, TIMEOUT_S, Hand, title_click
-from .own_windows import (
+from .task_windows import (
     DIALOGS,
     LOCKER,
     PANEL,
-    OwnWindows,
+    TaskWindows,
     is_minimised,
     panel_button,
     program_name,
@@ -59,7 +59,7 @@ class CarefulHand(Hand):
         timeout: float = TIMEOUT_S,
     ) -> None:
         super().__init__(desktop, timeout)
-        self._own = OwnWindows(apps, start)
+        self._windows = TaskWindows(apps, start)
         self._start = start
         self._password = password
         self._asked = False
@@ -73,11 +73,11 @@ class CarefulHand(Hand):
     def look(self) -> list[TreeNode]:
         """Return the nodes of the tree as it is now, and keep the titles of the own windows."""
         nodes = super().look()
-        visible = self._own.shown(nodes)
+        visible = self._windows.visible(nodes)
         self._programs |= {program_name(node.name) for node in visible if node.name}
-        active = [node.app for node in self._own.frames(nodes) if "active" in node.states]
+        active = [node.app for node in self._windows.frames(nodes) if "active" in node.states]
         self._first = self._first or next(iter(active), "")
-        self._had_document |= any(map(self._own.names_document, visible))
+        self._had_document |= any(map(self._windows.names_document, visible))
         return nodes
 
     def wait(
@@ -108,12 +108,12 @@ class CarefulHand(Hand):
         return False
 
     def run(self, code: str) -> None:
-        """Run pyautogui code, after what is plainly in the way was put right."""
+        """Run pyautogui code, after obvious obstacles were removed."""
         self._clear(self.look())
         super().run(code)
 
     def click(self, node: TreeNode) -> None:
-        """Click in the middle of a node, after what is plainly in the way was put right.
+        """Click in the middle of a node, after obvious obstacles were removed.
 
         Raises:
             DesktopTimeoutError: The node is part of a menu, which closed meanwhile; the tree may
@@ -141,7 +141,7 @@ class CarefulHand(Hand):
         super().replace(text)
 
     def _is_focused_field(self, node: TreeNode) -> bool:
-        return node.role in _FIELDS and "focused" in node.states and self._own.has(node)
+        return node.role in _FIELDS and "focused" in node.states and self._windows.has(node)
 
     def recover(self, nodes: list[TreeNode] | None = None, escape: bool = True) -> bool:
         """Look for a reason why things are not as expected, and do something about it.
@@ -168,7 +168,7 @@ class CarefulHand(Hand):
         return False
 
     def prepare_retry(self) -> None:
-        """Put right what is in the way of another try: also what the last one left open or changed.
+        """Remove what is in the way of another try: also what the last one left open or changed.
 
         A dialog, and a text being edited in it or under it, take an Escape each. A dialog may open
         another one when it is left: LibreOffice's question of the format opens the one to save.
@@ -177,7 +177,7 @@ class CarefulHand(Hand):
         for _ in range(_MAX_OPEN_DIALOGS):
             time.sleep(LOST_S / 2)  # a dialog that follows another takes a moment
             nodes = self.look()
-            if not self._own.dialogs(nodes):
+            if not self._windows.dialogs(nodes):
                 break
             self._escape(nodes)  # the dialog
             super().run("pyautogui.press('escape')")  # what it was about
@@ -191,14 +191,14 @@ class CarefulHand(Hand):
         One may have a menu or a dialog that is not in the tree.
         """
         nodes = self.look()
-        for window in self._own.frames(nodes):
+        for window in self._windows.frames(nodes):
             if "active" not in window.states and self._bring_to_front(window, nodes):
                 super().run("pyautogui.press('escape')")
 
     def _go_to_first(self) -> None:
         """Give the keyboard to the window that had it when the task began."""
         nodes = self.look()
-        for window in self._own.frames(nodes):
+        for window in self._windows.frames(nodes):
             if window.app == self._first and "active" not in window.states:
                 self._bring_to_front(window, nodes)
                 return
@@ -216,7 +216,9 @@ class CarefulHand(Hand):
         """Undo all that was done in the document, by an accident or by the last try."""
         for _ in range(_MAX_UNDOS):
             nodes = self.look()
-            if len(self._own.shown(nodes)) != 1 or not any(self._is_undo(node) for node in nodes):
+            if len(self._windows.visible(nodes)) != 1 or not any(
+                self._is_undo(node) for node in nodes
+            ):
                 return
             super().run("pyautogui.hotkey('ctrl', 'z')")
             time.sleep(PAUSE)
@@ -226,10 +228,15 @@ class CarefulHand(Hand):
     def _confirm_deletion(self) -> bool:
         """Agree to delete what is taken back, if asked; return whether nothing else is asked."""
         nodes = self.look()
-        if not self._own.dialogs(nodes):
+        if not self._windows.dialogs(nodes):
             return True
         for node in nodes:
-            if node.role in BUTTONS and node.name == "Delete" and self._own.has(node) and node.box:
+            if (
+                node.role in BUTTONS
+                and node.name == "Delete"
+                and self._windows.has(node)
+                and node.box
+            ):
                 self._click_at(node)
                 time.sleep(PAUSE)
                 return True
@@ -238,11 +245,11 @@ class CarefulHand(Hand):
     def _is_undo(self, node: TreeNode) -> bool:
         """Return whether a node is a button to undo something, and there is something to undo."""
         is_button = node.role == "push-button" and node.name == "Undo"
-        return is_button and self._own.has(node) and "sensitive" in node.states
+        return is_button and self._windows.has(node) and "sensitive" in node.states
 
     def _escape(self, nodes: list[TreeNode]) -> None:
         """Leave the own dialog that shows, if any does, or else what has the keyboard."""
-        for dialog in self._own.dialogs(nodes)[-1:]:
+        for dialog in self._windows.dialogs(nodes)[-1:]:
             self._activate(dialog)
         if any(_has_tool(node) for node in nodes):
             super().run("pyautogui.press('f6')")
@@ -256,10 +263,10 @@ class CarefulHand(Hand):
         if any(node.app == LOCKER and node.role == "frame" and node.box for node in nodes):
             self._unlock()
             return True
-        minimised = [node for node in self._own.windows(nodes) if "iconified" in node.states]
+        minimised = [node for node in self._windows.windows(nodes) if "iconified" in node.states]
         if minimised and self._restore(minimised[0], nodes):
             return True
-        foreign = [node for node in nodes if self._own.is_foreign(node)]
+        foreign = [node for node in nodes if self._windows.is_foreign(node)]
         if foreign:
             self._close(foreign[0])
             return True
@@ -271,12 +278,12 @@ class CarefulHand(Hand):
         Applications on Qt neither say that they are minimised, nor keep the names of their windows
         then. The buttons of the panel have them.
         """
-        if self._own.shown(nodes):
+        if self._windows.visible(nodes):
             return False
         for node in reversed(nodes):  # the button of a dialog comes after that of its window
             if node.app == PANEL and node.box and program_name(node.name) in self._programs:
                 self._click_in_panel(node)
-                self._until(self._own.shown)
+                self._until(self._windows.visible)
                 return True
         return False
 
@@ -286,9 +293,9 @@ class CarefulHand(Hand):
         A program that was started once more has another window, which belongs to the task's
         applications as well: only the titles tell the two apart.
         """
-        frames = self._own.frames(nodes)
-        without_document = [node for node in frames if not self._own.names_document(node)]
-        with_document = [node for node in frames if self._own.names_document(node)]
+        frames = self._windows.frames(nodes)
+        without_document = [node for node in frames if not self._windows.names_document(node)]
+        with_document = [node for node in frames if self._windows.names_document(node)]
         if not with_document or not any("active" in node.states for node in without_document):
             return False
         return self._bring_to_front(with_document[0], nodes)
@@ -298,20 +305,20 @@ class CarefulHand(Hand):
 
         A program that is busy, as while it opens a document, has none in the tree until it answers.
         """
-        if self._own.windows(nodes):
+        if self._windows.windows(nodes):
             return False
         time.sleep(LOST_S)
-        return not self._own.windows(self.look())
+        return not self._windows.windows(self.look())
 
     def _is_closed(self, nodes: list[TreeNode]) -> bool:
         """Return whether the task's document was closed, and its program shows without any."""
-        frames = self._own.frames(nodes)
-        if any(self._own.names_document(node) for node in frames):
+        frames = self._windows.frames(nodes)
+        if any(self._windows.names_document(node) for node in frames):
             return False
         without_document = [
             node for node in frames if node.box and node.name == program_name(node.name) != ""
         ]
-        return self._had_document and bool(without_document) and not self._own.dialogs(nodes)
+        return self._had_document and bool(without_document) and not self._windows.dialogs(nodes)
 
     def _unlock(self) -> None:
         super().run("pyautogui.press('shift')")  # the screen is black until a key is pressed
@@ -335,7 +342,7 @@ class CarefulHand(Hand):
     def _return_to_dialog(self) -> None:
         """Give the keyboard back to a dialog: its window was restored, and has it now."""
         for node in self.look():
-            if self._own.has(node) and node.role in DIALOGS and node.box:
+            if self._windows.has(node) and node.role in DIALOGS and node.box:
                 self._activate(node)
                 return
 
@@ -358,7 +365,7 @@ class CarefulHand(Hand):
         super().run(f"pyautogui.write({self._start!r})")
         time.sleep(LOST_S / 2)  # the finder takes a text over a moment after it was typed
         super().run("pyautogui.press('enter')")
-        self._until(self._own.shown)
+        self._until(self._windows.visible)
 
     def _is_offline(self, nodes: list[TreeNode]) -> bool:
         return any(node.role == "heading" and _OFFLINE.match(node.name) for node in nodes)
@@ -383,15 +390,15 @@ class CarefulHand(Hand):
     def _scroll(self) -> None:
         """Turn the wheel over the page, not over the panel or what a closed window has left."""
         if self._may_be_outside:
-            for window in self._own.shown(self.look())[-1:]:
+            for window in self._windows.visible(self.look())[-1:]:
                 x, y = window.centre
                 super().run(f"pyautogui.moveTo({x}, {y})")
                 self._may_be_outside = False
         super()._scroll()
 
     def _until(self, test: Callable[[list[TreeNode]], object]) -> None:
-        """Wait until a test of the tree passes, or for as long as the hand has timeout."""
-        deadline = time.monotonic() + self._patience
+        """Wait until a test of the tree passes, or the timeout is over."""
+        deadline = time.monotonic() + self._timeout
         while time.monotonic() < deadline:
             if test(self.look()):
                 return

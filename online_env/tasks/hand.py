@@ -37,7 +37,7 @@ class Hand:
 
     def __init__(self, desktop: Desktop, timeout: float = TIMEOUT_S) -> None:
         self._desktop = desktop
-        self._patience = timeout
+        self._timeout = timeout
 
     def look(self) -> list[TreeNode]:
         """Return the nodes of the accessibility tree as it is now."""
@@ -63,7 +63,7 @@ class Hand:
         Raises:
             DesktopTimeoutError: No such node came in time.
         """
-        deadline = time.monotonic() + self._patience
+        deadline = time.monotonic() + self._timeout
         before: TreeNode | None = None
         moved = False
         pause = PAUSE
@@ -74,7 +74,7 @@ class Hand:
             if match is not None and (not moved or match == before):
                 return match
             if time.monotonic() > deadline:
-                raise DesktopTimeoutError(_timeout_message(description, self._patience, nodes))
+                raise DesktopTimeoutError(_timeout_message(description, self._timeout, nodes))
             if match is None:
                 moved |= self._while_missing(nodes, meanwhile)
             before = match
@@ -126,12 +126,12 @@ class Hand:
         Raises:
             DesktopTimeoutError: One still shows.
         """
-        deadline = time.monotonic() + self._patience
+        deadline = time.monotonic() + self._timeout
         pause = PAUSE
         while self.see(roles, name, app, state) is not None:
             if time.monotonic() > deadline:
                 description = _describe_search(roles, name, app, state)
-                raise DesktopTimeoutError(f"{description} still shows after {self._patience:g} s")
+                raise DesktopTimeoutError(f"{description} still shows after {self._timeout:g} s")
             time.sleep(pause)
             pause = _next_pause(pause)
 
@@ -145,14 +145,14 @@ class Hand:
         Raises:
             DesktopTimeoutError: It did not come in time, or goes on changing.
         """
-        deadline = time.monotonic() + self._patience
+        deadline = time.monotonic() + self._timeout
         before: T | None = None
         while True:
             current = read()
             if current is not None and current == before:
                 return current
             if time.monotonic() > deadline:
-                raise DesktopTimeoutError(f"no {description} at rest within {self._patience:g} s")
+                raise DesktopTimeoutError(f"no {description} at rest within {self._timeout:g} s")
             before = current
             time.sleep(2 * PAUSE)
 

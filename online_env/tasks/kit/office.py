@@ -179,7 +179,7 @@ def with_retries(look: Callable[[], TreeNode]) -> TreeNode:
     """Return what a look finds; LibreOffice may not answer for a minute when it loads a part.
 
     Raises:
-        DesktopTimeoutError: It found nothing in several times the timeout of its hand.
+        DesktopTimeoutError: Nothing was found in several times the timeout of the hand.
     """
     for _ in range(_TIMEOUTS_TO_LOAD - 1):
         try:

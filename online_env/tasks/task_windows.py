@@ -1,4 +1,4 @@
-"""Which windows of an accessibility tree belong to a task, and which only to the desktop."""
+"""Tell the windows of a task's applications from other windows of the desktop."""
 
 import shlex
 from collections.abc import Iterable
@@ -15,7 +15,7 @@ _FINDER = "xfce4-appfinder"  # what Alt+F2 opens: the hand may have done so
 _SYSTEM = (PANEL, LOCKER, _FINDER, "xfdesktop", "xfsettingsd", "xfwm4", "wrapper", "xfce4-notifyd")
 
 
-class OwnWindows:
+class TaskWindows:
     """Tells the windows of a task's applications from those of others.
 
     Args:
@@ -46,26 +46,26 @@ class OwnWindows:
         return bool(self._names) and not node.app.lower().startswith(_SYSTEM)
 
     def windows(self, nodes: list[TreeNode]) -> list[TreeNode]:
-        """Return the own windows and dialogs, whether they show or not."""
+        """Return the windows and dialogs of the task, visible or not."""
         return [node for node in nodes if self.has_window(node)]
 
-    def shown(self, nodes: list[TreeNode]) -> list[TreeNode]:
-        """Return those that show."""
+    def visible(self, nodes: list[TreeNode]) -> list[TreeNode]:
+        """Return those that are visible."""
         return [node for node in self.windows(nodes) if node.box]
 
     def frames(self, nodes: list[TreeNode]) -> list[TreeNode]:
-        """Return those that are no dialogs."""
+        """Return those that are not dialogs."""
         return [node for node in self.windows(nodes) if node.role == "frame"]
 
     def dialogs(self, nodes: list[TreeNode]) -> list[TreeNode]:
-        """Return the own dialogs that show beside an own frame; some tasks have a dialog alone.
+        """Return the visible dialogs beside a frame of the task; some tasks have a dialog alone.
 
         A frame under a modal dialog may not say that it shows. An alert may be a part of a web
         page; one that is modal is a window.
         """
         if not self.frames(nodes):
             return []
-        candidates = [node for node in self.shown(nodes) if node.role in DIALOGS]
+        candidates = [node for node in self.visible(nodes) if node.role in DIALOGS]
         return [node for node in candidates if node.role != "alert" or "modal" in node.states]
 
     def names_document(self, window: TreeNode) -> bool:
@@ -88,5 +88,5 @@ def is_minimised(window: TreeNode, nodes: list[TreeNode]) -> bool:
 
 
 def program_name(title: str) -> str:
-    """Return what a title ends with: most windows name a document, then their program."""
+    """Return the program in the title of a window, which most write after the document."""
     return title.rpartition(" - ")[2]
