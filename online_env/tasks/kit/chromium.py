@@ -245,7 +245,7 @@ def _json(machine: Machine, path: str) -> dict[str, Any]:
 
 
 def exceptions(machine: Machine, kind: str) -> dict[str, int]:
-    """Return what was decided for sites, by their patterns: 1 is to allow, 2 is to block.
+    """Return the permissions of sites by pattern: 1 allows, 2 blocks.
 
     Args:
         machine: Where.

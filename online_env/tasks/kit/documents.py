@@ -324,7 +324,7 @@ def _marks(paragraph: Any) -> tuple[str, ...]:
 
 
 def _pictures(document_file: Any) -> int:
-    """Count what is drawn, without what a file holds once more for old programs."""
+    """Count pictures, drawings and objects, without the copies for old programs."""
     values = sum(1 for name in _DRAWN for _ in document_file.element.body.iter(f"{_WORD}{name}"))
     again = sum(
         1

@@ -225,7 +225,7 @@ def problems(
     flags: Mapping[str, Flags] | None = None,
     finished: Sequence[str] = (),
 ) -> Iterator[str]:
-    """Yield in what the mailbox differs from the one before, but for what was asked.
+    """Yield how the mailbox differs from the expected one: as before, apart from the arguments.
 
     A mail that was unread may be read; the ids of drafts do not count, since saving one without a
     change gives it another.

@@ -1,4 +1,4 @@
-"""People who register for a course at forms.test: drawn, told, entered, stored and judged."""
+"""Registrations for a course at forms.test: drawing people, filling in the form, judging."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import date, timedelta
@@ -83,7 +83,7 @@ def read_registrations(machine: Machine) -> list[Registration]:
 
 
 def differences(actual: Mapping[str, Any], expected: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the fields that are not as wanted; only those that `wanted` has count.
+    """Yield the fields that differ from the expected ones; only those of `expected` count.
 
     Letter case and spaces in what was typed do not.
     """
@@ -98,9 +98,9 @@ def cancelled_numbers(machine: Machine) -> list[int]:
 
 
 def registration_problems(machine: Machine, *entries: Mapping[str, Any]) -> Iterator[str]:
-    """Yield why the registrations that hold are not these, in whatever order.
+    """Yield why the valid registrations are not these, in any order.
 
-    One that was cancelled does not hold. Feedback should not have been sent.
+    A cancelled one is not valid. Feedback should not have been sent.
     """
     if machine.sites.read("forms").get("feedback"):
         yield "feedback was sent"

@@ -15,7 +15,7 @@ _DATE = time.gmtime(1_700_000_000)  # Pillow dates a PDF
 
 
 def sample_file(name: str, text: str = "") -> bytes:
-    """Return the content of a file whose kind its suffix tells: a picture, a PDF or text.
+    """Return the content of a sample file; its suffix decides the kind: a picture, a PDF or text.
 
     Args:
         name: The file's name.
@@ -42,7 +42,7 @@ def _picture(kind: str, text: str) -> bytes:
 def arrangement_problems(
     machine: Machine, moved: Pairs = (), copied: Pairs = (), folders: Iterable[str] = ()
 ) -> Iterator[str]:
-    """Yield what is wrong if files should have been moved and copied, and nothing else done.
+    """Yield what is wrong, where files should have been moved and copied and nothing else changed.
 
     Modes of what was moved, copied or made do not matter.
 
@@ -87,7 +87,7 @@ def move_files(machine: Machine, pairs: Pairs, command: str = "mv") -> None:
 
 
 def paths_below(machine: Machine, folder: str) -> list[str]:
-    """Return the paths of the files that were below a folder at first, relative to it."""
+    """Return the paths, relative to a folder, of the files that were in it at the start."""
     start = f"{folder}/"
     paths: list[str] = []
     for path, look in machine.before.files.items():

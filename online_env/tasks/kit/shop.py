@@ -161,7 +161,7 @@ def problems(
     cart: Mapping[str, int] | None = None,
     orders: Sequence[Mapping[str, Any]] = (),
 ) -> Iterator[str]:
-    """Yield in what the shop differs from before, but for what was asked.
+    """Yield how the shop differs from the expected one: as before, apart from the arguments.
 
     Args:
         machine: It knows the state from before.
@@ -194,7 +194,7 @@ def problems(
 
 
 def _differences(actual: Mapping[str, Any], expected: Mapping[str, Any]) -> Iterator[str]:
-    """Yield in what an order differs."""
+    """Yield how an order differs from the expected one."""
     for key, value in expected.items():
         if key == "lines":
             quantities = {line["product"]: line["quantity"] for line in actual["lines"]}

@@ -75,7 +75,7 @@ def reload(hand: Hand) -> None:
 
 
 def _are_selected(hand: Hand, names: Sequence[str]) -> bool:
-    """Return whether the status bar tells so, within a second."""
+    """Return whether the status bar shows within a second that these files are selected."""
     status = f'"{names[0]}" ' if len(names) == 1 else f"Selection: {len(names)} "
     deadline = time.monotonic() + LISTING_S
     while time.monotonic() < deadline:

@@ -21,7 +21,7 @@ def move_to_trash(
 
 
 def trashed_files(machine: Machine) -> dict[str, bytes]:
-    """Return what is in the trash: content by path, relative to the home folder, of old.
+    """Return the content of the trash by the former paths, relative to the home folder.
 
     A folder has no content, and is left out.
     """
@@ -42,7 +42,7 @@ def take_out(machine: Machine, path: str) -> None:
 
 
 def _place(info: str) -> str:
-    """Return where a thing of the trash was, or "" if that is not told."""
+    """Return the former path of a file in the trash, or "" if it is not recorded."""
     for line in info.splitlines():
         key, _, value = line.partition("=")
         if key == "Path":
