@@ -23,8 +23,8 @@ from typing import Any
 
 from common import machine, spread, table
 
-from online_env.bench import records
 from online_env.bench.estimates import makespan
+from online_env.results import records
 from online_env.tasks import task_sets
 
 HIJACK = (sys.executable, "-m", "hijack_data.cli", "bench", "embedded_small")
@@ -62,7 +62,7 @@ def overheads(episodes: int, corruption: str) -> list[float]:
     from online_env.environment import CorruptedEnv, EvalSettings, SmallTasks
 
     found: list[float] = []
-    planner = None if corruption == "clean" else hj.get(corruption)
+    planner = None if corruption == "clean" else hj.make_corruption(corruption)
     with tempfile.TemporaryDirectory() as scratch, EmbeddedDesktop.up(standby=True) as desktop:
         settings = EvalSettings(max_steps=60, log=Path(scratch), agent="stopwatch")
         env = CorruptedEnv(SmallTasks(desktop), settings=settings)

@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import resample
-from .backends import backend_of
+from .backends import find_backend
 from .errors import ImageError, ImageTypeError, ParameterError, ParameterTypeError, shown
 from .kernels import plan_stamps
 from .kernels.jax_ops import (
@@ -348,7 +348,7 @@ def _check_images(plans: PlanArrays, images: Any) -> None:
     if not isinstance(cast(object, plans), PlanArrays):
         found = type(plans).__name__
         raise ParameterTypeError(f"apply_arrays takes what Packer.pack returned, got {found}")
-    backend = backend_of(images)
+    backend = find_backend(images)
     if backend.name == "torch":
         raise ImageTypeError("apply_arrays takes JAX arrays, got a tensor; use hijack_data.apply")
     backend.check(images)

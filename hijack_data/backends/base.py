@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..array_overlap import overlaps
 from ..errors import ImageError, ImageTypeError, ParameterError
 from ..kernels import Stamp, plan_stamps
-from ..memory import overlaps
 from ..plan import Paste, Plan
 from ..types import Size, UInt8Array, size_text
 
@@ -242,6 +242,6 @@ def check_keeps_size(plans: Sequence[Plan]) -> None:
             raise ParameterError(f"inplace=True: {plan.corruption} changes the size to {size}")
 
 
-def count_of(lead: tuple[int, ...]) -> int:
+def count_pictures(lead: tuple[int, ...]) -> int:
     """Return how many pictures an array with leading axes `lead` holds."""
     return int(np.prod(lead)) if lead else 1

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from .. import params as p
-from ..corruption import Corruption, find
+from ..corruption import Corruption
 from ..errors import UnknownNameError
 from .base import expect, fail
 from .cases import levels

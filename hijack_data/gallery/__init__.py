@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
-from ..corruption import get, names
+from ..corruption import corruption_names, make_corruption
 from ..errors import ParameterError, ParameterTypeError, shown
 from ..planner import Planner, as_planner
 from ..rng import Stream
@@ -86,7 +86,7 @@ def _paths(images: object) -> list[str | os.PathLike[str]]:
 
 def _planners(planners: object) -> dict[str, Planner]:
     if planners is None:
-        return {name: get(name) for name in names()}
+        return {name: make_corruption(name) for name in corruption_names()}
     if not isinstance(planners, Mapping) or not planners:
         raise ParameterTypeError(
             "planners must map titles to corruptions, such as {'marks': Marks()}, got"

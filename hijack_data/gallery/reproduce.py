@@ -6,7 +6,7 @@ from typing import Any
 
 from ..compose import Sequence
 from ..composites import uses_elements
-from ..corruption import Corruption, from_plan, get
+from ..corruption import Corruption, from_plan
 from ..errors import HijackError
 from ..params import Every, parameters, to_json
 from ..plan import Plan
@@ -86,7 +86,7 @@ def _source(corruption: Corruption) -> str:
     values = "".join(
         f", {key}={_literal(value)}" for key, value in _non_default_params(corruption).items()
     )
-    return f"hj.get({_literal(corruption.name)}{values})"
+    return f"hj.make_corruption({_literal(corruption.name)}{values})"
 
 
 def _non_default_params(corruption: Corruption) -> dict[str, Any]:

@@ -11,9 +11,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hijack_data.elements.roles import INTERACTIVE_ENDINGS, INTERACTIVE_ROLES
+from hijack_data.elements.interactive_roles import INTERACTIVE_ENDINGS, INTERACTIVE_ROLES
 from hijack_data.errors import HijackError
-from hijack_data.files import encode_png, write_atomic
+from hijack_data.file_io import encode_png, write_atomic
 from hijack_data.platforms import OURS
 from hijack_data.types import Action, Box, Size, UInt8Array
 

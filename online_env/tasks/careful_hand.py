@@ -8,7 +8,7 @@ import re
 import time
 from collections.abc import Callable, Iterable
 
-from hijack_data.runs.run_log import REINIT
+from hijack_data.actions.allowed import REINIT
 
 from ..desktops.protocol import Desktop
 from ..errors import DesktopTimeoutError

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
-from hijack_data.corruption import names as corruption_names
+from hijack_data.corruption import corruption_names
 
 from . import get, task_sets
 from .base import Task

@@ -7,7 +7,7 @@ import click
 from rich.table import Table
 
 from hijack_data.cli import console
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 
 
 @click.command()

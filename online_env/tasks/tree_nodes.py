@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from hijack_data.elements.nodes import AccessibleNode, nodes_from_tree
+from hijack_data.elements.accessibility_nodes import AccessibleNode, nodes_from_tree
 from hijack_data.errors import ElementsError
 from hijack_data.types import Box, Point
 

@@ -209,7 +209,7 @@ def test_safety_is_that_of_whole_masks(data):
         ops.append(Paste(png_recipe(rgba), at))
     if data.draw(st.booleans()):
         size = (int(rng.integers(10, 200)), int(rng.integers(10, 200)))
-        ops.insert(int(rng.integers(0, len(ops) + 1)), hj.Resample(size))
+        ops.insert(int(rng.integers(0, len(ops) + 1)), hj.plugin.Resample(size))
     plan = Plan("test-v1", (h, w), ops=tuple(ops))
     boxes = np.sort(rng.integers(-20, 220, (7, 2, 2)), axis=1).reshape(7, 4)
     boxes[0, 2:] += 1  # the target: a box without area would be refused
@@ -321,9 +321,15 @@ def test_copies_keep_the_memory_format(layout):
     ("call", "told"),
     [
         (lambda: hj.judge(None, None, None), "judge needs the Plan"),
-        (lambda: hj.plan_avoiding(None, hj.Scene((9, 9)), seed=1), "a planner is a corruption"),
-        (lambda: hj.plan_avoiding(hj.Marks(), None, seed=1), r"scene must be a hijack_data\.Scene"),
-        (lambda: hj.register(5), "register decorates a class"),
+        (
+            lambda: hj.plugin.plan_avoiding(None, hj.Scene((9, 9)), seed=1),
+            "a planner is a corruption",
+        ),
+        (
+            lambda: hj.plugin.plan_avoiding(hj.Marks(), None, seed=1),
+            r"scene must be a hijack_data\.Scene",
+        ),
+        (lambda: hj.plugin.register(5), "register decorates a class"),
     ],
 )
 def test_what_is_of_another_kind_is_told(call, told):

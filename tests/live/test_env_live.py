@@ -248,7 +248,7 @@ def test_the_task_can_be_done_and_is_scored(play, stage):
 WORDS = (
     *(
         name
-        for name in hj.names()
+        for name in hj.corruption_names()
         if name not in ("resolution", "marks", "subtitle", "verification")
     ),
     "launch_app",

@@ -106,7 +106,9 @@ def test_a_careful_user_does_the_task_all_the_same(embedded_machine: None, corru
 
         env = CorruptedEnv(stage, max_steps=60)
         job = Job("recovering", "write_note", corruption, 1)
-        record = play(env, make("recovering"), job, 0, hijack_data.get(corruption), show)
+        record = play(
+            env, make("recovering"), job, 0, hijack_data.make_corruption(corruption), show
+        )
     assert (record["status"], record["score"]) == ("ok", 1.0), record
     assert record["effects"]
 

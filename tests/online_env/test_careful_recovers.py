@@ -2,7 +2,7 @@
 
 import pytest
 
-from hijack_data.runs.run_log import REINIT
+from hijack_data.actions.allowed import REINIT
 from online_env.errors import DesktopTimeoutError
 from online_env.tasks import careful_hand
 from online_env.tasks.careful_hand import CarefulHand

@@ -29,7 +29,7 @@ from support.episodes import CLICK
 from support.live import Marking
 from support.serving import TASKS, Desktops, pool_of, service_on, until
 
-NINE = {"clean": None, **{name: hj.get(name) for name in hj.names()}}
+NINE = {"clean": None, **{name: hj.make_corruption(name) for name in hj.corruption_names()}}
 
 
 def test_an_episode_is_played_and_the_desktop_is_free_again():
@@ -434,7 +434,7 @@ def test_nothing_to_draw_is_an_error():
     with pytest.raises(ParameterError, match="no corruption is left"):
         EpisodeDraws(TASKS, {})
     with pytest.raises(ParameterError, match="the clean condition is not among"):
-        EpisodeDraws(TASKS, {"marks": hj.get("marks")}, clean=0.5)
+        EpisodeDraws(TASKS, {"marks": hj.make_corruption("marks")}, clean=0.5)
 
 
 # ---- options
