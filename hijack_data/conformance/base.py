@@ -44,12 +44,20 @@ def expect(condition: object, problem: str) -> None:
 
 
 def fail(problem: str) -> NoReturn:
-    """Raise `CheckFailed` with the probable cause."""
+    """Fail the check.
+
+    Raises:
+        CheckFailed: always; the message is `problem`, the probable cause.
+    """
     raise CheckFailed(problem)
 
 
 def run_check(check: Callable[..., Sequence[str] | None], subject: Any) -> Result:
-    """Run one check; an exception in a plug-in becomes a problem of the result, not a crash."""
+    """Run one check; an exception in a plug-in becomes the problem of the result.
+
+    Raises:
+        KeyboardInterrupt: the user stopped the check.
+    """
     name = check.__name__.removeprefix("check_")
     about = (check.__doc__ or "").strip().split("\n")[0]
     try:

@@ -77,9 +77,9 @@ def unusual_scenes() -> Iterator[tuple[str, Scene]]:
     yield "in portrait", scene((1920, 1080))
     yield "in portrait of which only the size is known", Scene((844, 390))
     for height, width in ((1, 1), (1, 640), (480, 1)):
-        what = f"of {width}x{height} pixels"
-        yield what, scene((height, width))
-        yield f"{what} of which only the size is known", Scene((height, width))
+        description = f"of {width}x{height} pixels"
+        yield description, scene((height, width))
+        yield f"{description} of which only the size is known", Scene((height, width))
 
 
 def levels(cls: type[Corruption]) -> list[Corruption]:
@@ -94,19 +94,19 @@ def variants(cls: type[Corruption]) -> list[Corruption]:
 
     The two values of a flag count as choices, too.
     """
-    tried = [cls(), *levels(cls)]
+    candidates = [cls(), *levels(cls)]
     for key, (parameter, default) in p.parameters(cls).items():
         values: tuple[Any, ...] = parameter.choices
         if parameter.kind == "bool":
             values = (not default,)
         for value in values:
             with suppress(ValueError, TypeError):  # values that the class refuses in combination
-                tried.append(cls(**{key: value}))
-    found: list[Corruption] = []
-    for spec in tried:
-        if spec not in found:
-            found.append(spec)
-    return found
+                candidates.append(cls(**{key: value}))
+    distinct: list[Corruption] = []
+    for spec in candidates:
+        if spec not in distinct:
+            distinct.append(spec)
+    return distinct
 
 
 def plans(cls: type[Corruption]) -> Iterator[tuple[Plan, Size]]:

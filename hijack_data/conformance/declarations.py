@@ -30,8 +30,8 @@ def check_parameters(cls: type[Corruption]) -> None:
         for bad in _bad_values(parameter):
             expect(not _accepts(cls, key, bad), f"{key}={bad!r} is accepted")
     for spec in levels(cls):
-        same = cls(**spec.params()) == spec
-        expect(same, f"params() does not give the corruption back: {spec.params()}")
+        restored = cls(**spec.params())
+        expect(restored == spec, f"params() does not give the corruption back: {spec.params()}")
 
 
 def _refuses_unknown(spec: Corruption) -> None:

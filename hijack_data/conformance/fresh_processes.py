@@ -20,7 +20,7 @@ from ..types import Scene
 from . import planning_process
 from .base import fail
 
-TIMEOUT = 120.0  # seconds
+TIMEOUT_S = 120.0
 # Several, because a small set often has the same order under two hash seeds. The dates of the two
 # time zones always differ.
 PROCESS_ENVIRONMENTS: tuple[Mapping[str, str], ...] = (
@@ -59,7 +59,7 @@ def unpicklable_reason(cls: type[Corruption]) -> str:
 
 
 def digest(job: PlanRequest) -> str:
-    """Return the digest of a plan as `planning_process.digest` does; raise unless a screen is refused."""
+    """Return the digest of a plan, or `ParameterError` if the corruption refuses the screen."""
     try:
         return job.spec.plan(job.scene, **job.key).digest()
     except ParameterError as error:
@@ -68,20 +68,22 @@ def digest(job: PlanRequest) -> str:
 
 def digests(jobs: Sequence[PlanRequest]) -> Iterator[tuple[str, list[str]]]:
     """Yield, for each fresh process, a description of it and the digests of `jobs`."""
-    with tempfile.TemporaryDirectory() as folder, ExitStack() as ending:
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         started: list[subprocess.Popen[bytes]] = []
-        for number, world in enumerate(PROCESS_ENVIRONMENTS):
+        for number, environment in enumerate(PROCESS_ENVIRONMENTS):
             order = _order(len(jobs), number)
             request = Path(folder, f"{number}.pickle")
             request.write_bytes(_request([jobs[i] for i in order]))
-            process = ending.enter_context(_start(request, world, folder))
-            ending.callback(process.kill)  # if nobody waited for its answer
+            process = stack.enter_context(_start(request, environment, folder))
+            stack.callback(process.kill)  # if its answer was never read
             started.append(process)
-        for number, (world, process) in enumerate(zip(PROCESS_ENVIRONMENTS, started, strict=True)):
+        for number, (environment, process) in enumerate(
+            zip(PROCESS_ENVIRONMENTS, started, strict=True)
+        ):
             order = _order(len(jobs), number)
-            found = dict(zip(order, _answer(process), strict=True))
-            named = ", ".join(f"{key}={value}" for key, value in world.items())
-            yield named, [found[i] for i in range(len(jobs))]
+            digest_by_job = dict(zip(order, _read_digests(process), strict=True))
+            description = ", ".join(f"{key}={value}" for key, value in environment.items())
+            yield description, [digest_by_job[i] for i in range(len(jobs))]
 
 
 def _order(count: int, number: int) -> list[int]:
@@ -89,8 +91,8 @@ def _order(count: int, number: int) -> list[int]:
     order = list(range(count))
     if number % 2:
         order.reverse()
-    turned = number * count // len(PROCESS_ENVIRONMENTS)
-    return order[turned:] + order[:turned]
+    start = number * count // len(PROCESS_ENVIRONMENTS)
+    return order[start:] + order[:start]
 
 
 def _request(jobs: Sequence[PlanRequest]) -> bytes:
@@ -107,7 +109,7 @@ def _path_entry(entry: str) -> str:
     return os.path.abspath(entry)
 
 
-def _start(request: Path, world: Mapping[str, str], folder: str) -> subprocess.Popen[bytes]:
+def _start(request: Path, environment: Mapping[str, str], folder: str) -> subprocess.Popen[bytes]:
     optimised = [f"-{'O' * sys.flags.optimize}"] if sys.flags.optimize else []
     with request.open("rb") as file:
         return subprocess.Popen(
@@ -116,17 +118,17 @@ def _start(request: Path, world: Mapping[str, str], folder: str) -> subprocess.P
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             cwd=folder,
-            env={**os.environ, **world},
+            env={**os.environ, **environment},
         )
 
 
-def _answer(process: subprocess.Popen[bytes]) -> list[str]:
+def _read_digests(process: subprocess.Popen[bytes]) -> list[str]:
     try:
-        out, said = process.communicate(timeout=TIMEOUT)
+        out, errors = process.communicate(timeout=TIMEOUT_S)
     except subprocess.TimeoutExpired:
-        fail(f"planning in a fresh process takes more than {TIMEOUT:g} seconds")
+        fail(f"planning in a fresh process takes more than {TIMEOUT_S:g} seconds")
     if process.returncode:
-        lines = said.decode(errors="replace").strip().splitlines()
+        lines = errors.decode(errors="replace").strip().splitlines()
         reason = lines[-1] if lines else f"exit code {process.returncode}"
         fail(f"a fresh process cannot use it, so neither can workers: {reason}")
     return json.loads(out)

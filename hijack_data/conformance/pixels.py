@@ -27,11 +27,15 @@ def check_backends(cls: type[Corruption]) -> None:
         image = picture(size)
         expected = reference(plan, image)
         for name, out in _outputs(plan, image):
-            same_shape = out.shape == expected.shape
-            expect(same_shape, f"{name}: shape {out.shape} instead of {expected.shape} at {size}")
-            wrong = int((out != expected).sum())
-            differ = f"{wrong} bytes differ from the definition"
-            expect(not wrong, f"{name}: {differ} at {size} ({plan.params})")
+            expect(
+                out.shape == expected.shape,
+                f"{name}: shape {out.shape} instead of {expected.shape} at {size}",
+            )
+            differing = int((out != expected).sum())
+            expect(
+                not differing,
+                f"{name}: {differing} bytes differ from the definition at {size} ({plan.params})",
+            )
         expect(np.array_equal(image, picture(size)), "apply wrote into its input")
 
 
@@ -48,7 +52,7 @@ def _outputs(plan: Plan, image: UInt8Array) -> Iterator[tuple[str, UInt8Array]]:
     yield "numpy, without Numba", _without_numba(plan, image)
     if _is_installed("torch"):
         yield "torch operations", _torch_operations(plan, image)
-        yield from _on_a_gpu(plan, convert(image, "torch"))
+        yield from _gpu_outputs(plan, convert(image, "torch"))
     if _is_installed("jax"):
         yield "jax operations", to_numpy(jax_operations(plan, convert(image, "jax")))
 
@@ -71,15 +75,15 @@ def _without_numba(plan: Plan, image: UInt8Array) -> UInt8Array:
     return out
 
 
-def _on_a_gpu(plan: Plan, image: Any) -> Iterator[tuple[str, UInt8Array]]:
+def _gpu_outputs(plan: Plan, image: Any) -> Iterator[tuple[str, UInt8Array]]:
     """Yield the results of torch on a GPU, if there is one."""
     import torch
 
     if not torch.cuda.is_available():
         return
-    there = image.cuda()
-    yield "torch on a GPU", to_numpy(apply(plan, there))
-    channels_last = there.permute(1, 2, 0).contiguous()
+    on_gpu = image.cuda()
+    yield "torch on a GPU", to_numpy(apply(plan, on_gpu))
+    channels_last = on_gpu.permute(1, 2, 0).contiguous()
     same_axes = channels_last.permute(2, 0, 1)
     yield "torch on a GPU, channels last", to_numpy(apply(plan, same_axes))
 
@@ -122,23 +126,25 @@ def check_batches(cls: type[Corruption]) -> None:
         return
     image = picture(size)
     batch = np.stack([np.roll(image, i, axis=1) for i in range(3)])
-    singles = [apply(plan, one) for plan, one in zip(plans, batch, strict=True)]
+    singles = [apply(plan, frame) for plan, frame in zip(plans, batch, strict=True)]
     together = apply(plans, batch)
     for out, single in zip(together, singles, strict=True):
         expect(np.array_equal(out, single), "a batch differs from its pictures one by one")
     if all(plan.out_size == size for plan in plans):
-        own = batch.copy()
-        expect(apply(plans, own, inplace=True) is own, "inplace=True returns another array")
-        expect(np.array_equal(own, np.stack(singles)), "inplace=True gives other bytes")
+        in_place = batch.copy()
+        expect(
+            apply(plans, in_place, inplace=True) is in_place, "inplace=True returns another array"
+        )
+        expect(np.array_equal(in_place, np.stack(singles)), "inplace=True gives other bytes")
 
 
 def check_scope(cls: type[Corruption]) -> None:
     """Scope observation draws and has no effects on the machine; the other scopes draw nothing."""
-    made = [plan for plan, _ in cases.plans(cls)]
+    plans = [plan for plan, _ in cases.plans(cls)]
     full = scene(cases.SIZES[0])
     for spec in cases.variants(cls):
-        made += [spec.plan(full, seed=seed, sample="scope") for seed in range(SCOPE_SEEDS)]
-    for plan in made:
+        plans += [spec.plan(full, seed=seed, sample="scope") for seed in range(SCOPE_SEEDS)]
+    for plan in plans:
         check_declared(cls, plan)
         _check_plan_scope(plan, cls.scope)
 
@@ -146,12 +152,17 @@ def check_scope(cls: type[Corruption]) -> None:
 def _check_plan_scope(plan: Plan, scope: str) -> None:
     if scope == "observation":
         kinds = ", ".join(effect.kind for effect in plan.effects)
-        found = f"scope 'observation' with effects on the machine ({kinds})"
-        expect(not plan.effects, f"{found}; use scope 'state' or 'transition'")
+        expect(
+            not plan.effects,
+            f"scope 'observation' with effects on the machine ({kinds}); use scope 'state' or "
+            "'transition'",
+        )
     else:
-        found = f"scope {scope!r} with operations on the picture"
-        advice = "the machine shows its own: leave ops empty, or use scope 'observation'"
-        expect(not plan.ops, f"{found}; {advice}")
+        expect(
+            not plan.ops,
+            f"scope {scope!r} with operations on the picture; the machine shows its own: leave ops "
+            "empty, or use scope 'observation'",
+        )
 
 
 def check_declared(cls: type[Corruption], plan: Plan) -> None:
@@ -159,8 +170,11 @@ def check_declared(cls: type[Corruption], plan: Plan) -> None:
     if cls.scope == "observation":
         return
     for effect in plan.effects:
-        found = f"scope {cls.scope!r} with the effect {effect.kind!r}; effects is {cls.effects}"
-        expect(effect.kind in cls.effects, f"{found}: name it there")
+        expect(
+            effect.kind in cls.effects,
+            f"scope {cls.scope!r} with the effect {effect.kind!r}; effects is {cls.effects}: name "
+            "it there",
+        )
 
 
 def check_visible(cls: type[Corruption]) -> None:
@@ -172,7 +186,7 @@ def check_visible(cls: type[Corruption]) -> None:
         if plan.notes:
             continue
         if cls.scope == "observation":
-            changed = not np.array_equal(apply(plan, image), image)
-            expect(changed, f"the picture stays as it was and no note says why ({plan.params})")
+            visible = not np.array_equal(apply(plan, image), image)
+            expect(visible, f"the picture stays as it was and no note says why ({plan.params})")
         else:
             expect(plan.effects, f"scope {cls.scope!r} has no effect and no note says why")

@@ -16,19 +16,22 @@ from .base import expect, fail
 def check_plan_is_data(cls: type[Corruption]) -> None:
     """Plans survive JSON and pickling unchanged, and an edited plan is refused."""
     for plan, _ in cases.plans(cls):
-        text = _written(plan)
+        text = _plan_json(plan)
         again = Plan.from_json(text)
-        advice = "keep tuples and NumPy numbers out of recipes, and lists out of plans"
-        expect(again == plan, f"Plan.from_json(plan.to_json()) differs: {advice}")
+        expect(
+            again == plan,
+            "Plan.from_json(plan.to_json()) differs: keep tuples and NumPy numbers out of recipes, "
+            "and lists out of plans",
+        )
         expect(again.digest() == plan.digest(), "the digest changes in a JSON round trip")
         copied = pickle.loads(pickle.dumps(plan))  # noqa: S301
         expect(copied == plan, "the plan does not survive pickling")
         name = f'"corruption":"{plan.corruption}"'
         edited = text.replace(name, '"corruption":"edited-v1"')
-        expect(_refused(edited), "an edited plan is accepted")
+        expect(_is_refused(edited), "an edited plan is accepted")
 
 
-def _written(plan: Plan) -> str:
+def _plan_json(plan: Plan) -> str:
     try:
         return plan.to_json()
     except HijackError:
@@ -37,7 +40,7 @@ def _written(plan: Plan) -> str:
         fail(f"the plan is not JSON data ({error}); use int(...), float(...), lists and texts")
 
 
-def _refused(text: str) -> bool:
+def _is_refused(text: str) -> bool:
     try:
         Plan.from_json(text)
     except HijackError:
@@ -49,13 +52,13 @@ def check_kept(cls: type[Corruption]) -> None:
     """Later plans do not change an earlier one."""
     screen = cases.scene(cases.SIZES[0])
     specs = cases.levels(cls)
-    made = [spec.plan(screen, seed=seed, sample="kept") for spec in specs for seed in range(3)]
-    told = [plan.to_json() for plan in made]
+    plans = [spec.plan(screen, seed=seed, sample="kept") for spec in specs for seed in range(3)]
+    texts = [plan.to_json() for plan in plans]
     for spec in reversed(specs):
         for seed in range(3, 6):
             spec.plan(screen, seed=seed, sample="later", epoch=1).to_json()
     expect(
-        [plan.to_json() for plan in made] == told,
+        [plan.to_json() for plan in plans] == texts,
         "planning again changes plans that were made before: give each plan a recipe, parameters "
         "of effects and lists of its own",
     )
@@ -63,15 +66,17 @@ def check_kept(cls: type[Corruption]) -> None:
 
 def check_untouched(cls: type[Corruption]) -> None:
     """Planning changes none of its inputs: scene, corruption, severities, environment."""
-    given = [cases.scene(cases.SIZES[0]), *(other for _, other in cases.unusual_scenes())]
+    scenes = [cases.scene(cases.SIZES[0]), *(scene for _, scene in cases.unusual_scenes())]
     for spec in cases.levels(cls):
-        for screen in given:
+        for screen in scenes:
             before = _state(spec, screen)
             with suppress(Exception):  # the checks in `scenes` report what planning raises
                 spec.plan(screen, seed=1, sample="untouched")
-            changed = [key for key, value in _state(spec, screen).items() if before[key] != value]
-            advice = "only read what is given, or work on a copy"
-            expect(not changed, f"planning changes {', '.join(changed)}; {advice}")
+            differing = [key for key, value in _state(spec, screen).items() if before[key] != value]
+            expect(
+                not differing,
+                f"planning changes {', '.join(differing)}; only read the inputs, or copy them",
+            )
 
 
 def _state(spec: Corruption, screen: Scene) -> dict[str, Any]:

@@ -50,12 +50,12 @@ class Marks(Corruption):
         """Draw centres until `number` marks are placed or the attempts are used up."""
         boxes = scene.obstacles if self.avoid_elements else as_boxes(None)
         attempts = self.number * ATTEMPTS_PER_MARK
-        centres, used = place_disjoint(
+        centres, attempts_used = place_disjoint(
             stream, scene.size, self.mark_size, self.number, attempts, boxes
         )
         notes = ()
         if len(centres) < self.number:
-            notes = (f"placed {len(centres)} of {self.number} marks in {used} attempts",)
+            notes = (f"placed {len(centres)} of {self.number} marks in {attempts_used} attempts",)
         if not centres:
             return Draft(notes=notes)
         recipe = {

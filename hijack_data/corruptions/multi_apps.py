@@ -44,8 +44,8 @@ class MultiApps(Corruption):
 
     def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
         """Take `another_app`, or the first of the paper's list that the task does not use."""
-        used = {normalize_app(app) for app in scene.apps}
-        candidates = [app for app in (self.another_app, *APPS) if app not in used]
+        task_apps = {normalize_app(app) for app in scene.apps}
+        candidates = [app for app in (self.another_app, *APPS) if app not in task_apps]
         if not candidates:
             return Draft(notes=("the task uses every application of the list: none is launched",))
         order = list(dict.fromkeys(candidates))

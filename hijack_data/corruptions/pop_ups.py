@@ -88,9 +88,12 @@ class PopUps(Corruption):
         (width, height), (x, y), notes = self._window(scene, stream)
         text = self._text(scene, stream, x, y)
         recipe = self._recipe(text, width, height)
-        wanted = self._wanted(scene)
-        if recipe is None and not self.avoid_elements and (width, height) != wanted:
-            (width, height), (x, y) = wanted, (scene.size[1] - wanted[0], scene.size[0] - wanted[1])
+        full_size = self._full_size(scene)
+        if recipe is None and not self.avoid_elements and (width, height) != full_size:
+            (width, height), (x, y) = (
+                full_size,
+                (scene.size[1] - full_size[0], scene.size[0] - full_size[1]),
+            )
             text = self._text(scene, stream, x, y)
             recipe = self._recipe(text, width, height)
         if recipe is not None:
@@ -98,7 +101,7 @@ class PopUps(Corruption):
                 notes = (*notes, "the button is too small for its text, which was left out")
             return Draft(ops=(Paste(recipe, ((x, y),)),), notes=notes)
         room = f"{width}x{height} pixels"
-        if self.avoid_elements and self._recipe(text, *wanted) is not None:
+        if self.avoid_elements and self._recipe(text, *full_size) is not None:
             return Draft(
                 notes=(
                     *notes,
@@ -126,7 +129,7 @@ class PopUps(Corruption):
                 " quarter"
             )
             return (columns[1], rows[1]), (columns[0], rows[0]), (note,)
-        left, top, right, bottom = largest_free_rectangle(scene.size, _kept_clear(scene))
+        left, top, right, bottom = largest_free_rectangle(scene.size, _boxes_to_avoid(scene))
         width = min(sides[0], right - left)
         height = min(sides[1], bottom - top)
         x = stream.integer(left, right - width) if width else 0
@@ -142,7 +145,7 @@ class PopUps(Corruption):
             (full[1] + 1) // 2, full[1]
         )
 
-    def _wanted(self, scene: Scene) -> tuple[int, int]:
+    def _full_size(self, scene: Scene) -> tuple[int, int]:
         """Return the width and height of the window at its full size, on this screen."""
         height, width = scene.size
         if not self.avoid_elements:
@@ -225,7 +228,7 @@ class PopUps(Corruption):
         return {"box": box, "fill": fill, "lines": best[1], "font_size": best[0]}
 
 
-def _kept_clear(scene: Scene) -> BoxArray:
+def _boxes_to_avoid(scene: Scene) -> BoxArray:
     """Return what the window must not cover: the elements and the target."""
     if scene.target is None:
         return scene.obstacles

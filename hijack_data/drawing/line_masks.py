@@ -27,19 +27,19 @@ _masks = Cache(CACHE_BYTES)
 def line_mask(line: str, font: str, size: int) -> tuple[UInt8Array, Point]:
     """Return the coverage of one line, uint8 `[h, w]`, and its corner relative to (x, y)."""
     key = (line, font, size)
-    found = _masks.get(key)
-    if found is not None:
-        return found
-    made = _set_letters(line, font, size) if len(line) > 1 else None
-    if made is None:
-        made = _drawn_line(line, load_font(font, size))
-    mask, _ = made
+    cached = _masks.get(key)
+    if cached is not None:
+        return cached
+    result = _compose_line(line, font, size) if len(line) > 1 else None
+    if result is None:
+        result = _draw_line(line, load_font(font, size))
+    mask, _ = result
     mask.setflags(write=False)
-    _masks.put(key, made, mask.nbytes)
-    return made
+    _masks.put(key, result, mask.nbytes)
+    return result
 
 
-def _drawn_line(line: str, font: ImageFont.FreeTypeFont) -> tuple[UInt8Array, Point]:
+def _draw_line(line: str, font: ImageFont.FreeTypeFont) -> tuple[UInt8Array, Point]:
     """Draw a line with Pillow."""
     x1, y1, x2, y2 = (int(v) for v in font.getbbox(line))
     width = max(1, x2 - x1) + 2 * MARGIN
@@ -51,7 +51,7 @@ def _drawn_line(line: str, font: ImageFont.FreeTypeFont) -> tuple[UInt8Array, Po
     return np.array(image)[top:bottom, left:right], corner
 
 
-def _set_letters(line: str, font: str, size: int) -> tuple[UInt8Array, Point] | None:
+def _compose_line(line: str, font: str, size: int) -> tuple[UInt8Array, Point] | None:
     """Compose a line from cached glyphs, placed as Pillow places them.
 
     Returns `None` if a letter of the line lies between two pixels.
@@ -61,18 +61,18 @@ def _set_letters(line: str, font: str, size: int) -> tuple[UInt8Array, Point] | 
     starts = [0.0, *itertools.accumulate(advances(line, load_font(font, size)))][:-1]
     if not all(start.is_integer() for start in starts):
         return None
-    known = {letter: line_mask(letter, font, size) for letter in set(line)}
-    placed: list[_Letter] = []
+    masks = {letter: line_mask(letter, font, size) for letter in set(line)}
+    letters: list[_Letter] = []
     for start, letter in zip(starts, line, strict=True):
-        mask, (left, top) = known[letter]
+        mask, (left, top) = masks[letter]
         if mask.size:
-            placed.append((int(start) + left, top, mask))
-    if not placed:
+            letters.append((int(start) + left, top, mask))
+    if not letters:
         return np.zeros((0, 0), np.uint8), (0, 0)
-    return _joined(placed)
+    return _join_letters(letters)
 
 
-def _joined(letters: list[_Letter]) -> tuple[UInt8Array, Point]:
+def _join_letters(letters: list[_Letter]) -> tuple[UInt8Array, Point]:
     """Return the joint coverage of letters, and its corner."""
     first = min(left for left, _, _ in letters)
     top = min(y for _, y, _ in letters)
@@ -86,14 +86,14 @@ def _joined(letters: list[_Letter]) -> tuple[UInt8Array, Point]:
         row = y - top
         column = left - first
         below = out[row : row + height, column : column + width]
-        below[:] = mask if left >= end else _over(mask, below)
+        below[:] = mask if left >= end else _blend_over(mask, below)
         end = max(end, left + width)
     return out, (first, top)
 
 
-def _over(mask: UInt8Array, below: UInt8Array) -> UInt8Array:
+def _blend_over(mask: UInt8Array, below: UInt8Array) -> UInt8Array:
     """Blend the coverage of a letter over that of earlier letters."""
-    added = np.multiply(mask, np.uint16(255), dtype=np.uint16)
-    kept = np.multiply(below, 255 - mask, dtype=np.uint16)
-    total = added + kept + 128
+    upper = np.multiply(mask, np.uint16(255), dtype=np.uint16)
+    lower = np.multiply(below, 255 - mask, dtype=np.uint16)
+    total = upper + lower + 128
     return ((total + (total >> 8)) >> 8).astype(np.uint8)

@@ -63,7 +63,7 @@ def render(recipe: Mapping[str, Any]) -> Sprite:
         raise PlanError(f"plan: the recipe of a sprite is not JSON data ({error})") from None
     sprite = _cache.get(key)
     if sprite is None:
-        sprite = _drawn(recipe)
+        sprite = _draw(recipe)
         _cache.put(key, sprite, sprite.footprint)
     return sprite
 
@@ -81,14 +81,14 @@ _WRONG_VALUE = (
 )
 
 
-def _drawn(recipe: object) -> Sprite:
+def _draw(recipe: object) -> Sprite:
     if not isinstance(recipe, dict):
         raise PlanError(f"plan: the recipe of a sprite must be an object, got {shown(recipe)}")
     data = cast("dict[str, Any]", recipe)
     name = data.get("draw")
     if not isinstance(name, str) or name not in _DRAW:
-        known = suggest(name, _DRAW)
-        raise PlanError(f"plan: sprite.draw = {shown(name)} is not a known drawing{known}")
+        suggestion = suggest(name, _DRAW)
+        raise PlanError(f"plan: sprite.draw = {shown(name)} is not a known drawing{suggestion}")
     try:
         return _DRAW[name](data)
     except PlanError:
@@ -97,15 +97,15 @@ def _drawn(recipe: object) -> Sprite:
         missing = f"it has no field {error}"
         raise PlanError(f"plan: the {name!r} sprite cannot be drawn: {missing}") from None
     except _WRONG_VALUE as error:
-        why = str(error) or type(error).__name__
-        raise PlanError(f"plan: the {name!r} sprite cannot be drawn: {why}") from error
+        reason = str(error) or type(error).__name__
+        raise PlanError(f"plan: the {name!r} sprite cannot be drawn: {reason}") from error
 
 
-def _whole(array: npt.NDArray[Any]) -> Box:
+def _full_box(array: npt.NDArray[Any]) -> Box:
     return 0, 0, array.shape[1], array.shape[0]
 
 
-def _mark(recipe: Mapping[str, Any]) -> Sprite:
+def _draw_mark(recipe: Mapping[str, Any]) -> Sprite:
     size = int(recipe["size"])
     mask = canvas("L", 2 * size, 2 * size)
     draw = ImageDraw.Draw(mask)
@@ -117,12 +117,12 @@ def _mark(recipe: Mapping[str, Any]) -> Sprite:
             draw.rectangle((0, 0, last, last), fill=255)
         case "star":
             draw.polygon(_star_points(size), fill=255)
-        case other:
-            known = suggest(other, ("star", "circle", "rectangle"))
-            raise PlanError(f"plan: unknown mark shape {other!r}{known}")
+        case shape:
+            suggestion = suggest(shape, ("star", "circle", "rectangle"))
+            raise PlanError(f"plan: unknown mark shape {shape!r}{suggestion}")
     alpha = np.array(mask)
     color = rgb(recipe["color"])
-    return Sprite.from_layer(Layer(_whole(alpha), (alpha,), (color,)))
+    return Sprite.from_layer(Layer(_full_box(alpha), (alpha,), (color,)))
 
 
 def _star_points(size: int) -> list[tuple[float, float]]:
@@ -158,7 +158,7 @@ def _texts(lines: object) -> list[str]:
     return texts
 
 
-def _masks(recipe: Mapping[str, Any]) -> list[UInt8Array]:
+def _text_masks(recipe: Mapping[str, Any]) -> list[UInt8Array]:
     """Return the coverage of centred lines, uint8 `[h, w]`: the fill's, and any outline's."""
     font = load_font(recipe["font"], _font_size(recipe["size"]))
     edge = _edge(recipe)
@@ -182,22 +182,26 @@ def _masks(recipe: Mapping[str, Any]) -> list[UInt8Array]:
     return masks
 
 
-def _text(recipe: Mapping[str, Any]) -> Sprite:
-    fill, *outline = _masks(recipe)
+def _draw_text(recipe: Mapping[str, Any]) -> Sprite:
+    fill, *outline = _text_masks(recipe)
     color = rgb(recipe["color"])
     edge_color = rgb(recipe["edge_color"])
-    box = _whole(fill)
+    box = _full_box(fill)
     if not outline:
         return Sprite.from_layer(Layer(box, (fill,), (color,)))
-    rest = np.multiply(outline[0], 255 - fill, dtype=np.uint16)
-    rest += 127
-    rest //= 255
-    covers = (fill, rest.astype(np.uint8))
+    edge_cover = np.multiply(outline[0], 255 - fill, dtype=np.uint16)
+    edge_cover += 127
+    edge_cover //= 255
+    covers = (fill, edge_cover.astype(np.uint8))
     return Sprite.from_layer(Layer(box, covers, (color, edge_color)))
 
 
-def _window(recipe: Mapping[str, Any]) -> Sprite:
-    """Draw a window: its edge, then for each panel a filled box and lines of text."""
+def _draw_window(recipe: Mapping[str, Any]) -> Sprite:
+    """Draw a window: its edge, then for each panel a filled box and lines of text.
+
+    Raises:
+        PlanError: the size is out of range, or the lines of text hold too many pixels.
+    """
     width, height = (int(side) for side in recipe["size"])
     edge = _edge(recipe)
     check_area(width, height)
@@ -211,22 +215,22 @@ def _window(recipe: Mapping[str, Any]) -> Sprite:
         lines = _panel_lines(panel, str(recipe["font"]), ink, size)
         inside = _panel_inside(panel, edge, size)
         fill = rgb(panel["fill"])
-        if _holds_pixels(inside):
+        if _has_pixels(inside):
             layers.append(Layer(inside, colors=(fill,)))
             holes.append(inside)
         for line in lines:
-            text += _memory(line.covers[0])
+            text += _memory_bytes(line.covers[0])
             if text > SPRITE_PIXELS:
                 raise PlanError(f"plan: a window's text has over {SPRITE_PIXELS} pixels")
             layers.append(line)
-    edges = [Layer(box, colors=(around,)) for box in _without((0, 0, width, height), holes)]
+    edges = [Layer(box, colors=(around,)) for box in _subtract_boxes((0, 0, width, height), holes)]
     return Sprite(size, (*edges, *layers), opaque=True)
 
 
 def _panel_inside(panel: Mapping[str, Any], edge: int, size: Size) -> Box:
     """Return the box of a panel without its edge, clipped to a window of `size`."""
     x1, y1, x2, y2 = (int(v) for v in panel["box"])
-    left, top, right, bottom = _inner(x1, y1, x2, y2, edge)
+    left, top, right, bottom = _inset(x1, y1, x2, y2, edge)
     height, width = size
     return left, top, min(right, width), min(bottom, height)
 
@@ -241,27 +245,27 @@ def _panel_lines(panel: Mapping[str, Any], name: str, ink: Color, size: Size) ->
     y = (y1 + y2 - step * len(lines)) // 2
     for line in lines:
         x = (x1 + x2 - math.ceil(line_width(line, font))) // 2
-        layer = _line((line, name, font_size), (x, y), ink, size)
+        layer = _line_layer((line, name, font_size), (x, y), ink, size)
         if layer is not None:
             yield layer
         y += step
 
 
-def _holds_pixels(box: Box) -> bool:
+def _has_pixels(box: Box) -> bool:
     x1, y1, x2, y2 = box
     return x1 < x2 and y1 < y2
 
 
-def _without(whole: Box, holes: list[Box]) -> list[Box]:
+def _subtract_boxes(area: Box, holes: list[Box]) -> list[Box]:
     """Return boxes that cover `whole` except for the holes, which are painted over anyway."""
-    left = [whole]
+    remaining = [area]
     for hole in holes:
-        parts = [part for box in left for part in _around_hole(box, hole)]
-        left = [box for box in parts if _holds_pixels(box)]
-    return left
+        parts = [part for box in remaining for part in _subtract_box(box, hole)]
+        remaining = [box for box in parts if _has_pixels(box)]
+    return remaining
 
 
-def _around_hole(box: Box, hole: Box) -> tuple[Box, ...]:
+def _subtract_box(box: Box, hole: Box) -> tuple[Box, ...]:
     """Return boxes, some of them empty, that cover `box` except for the hole."""
     x1, y1, x2, y2 = hole
     left, upper, right, lower = box
@@ -277,7 +281,7 @@ def _around_hole(box: Box, hole: Box) -> tuple[Box, ...]:
     )
 
 
-def _line(text: tuple[str, str, int], at: Point, ink: Color, size: Size) -> Layer | None:
+def _line_layer(text: tuple[str, str, int], at: Point, ink: Color, size: Size) -> Layer | None:
     """Return the layer of a line with its corner at `at`.
 
     Parts outside the sprite are cut off. Returns `None` for a line without pixels inside.
@@ -297,19 +301,19 @@ def _line(text: tuple[str, str, int], at: Point, ink: Color, size: Size) -> Laye
     return Layer((x, y, x + w, y + h), (mask,), (ink,))
 
 
-def _memory(mask: UInt8Array) -> int:
+def _memory_bytes(mask: UInt8Array) -> int:
     """Return how many bytes a mask keeps in memory; it may be a view of a larger array."""
     return mask.nbytes if mask.base is None else cast(UInt8Array, mask.base).nbytes
 
 
-def _inner(x1: int, y1: int, x2: int, y2: int, edge: int) -> Box:
+def _inset(x1: int, y1: int, x2: int, y2: int, edge: int) -> Box:
     """Return a box without its edge, clipped at 0; empty if the edge fills it."""
     if x2 - x1 <= 2 * edge or y2 - y1 <= 2 * edge:
         return 0, 0, 0, 0
     return max(0, x1 + edge), max(0, y1 + edge), max(0, x2 - edge), max(0, y2 - edge)
 
 
-def _png(recipe: Mapping[str, Any]) -> Sprite:
+def _draw_png(recipe: Mapping[str, Any]) -> Sprite:
     try:
         data = base64.b64decode(recipe["data"], validate=True)
     except binascii.Error as error:
@@ -320,17 +324,21 @@ def _png(recipe: Mapping[str, Any]) -> Sprite:
             pixels = np.array(image.convert("RGBA"))
     except Exception as error:  # Pillow may raise any exception for damaged bytes
         raise PlanError(f"plan: the 'png' sprite does not hold a readable PNG: {error}") from error
-    return _rgba(pixels)
+    return _rgba_sprite(pixels)
 
 
 def _png_size(data: bytes) -> tuple[int, int]:
-    """Return the width and height from the first chunk of a PNG, without decoding it."""
+    """Return the width and height from the first chunk of a PNG, without decoding it.
+
+    Raises:
+        PlanError: the data is not a PNG file, or is cut off.
+    """
     if len(data) < 24 or not data.startswith(PNG_HEADER):
         raise PlanError("plan: the 'png' sprite is not a PNG file, or is cut off")
     return int.from_bytes(data[16:20]), int.from_bytes(data[20:24])
 
 
-def _asset(recipe: Mapping[str, Any]) -> Sprite:
+def _draw_asset(recipe: Mapping[str, Any]) -> Sprite:
     pixels = find_asset(recipe["id"], recipe["sha256"]).pixels()
     crop = recipe.get("crop")
     if crop is not None:
@@ -340,17 +348,17 @@ def _asset(recipe: Mapping[str, Any]) -> Sprite:
             raise PlanError(f"plan: crop {crop} leaves {recipe['id']}, {width}x{height}")
         pixels = pixels[y1:y2, x1:x2]
     if pixels.shape[2] == 4:
-        return _rgba(pixels)
-    return Sprite.from_layer(Layer(_whole(pixels), picture=np.ascontiguousarray(pixels)))
+        return _rgba_sprite(pixels)
+    return Sprite.from_layer(Layer(_full_box(pixels), picture=np.ascontiguousarray(pixels)))
 
 
-def _rgba(pixels: UInt8Array) -> Sprite:
+def _rgba_sprite(pixels: UInt8Array) -> Sprite:
     alpha = pixels[..., 3].copy()
     colors = pixels[..., :3]
     if (alpha == 255).all():
-        return Sprite.from_layer(Layer(_whole(alpha), picture=np.ascontiguousarray(colors)))
+        return Sprite.from_layer(Layer(_full_box(alpha), picture=np.ascontiguousarray(colors)))
     paint = colors.astype(np.uint16) * alpha[..., None].astype(np.uint16)
-    return Sprite.from_layer(Layer(_whole(alpha), (alpha,), picture=paint))
+    return Sprite.from_layer(Layer(_full_box(alpha), (alpha,), picture=paint))
 
 
 def png_recipe(rgba: UInt8Array) -> dict[str, Any]:
@@ -364,17 +372,17 @@ def png_recipe(rgba: UInt8Array) -> dict[str, Any]:
         kind = str(getattr(rgba, "dtype", type(rgba).__name__))
         raise ImageTypeError(f"png_recipe takes a uint8 array, got {kind}")
     if rgba.ndim != 3 or rgba.shape[2] != 4 or not 0 < rgba.size <= 4 * SPRITE_PIXELS:
-        wanted = f"[h, w, 4] of 1 to {SPRITE_PIXELS} pixels"
-        raise ImageError(f"png_recipe takes RGBA, {wanted}, got the shape {list(rgba.shape)}")
+        expected = f"[h, w, 4] of 1 to {SPRITE_PIXELS} pixels"
+        raise ImageError(f"png_recipe takes RGBA, {expected}, got the shape {list(rgba.shape)}")
     buffer = io.BytesIO()
     Image.fromarray(rgba, "RGBA").save(buffer, "PNG")
     return {"draw": "png", "data": base64.b64encode(buffer.getvalue()).decode()}
 
 
 _DRAW: dict[str, Callable[[Mapping[str, Any]], Sprite]] = {
-    "mark": _mark,
-    "text": _text,
-    "window": _window,
-    "png": _png,
-    "asset": _asset,
+    "mark": _draw_mark,
+    "text": _draw_text,
+    "window": _draw_window,
+    "png": _draw_png,
+    "asset": _draw_asset,
 }

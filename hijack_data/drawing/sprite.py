@@ -2,8 +2,8 @@
 
 A sprite is a stack of layers; everything else is derived from them. Every kernel understands
 layers: a box, and colours that are blended into it through masks. A window is a few filled boxes
-    with lines of text, a mark is one mask with one colour, so neither has to be drawn as a picture
-    before it is stamped.
+with lines of text, a mark is one mask with one colour, so neither has to be drawn as a picture
+before it is stamped.
 """
 
 import hashlib
@@ -23,9 +23,9 @@ Color: TypeAlias = tuple[int, int, int]
 UInt16Array: TypeAlias = npt.NDArray[np.uint16]
 # Bytes per pixel. An opaque sprite has its colours in three layouts and a mask; any other sprite
 # has its masks and its paint and, for each painted pixel, `pixels` and the cache of `kernels.cpu`.
-OPAQUE_BYTES = 10
-BYTES = 10
-PAINTED_BYTES = 71
+OPAQUE_BYTES_PER_PIXEL = 10
+SOFT_BYTES_PER_PIXEL = 10
+BYTES_PER_PAINTED_PIXEL = 71
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,14 +105,14 @@ class Sprite:
         layers: the bottom layer first. A sprite that is not opaque everywhere has a single layer of
             its own size.
         opaque: whether every pixel is opaque.
-        whole: the sprite of which this one is a part, if any.
+        parent: the whole sprite of which this one is a part, if any.
         scratch: a cache for the backends' own forms of the sprite, such as tensors on a device.
     """
 
     size: tuple[int, int]
     layers: tuple[Layer, ...]
     opaque: bool
-    whole: "Sprite | None" = None
+    parent: "Sprite | None" = None
     scratch: dict[Any, Any] = field(default_factory=dict[Any, Any], repr=False)
 
     @classmethod
@@ -130,8 +130,8 @@ class Sprite:
 
         It takes 1 ms for 1.5 MB.
         """
-        if self.whole is not None:
-            return self.whole.fingerprint
+        if self.parent is not None:
+            return self.parent.fingerprint
         if self.rgb is not None:
             return _fingerprint([self.rgb])
         (layer,) = self.layers
@@ -143,9 +143,9 @@ class Sprite:
         height, width = self.size
         area = height * width
         if self.opaque:
-            return area * OPAQUE_BYTES
+            return area * OPAQUE_BYTES_PER_PIXEL
         painted = int(np.count_nonzero(self.alpha))
-        return area * BYTES + painted * PAINTED_BYTES
+        return area * SOFT_BYTES_PER_PIXEL + painted * BYTES_PER_PAINTED_PIXEL
 
     @cached_property
     def alpha(self) -> UInt8Array:
@@ -202,7 +202,7 @@ class Sprite:
         """Return the part of the sprite inside these bounds; its pixels are not copied."""
         parts = [layer.part((left, top, right, bottom)) for layer in self.layers]
         layers = tuple(layer for layer in parts if layer is not None)
-        return Sprite((bottom - top, right - left), layers, self.opaque, self.whole or self)
+        return Sprite((bottom - top, right - left), layers, self.opaque, self.parent or self)
 
 
 def _fingerprint(arrays: Iterable[npt.NDArray[Any]]) -> str:

@@ -30,15 +30,15 @@ def font_file(name: str) -> Path:
     Raises:
         FontError: there is no such file.
     """
-    path = _named(name)
+    path = _find_font(name)
     if path is None:
-        known = ", ".join(sorted(p.stem for p in FONTS.glob("*.ttf")))
-        advice = f"give the path of a .ttf or .otf file, or one of: {known}"
+        bundled = ", ".join(sorted(p.stem for p in FONTS.glob("*.ttf")))
+        advice = f"give the path of a .ttf or .otf file, or one of: {bundled}"
         raise FontError(f"font {name!r:.200} is not a file; {advice}")
     return path
 
 
-def _named(name: str) -> Path | None:
+def _find_font(name: str) -> Path | None:
     bundled = FONTS / f"{name}.ttf"
     try:
         path = bundled if "/" not in name and bundled.is_file() else Path(name).expanduser()
@@ -78,19 +78,19 @@ def line_width(line: str, font: ImageFont.FreeTypeFont) -> float:
 
 def advances(line: str, font: ImageFont.FreeTypeFont) -> list[float]:
     """Return how far each letter of a line moves the next one to the right, in pixels."""
-    known = _advances.get(font)
-    if known is None or len(known) > MAX_PAIRS:
-        known = {}
-        _advances[font] = known
+    widths = _advances.get(font)
+    if widths is None or len(widths) > MAX_PAIRS:
+        widths = {}
+        _advances[font] = widths
     # the last letter has no successor
     pairs = [*map(add, line, line[1:]), line[-1:]] if line else []
     try:
-        return [known[pair] for pair in pairs]
+        return [widths[pair] for pair in pairs]
     except KeyError:
-        for pair in set(pairs) - known.keys():
+        for pair in set(pairs) - widths.keys():
             second = font.getlength(pair[1]) if len(pair) == 2 else 0.0
-            known[pair] = font.getlength(pair) - second
-        return [known[pair] for pair in pairs]
+            widths[pair] = font.getlength(pair) - second
+        return [widths[pair] for pair in pairs]
 
 
 def measure(lines: Sequence[str], font: ImageFont.FreeTypeFont, edge: int = 0) -> tuple[int, int]:
@@ -106,12 +106,12 @@ def measure(lines: Sequence[str], font: ImageFont.FreeTypeFont, edge: int = 0) -
 def overhang(lines: Sequence[str], font: ImageFont.FreeTypeFont) -> int:
     """Return by how many pixels, at most, letters stick out of the box that `measure` gives."""
     height = line_height(font)
-    found = 0.0
+    largest = 0.0
     for line in lines:
         x1, y1, x2, y2 = font.getbbox(line)
         width = math.ceil(line_width(line, font))
-        found = max(found, -x1, -y1, x2 - width, y2 - height)
-    return math.ceil(found)
+        largest = max(largest, -x1, -y1, x2 - width, y2 - height)
+    return math.ceil(largest)
 
 
 def largest_fitting(
@@ -166,26 +166,26 @@ def wrap(text: str, font: ImageFont.FreeTypeFont, width: int) -> list[str]:
 @lru_cache(maxsize=4096)
 def _has_glyph(name: str, char: str) -> bool:
     font = load_font(name, 24)
-    return char.isspace() or _drawn(font, char) != _drawn(font, _NO_GLYPH)
+    return char.isspace() or _glyph_pixels(font, char) != _glyph_pixels(font, _NO_GLYPH)
 
 
-def _drawn(font: ImageFont.FreeTypeFont, char: str) -> bytes:
+def _glyph_pixels(font: ImageFont.FreeTypeFont, char: str) -> bytes:
     image = Image.new("L", (64, 64))
     ImageDraw.Draw(image).text((16, 16), char, fill=255, font=font)
     return image.tobytes()
 
 
-def check_glyphs(text: str, font: str, where: str) -> None:
+def check_glyphs(text: str, font: str, parameter: str) -> None:
     """Check that a font has all letters of `text`, the value of the parameter `where`.
 
     Raises:
         FontError: the font lacks letters; the message names the parameter and the letters.
     """
-    lost = sorted({char for char in text if not _has_glyph(font, char)})
-    if not lost:
+    missing = sorted({char for char in text if not _has_glyph(font, char)})
+    if not missing:
         return
-    shown = ", ".join(f"{char!r} (U+{ord(char):04X})" for char in lost[:5])
-    if len(lost) > 5:
-        shown += " ..."
+    listing = ", ".join(f"{char!r} (U+{ord(char):04X})" for char in missing[:5])
+    if len(missing) > 5:
+        listing += " ..."
     advice = "choose a font that has it or other text"
-    raise FontError(f"{where}: font {font!r} has no glyph for {shown}; {advice}")
+    raise FontError(f"{parameter}: font {font!r} has no glyph for {listing}; {advice}")

@@ -13,7 +13,7 @@ from ..corruption import corruption_names, make_corruption
 from ..errors import ParameterError, ParameterTypeError, shown
 from ..planner import Planner, as_planner
 from ..rng import Stream
-from .data_uris import MAX_SIDE
+from .data_uris import WEBP_MAX_SIDE
 from .page_builder import Detect, PageBuilder, sample_id
 from .sheet import contact_sheet
 
@@ -47,10 +47,7 @@ def gallery(
 
     The same arguments and files give the same bytes. Each picture is planned with its file name as
     the sample id (`sample_id`). A picture that cannot be read, or a corruption that cannot be
-    placed, becomes a tile with the reason and an entry of `problems`. Raises `ParameterError` or
-    `ParameterTypeError` for an argument that is out of range or of the wrong type, and for an empty
-    list of pictures; `UnknownNameError` for an unknown `detect`; `MissingDependencyError` for a
-    detector that is not installed.
+    placed, becomes a tile with the reason and an entry of `problems`.
 
     Args:
         images: paths of the pictures.
@@ -59,6 +56,12 @@ def gallery(
             parameters.
         detect: how elements are found: `"picture"` (OpenCV), `"ocr"` or `"none"`.
         embed_width: wider pictures are scaled down to this many pixels for display, 16 to 16383.
+
+    Raises:
+        ParameterError: an argument is out of range, or the list of pictures is empty.
+        ParameterTypeError: an argument has the wrong type.
+        UnknownNameError: `detect` is unknown.
+        MissingDependencyError: the detector is not installed.
     """
     Stream(seed, "gallery")  # refuses a seed that no plan could use, before any picture is read
     board = PageBuilder(_planners(planners), int(seed), detect, _width(embed_width))
@@ -69,8 +72,8 @@ def gallery(
 
 def _paths(images: object) -> list[str | os.PathLike[str]]:
     if isinstance(images, str | bytes | os.PathLike) or not isinstance(images, Sequence):
-        found = f"{shown(cast(object, images))}; for one picture give [path]"
-        raise ParameterTypeError(f"images must be a list of paths, got {found}")
+        value = f"{shown(cast(object, images))}; for one picture give [path]"
+        raise ParameterTypeError(f"images must be a list of paths, got {value}")
     paths = list(cast("Sequence[Any]", images))
     bad = [type(path).__name__ for path in paths if not isinstance(path, str | os.PathLike)]
     if bad:
@@ -89,15 +92,17 @@ def _planners(planners: object) -> dict[str, Planner]:
             "planners must map titles to corruptions, such as {'marks': Marks()}, got"
             f" {planners!r}"
         )
-    chosen = {str(title): planner for title, planner in cast("Mapping[Any, Any]", planners).items()}
-    for title, planner in chosen.items():
+    by_title = {
+        str(title): planner for title, planner in cast("Mapping[Any, Any]", planners).items()
+    }
+    for title, planner in by_title.items():
         as_planner(planner, f"planners[{title!r}] must be a corruption such as Marks()")
-    return chosen
+    return by_title
 
 
 def _width(value: object) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
         raise ParameterTypeError(f"embed_width must be an integer, got {value!r}")
-    if not 16 <= value <= MAX_SIDE:
-        raise ParameterError(f"embed_width must be in [16, {MAX_SIDE}] pixels, got {value}")
+    if not 16 <= value <= WEBP_MAX_SIDE:
+        raise ParameterError(f"embed_width must be in [16, {WEBP_MAX_SIDE}] pixels, got {value}")
     return value

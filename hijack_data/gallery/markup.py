@@ -15,7 +15,7 @@ from string import Template
 from typing import Any, cast
 
 PAGE = Path(__file__).parent / "page"
-LINE = 76
+LINE_LENGTH = 76
 
 
 class Html(str):
@@ -82,7 +82,7 @@ def pretty(data: object, indent: int = 0) -> str:
     """
     text = json.dumps(data, ensure_ascii=False, sort_keys=True)
     flat = text.encode("utf-8", "backslashreplace").decode("utf-8")
-    if len(flat) + indent <= LINE or not isinstance(data, dict | list) or not data:
+    if len(flat) + indent <= LINE_LENGTH or not isinstance(data, dict | list) or not data:
         return flat
     inner = indent + 2
     if isinstance(data, dict):
@@ -90,7 +90,7 @@ def pretty(data: object, indent: int = 0) -> str:
         rows = [f"{json.dumps(key)}: {pretty(value, inner)}" for key, value in items]
         return _block("{", rows, "}", indent)
     parts = [pretty(item, inner) for item in cast("list[Any]", data)]
-    return _block("[", _packed(parts, LINE - inner), "]", indent)
+    return _block("[", _pack_lines(parts, LINE_LENGTH - inner), "]", indent)
 
 
 def _block(start: str, rows: list[str], end: str, indent: int) -> str:
@@ -99,7 +99,7 @@ def _block(start: str, rows: list[str], end: str, indent: int) -> str:
     return f"{start}\n{lines}\n{' ' * indent}{end}"
 
 
-def _packed(items: list[str], width: int) -> list[str]:
+def _pack_lines(items: list[str], width: int) -> list[str]:
     """Put as many short items on each line as fit."""
     rows: list[str] = []
     for item in items:

@@ -64,7 +64,9 @@ class PageBuilder:
             tiles.append(self._tile(number, title, planner, shot, image))
         lines = wrap("p", [_short(note, path) for note in notes])
         size = caption([shot.scene.size], shot.scale)
-        facts = f"{size}; {counted(len(shot.scene.boxes), 'element')} {_FOUND[self.detect]}"
+        facts = (
+            f"{size}; {counted(len(shot.scene.boxes), 'element')} {_DETECTION_TEXT[self.detect]}"
+        )
         section = fill("picture.html", name=name, facts=facts, notes=lines, tiles=join(tiles))
         self._sections.append(section)
 
@@ -92,8 +94,8 @@ class PageBuilder:
     ) -> Html:
         try:
             planned = planner.plan(shot.scene, seed=self.seed, sample=shot.name)
-            made = self._composite(planned, shot, image)
-            plan = made.plan if made else planned
+            composited = self._composite(planned, shot, image)
+            plan = composited.plan if composited else planned
             after = apply(plan, image)
         except HijackError as error:
             return self._message(title, number, shot, str(error))
@@ -104,7 +106,7 @@ class PageBuilder:
         self._tiles.append(
             {"picture": shot.index, "covered": list(safety.covered), "painted": rectangles}
         )
-        shown = Tile(
+        new_tile = Tile(
             index=len(self._tiles) - 1,
             title=title,
             number=number,
@@ -113,9 +115,9 @@ class PageBuilder:
             after=embed(after, shot.scale),
             painted=rectangles,
             planned=planned,
-            made=made,
+            composited=composited,
         )
-        return tile(shown, shot)
+        return tile(new_tile, shot)
 
     def _composite(self, plan: Plan, shot: GalleryPicture, image: UInt8Array) -> Composite | None:
         """Return the picture of an effect on the machine, or `None` for any other plan."""
@@ -167,7 +169,11 @@ class PageBuilder:
         )
 
 
-_FOUND = {"picture": "found in the picture", "ocr": "found by OCR", "none": "(not looked for)"}
+_DETECTION_TEXT = {
+    "picture": "found in the picture",
+    "ocr": "found by OCR",
+    "none": "(not looked for)",
+}
 
 
 def _short(message: object, path: str | os.PathLike[str]) -> str:

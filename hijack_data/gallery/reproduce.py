@@ -1,4 +1,4 @@
-"""The line of Python and the command that make a plan again, if there are any."""
+"""Write the Python call and the command that reproduce a plan, where these exist."""
 
 import json
 import shlex
@@ -31,11 +31,11 @@ def python_call(
     """
     try:
         planner, source = _planner(plan)
-        same = planner.plan(scene, seed=seed, sample=sample) == plan
+        equal = planner.plan(scene, seed=seed, sample=sample) == plan
     except HijackError:
         return None
     key = f"seed={seed}, sample={_literal(sample)}"
-    if not same:
+    if not equal:
         return None
     line = f"{source}.plan(scene, {key})"
     return f"composite({line}, picture, scene, {key}).plan" if composited else line
@@ -49,7 +49,7 @@ def cli_call(plan: Plan, seed: int, sample: str, *, detected: bool = True) -> st
     corruption = maker(plan)
     if corruption is None or (uses_elements(corruption) and not detected):
         return None
-    settings = {key: _setting(value) for key, value in _changed(corruption).items()}
+    settings = {key: _setting(value) for key, value in _non_default_params(corruption).items()}
     if None in settings.values():
         return None
     path = f"./{sample}" if sample.startswith("-") else sample
@@ -83,11 +83,13 @@ def _planner(plan: Plan) -> tuple[Planner, str]:
 
 
 def _source(corruption: Corruption) -> str:
-    values = "".join(f", {key}={_literal(value)}" for key, value in _changed(corruption).items())
+    values = "".join(
+        f", {key}={_literal(value)}" for key, value in _non_default_params(corruption).items()
+    )
     return f"hj.make_corruption({_literal(corruption.name)}{values})"
 
 
-def _changed(corruption: Corruption) -> dict[str, Any]:
+def _non_default_params(corruption: Corruption) -> dict[str, Any]:
     """Return the parameters that differ from their defaults, as JSON data."""
     defaults = {key: to_json(default) for key, (_, default) in parameters(corruption).items()}
     return {key: value for key, value in corruption.params().items() if value != defaults[key]}
@@ -98,8 +100,7 @@ def _literal(value: Any) -> str:
 
 
 def _setting(value: Any) -> str | None:
-    # In the form that `--set` reads: text unquoted, with escaped line breaks; anything else as
-    # YAML.
+    # The syntax of `--set`: text is unquoted with escaped line breaks; anything else is YAML.
     if not isinstance(value, str):
         return json.dumps(value)
     return None if "\\n" in value else value.replace("\n", "\\n")

@@ -1,4 +1,4 @@
-"""The contact sheet: labelled pairs of pictures as one plain picture, such as for a README."""
+"""The contact sheet: one picture of labelled pairs of pictures, for a README or a slide."""
 
 from collections.abc import Sequence
 
@@ -36,8 +36,7 @@ def contact_sheet(
     """Draw labelled before and after pairs under each other.
 
     Both pictures of a row have the same scale, so that a smaller picture looks smaller; no picture
-    is enlarged. Raises `FontError` for a title or caption with letters that DejaVu Sans lacks, and
-    `ImageError` or `ImageTypeError` for a picture that is not uint8 RGB.
+    is enlarged.
 
     Args:
         rows: `(title, before, after)` each; the pictures are uint8 RGB `[H, W, 3]` and may differ
@@ -51,6 +50,9 @@ def contact_sheet(
     Raises:
         ParameterError: there are no rows, the number of captions differs from that of the rows, the
             sheet is too narrow, or a line does not fit.
+        FontError: DejaVu Sans lacks a letter of a title or caption.
+        ImageError: a picture does not have the shape `[H, W, 3]`.
+        ImageTypeError: a picture is not a uint8 NumPy array.
     """
     if not rows:
         raise ParameterError("contact_sheet needs at least one row of (title, before, after)")
@@ -83,17 +85,20 @@ def _row(title: str, before: UInt8Array, after: UInt8Array, width: int, caption:
     if caption:
         labels += CAPTION_ROW
     top = labels + LABEL_ROW
-    shown_before = _shrunk(before, scale)
-    shown_after = _shrunk(after, scale)
-    sheet = _blank(top + max(len(shown_before), len(shown_after)), width)
+    small_before = _shrink(before, scale)
+    small_after = _shrink(after, scale)
+    sheet = _blank(top + max(len(small_before), len(small_after)), width)
     ops = _label(title, (MARGIN, MARGIN), inner, TITLE_SIZE, INK)
     ops += _label(caption, (MARGIN, MARGIN + TITLE_ROW), inner, CAPTION_SIZE, INK)
     left = MARGIN
-    for name, picture, shown in (("before", before, shown_before), ("after", after, shown_after)):
+    for name, picture, picture_shown in (
+        ("before", before, small_before),
+        ("after", after, small_after),
+    ):
         text = f"{name}  {size_text(_size(picture))}"
         ops += _label(text, (left, labels), panel, LABEL_SIZE, MUTED)
-        h, w = _size(shown)
-        sheet[top : top + h, left : left + w] = shown
+        h, w = _size(picture_shown)
+        sheet[top : top + h, left : left + w] = picture_shown
         left += panel + MARGIN
     plan = Plan("contact_sheet", _size(sheet), ops=tuple(ops))
     return apply(plan, sheet, inplace=True)
@@ -110,7 +115,7 @@ def _size(picture: UInt8Array) -> Size:
     return backend.size(picture)
 
 
-def _shrunk(picture: UInt8Array, scale: float) -> UInt8Array:
+def _shrink(picture: UInt8Array, scale: float) -> UInt8Array:
     height, width = _size(picture)
     size = (max(1, round(height * scale)), max(1, round(width * scale)))
     if size == (height, width):

@@ -13,8 +13,8 @@ from .data_uris import Embedded, caption
 from .markup import Html, escape, fill, join, pretty, wrap
 from .reproduce import cli_call, maker, python_call, schedule
 
-# Distance of the divider from the painted area, in percent of the width.
-DIVIDER = 2
+# Distance of the divider from the painted area
+DIVIDER_MARGIN_PERCENT = 2
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,8 +51,8 @@ class Tile:
         after: the corrupted picture.
         painted: the rectangles that the plan painted, `xyxy`.
         planned: the plan of the corruption: `plan` itself or, for a corruption of the machine, the
-            plan whose effect `made` shows.
-        made: the picture of the effect, for a corruption of the machine.
+            plan whose effect `composited` shows.
+        composited: the picture of the effect, for a corruption of the machine.
     """
 
     index: int
@@ -63,7 +63,7 @@ class Tile:
     after: Embedded
     painted: list[list[int]]
     planned: Plan
-    made: Composite | None = None
+    composited: Composite | None = None
 
 
 def painted(plan: Plan) -> list[list[int]]:
@@ -72,17 +72,17 @@ def painted(plan: Plan) -> list[list[int]]:
     A resize paints nothing.
     """
     height, width = plan.size
-    now = plan.size
+    size = plan.size
     boxes: list[list[int]] = []
     for op in plan.ops:
         if isinstance(op, Paste):
-            boxes += _painted_by(op, now, width / now[1], height / now[0])
+            boxes += _painted_boxes(op, size, width / size[1], height / size[0])
         else:
-            now = op.size
+            size = op.size
     return boxes
 
 
-def _painted_by(op: Paste, size: Size, sx: float, sy: float) -> Iterator[list[int]]:
+def _painted_boxes(op: Paste, size: Size, sx: float, sy: float) -> Iterator[list[int]]:
     for stamp in lower(op, size):
         h, w = stamp.sprite.size
         for y, x in zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True):
@@ -93,16 +93,16 @@ def _painted_by(op: Paste, size: Size, sx: float, sy: float) -> Iterator[list[in
             yield [left, top, right, bottom]
 
 
-def tile(shown: Tile, shot: GalleryPicture) -> Html:
+def tile(content: Tile, shot: GalleryPicture) -> Html:
     """Return the tile of a corruption that changes the picture."""
-    plan = shown.plan
-    after = shown.after
+    plan = content.plan
+    after = content.after
     return fill(
         "tile.html",
-        index=shown.index,
-        number=shown.number,
+        index=content.index,
+        number=content.number,
         picture=shot.index,
-        title=shown.title,
+        title=content.title,
         name=shot.name,
         category=_category(plan),
         uri=after.uri,
@@ -110,14 +110,14 @@ def tile(shown: Tile, shot: GalleryPicture) -> Html:
         height=after.size[0],
         screen_width=plan.size[1],
         screen_height=plan.size[0],
-        start=_start(shown.painted, plan.size[1]),
+        start=_start(content.painted, plan.size[1]),
         size=caption([plan.size, plan.out_size], shot.scale),
         boxes=len(shot.scene.boxes),
-        painted=len(shown.painted),
-        paintless=Html("" if shown.painted else " disabled"),
-        figures=_figures(shown, shot),
+        painted=len(content.painted),
+        paintless=Html("" if content.painted else " disabled"),
+        figures=_figures(content, shot),
         notes=wrap("p", plan.notes),
-        remake=_remake(shown, shot),
+        remake=_remake(content, shot),
         plan=_plan(plan),
     )
 
@@ -133,47 +133,53 @@ def _start(boxes: list[list[int]], width: int) -> int:
     if not boxes:
         return 50
     left = min(box[0] for box in boxes)
-    percent = 100 * left // width - DIVIDER
+    percent = 100 * left // width - DIVIDER_MARGIN_PERCENT
     return min(90, max(0, percent))
 
 
-def _figures(shown: Tile, shot: GalleryPicture) -> Html:
+def _figures(content: Tile, shot: GalleryPicture) -> Html:
     """Return the figures of a tile; for an effect also its time and the fidelity of its picture."""
-    safety = shown.safety
-    height, width = shown.plan.out_size
+    safety = content.safety
+    height, width = content.plan.out_size
     changed_share = safety.changed_pixels / (height * width)
     covered = f"{len(safety.covered)} of {len(shot.scene.boxes)}"
-    resized = shown.plan.out_size != shown.plan.size
-    changed = "all, resized" if resized else f"{safety.changed_pixels:,}"
+    resized = content.plan.out_size != content.plan.size
+    changed_pixels = "all, resized" if resized else f"{safety.changed_pixels:,}"
     share = f"{100 * changed_share:.1f} %"
     rows = [
         ("Elements covered", covered),
-        ("Pixels changed", changed),
+        ("Pixels changed", changed_pixels),
         ("Share of the screen", share),
     ]
-    return _rows([*rows, *_effect(shown)])
+    return _rows([*rows, *_effect(content)])
 
 
-def _effect(shown: Tile) -> list[tuple[str, str]]:
-    if shown.made is None:
+def _effect(content: Tile) -> list[tuple[str, str]]:
+    if content.composited is None:
         return []
-    corruption = maker(shown.planned)
-    when = [("When", schedule(corruption))] if corruption else []
-    kinds = ", ".join(effect.kind for effect in shown.planned.effects)
-    return [("Effect on the machine", kinds), *when, ("Fidelity", shown.made.fidelity)]
+    corruption = maker(content.planned)
+    schedule_rows = [("When", schedule(corruption))] if corruption else []
+    kinds = ", ".join(effect.kind for effect in content.planned.effects)
+    return [
+        ("Effect on the machine", kinds),
+        *schedule_rows,
+        ("Fidelity", content.composited.fidelity),
+    ]
 
 
-def _remake(shown: Tile, shot: GalleryPicture) -> Html:
-    plan = shown.planned
+def _remake(content: Tile, shot: GalleryPicture) -> Html:
+    plan = content.planned
     scene = shot.scene
     calls = [
         (
             "Python",
-            python_call(plan, scene, shot.seed, shot.name, composited=shown.made is not None),
+            python_call(
+                plan, scene, shot.seed, shot.name, composited=content.composited is not None
+            ),
         ),
         ("Command line", cli_call(plan, shot.seed, shot.name, detected=shot.detected)),
     ]
-    lines = [fill("code.html", what=what, text=text) for what, text in calls if text]
+    lines = [fill("code.html", what=heading, text=text) for heading, text in calls if text]
     return join([*lines, _parameters(plan)])
 
 

@@ -38,36 +38,36 @@ def compilations() -> int:
 
 def paste(image: Any, stamps: list[Stamp]) -> Any:
     """Stamp sprites, in order; return a new array."""
-    ours = False  # whether `image` is our own copy, which may be donated
+    donatable = False  # whether `image` is our own copy, which may be donated
     for stamp in stamps:
         if not len(stamp.ys):
             continue
         if stamp.sprite.opaque:
-            image = _paste_opaque(image, stamp, ours)
+            image = _paste_opaque(image, stamp, donatable)
         else:
-            image = _paste_soft(image, stamp, ours)
-        ours = True
+            image = _paste_soft(image, stamp, donatable)
+        donatable = True
     return image
 
 
-def _paste_opaque(image: Any, stamp: Stamp, ours: bool) -> Any:
+def _paste_opaque(image: Any, stamp: Stamp, donatable: bool) -> Any:
     for y, x in zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True):
-        run = _paste_block_into if ours else _paste_block
+        run = _paste_block_into if donatable else _paste_block
         image = run(
             image, *padded_block(stamp.sprite, y, x, image.shape, (MIN_BLOCK_SIDE, MIN_BLOCK_SIDE))
         )
-        ours = True
+        donatable = True
     return image
 
 
-def _paste_soft(image: Any, stamp: Stamp, ours: bool) -> Any:
+def _paste_soft(image: Any, stamp: Stamp, donatable: bool) -> Any:
     step = at_once(stamp.sprite)
     for i in range(0, len(stamp.ys), step):
         ys = stamp.ys[i : i + step]
         xs = stamp.xs[i : i + step]
-        run = _paste_pixels_into if ours else _paste_pixels
+        run = _paste_pixels_into if donatable else _paste_pixels
         image = run(image, *_padded_pixels(stamp.sprite, ys, xs, image.shape))
-        ours = True
+        donatable = True
     return image
 
 

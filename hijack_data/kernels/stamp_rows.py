@@ -44,11 +44,11 @@ def stamp_rows(
     parts: list[StampRows] = []
     for stamp in stamps:
         scratch = stamp.sprite.scratch
-        made = scratch.get(key)
-        if made is None:
-            made = make(stamp.sprite)
-            scratch[key] = made
-        part = made[None].repeat(len(stamp.ys), axis=0)
+        rows = scratch.get(key)
+        if rows is None:
+            rows = make(stamp.sprite)
+            scratch[key] = rows
+        part = rows[None].repeat(len(stamp.ys), axis=0)
         part[:, :, 0] += stamp.ys[:, None]
         part[:, :, 1] += stamp.xs[:, None]
         parts.append(part.reshape(-1, COLUMNS))
@@ -73,10 +73,10 @@ def _row(layer: Layer, place: Addressing) -> tuple[int, ...]:
     else:
         kind = PAINT if places else PICTURE
         places = [*(places or [nowhere]), place(layer.picture)]
-    colors = [*map(_packed, layer.colors), 0, 0]
+    colors = [*map(_pack_color, layer.colors), 0, 0]
     return *box, kind, *places[0], *places[1], colors[0], colors[1]
 
 
-def _packed(color: Color) -> int:
+def _pack_color(color: Color) -> int:
     red, green, blue = color
     return red << 16 | green << 8 | blue

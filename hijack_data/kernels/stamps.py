@@ -36,7 +36,7 @@ def plan_stamps(plan: Plan, index: int, size: Size) -> list[Stamp]:
     stamps = lower(op, size)
     for stamp in stamps:
         if not op.draws_as_planned(stamp.sprite):
-            raise PlanError(_drifted(plan, index))
+            raise PlanError(_drift_message(plan, index))
     return stamps
 
 
@@ -58,13 +58,13 @@ def check_drawings(plans: list[Plan]) -> None:
                 size = op.size
 
 
-def _drifted(plan: Plan, index: int) -> str:
+def _drift_message(plan: Plan, index: int) -> str:
     from PIL import __version__, features
 
-    here = f"Pillow {__version__}, FreeType {features.version('freetype2')}"
+    versions = f"Pillow {__version__}, FreeType {features.version('freetype2')}"
     return (
-        f"plan: ops[{index}] of {plan.corruption} draws differently here ({here}) than where the"
-        " plan was made; plan again, or install that version"
+        f"plan: ops[{index}] of {plan.corruption} draws differently here ({versions}) than where"
+        " the plan was made; plan again, or install that version"
     )
 
 
@@ -87,9 +87,9 @@ def lower(op: Paste, size: Size) -> list[Stamp]:
     if inside.all():
         return [Stamp(sprite, ys, xs)]
     if not sprite.uniform:
-        return _cropped_all(sprite, at, size)
-    whole = Stamp(sprite, ys[inside], xs[inside])
-    return [whole, *_cropped_all(sprite, at[~inside], size)]
+        return _crop_each(sprite, at, size)
+    uncropped = Stamp(sprite, ys[inside], xs[inside])
+    return [uncropped, *_crop_each(sprite, at[~inside], size)]
 
 
 def at_once(sprite: Sprite) -> int:
@@ -104,7 +104,11 @@ def at_once(sprite: Sprite) -> int:
 
 
 def _places(op: Paste) -> npt.NDArray[np.int32]:
-    """Return the places of a paste, (x, y) each, int32 `[n, 2]`."""
+    """Return the places of a paste, (x, y) each, int32 `[n, 2]`.
+
+    Raises:
+        PlanError: the places are not points, or too far outside the picture.
+    """
     if not op.at:
         return np.zeros((0, 2), np.int32)
     try:
@@ -112,22 +116,22 @@ def _places(op: Paste) -> npt.NDArray[np.int32]:
     except ValueError:  # points of different lengths
         at = np.zeros(0)
     if at.dtype.kind not in "iu" or at.shape[1:] != (2,) or np.abs(at).max() > MAX_SIDE:
-        wanted = f"points (x, y), integers of at most {MAX_SIDE}"
-        raise PlanError(f"plan: the places of a Paste must be {wanted}, got {shown(op.at)}")
+        expected = f"points (x, y), integers of at most {MAX_SIDE}"
+        raise PlanError(f"plan: the places of a Paste must be {expected}, got {shown(op.at)}")
     return at.astype(np.int32)
 
 
-def _cropped_all(sprite: Sprite, at: npt.NDArray[np.int32], size: Size) -> list[Stamp]:
+def _crop_each(sprite: Sprite, at: npt.NDArray[np.int32], size: Size) -> list[Stamp]:
     """Return a stamp for each place `(x, y)` at which a part of the sprite is visible."""
     stamps: list[Stamp] = []
     for x, y in at.tolist():
-        stamp = _cropped(sprite, y, x, size)
+        stamp = _crop_to_picture(sprite, y, x, size)
         if stamp is not None:
             stamps.append(stamp)
     return stamps
 
 
-def _cropped(sprite: Sprite, y: int, x: int, size: Size) -> Stamp | None:
+def _crop_to_picture(sprite: Sprite, y: int, x: int, size: Size) -> Stamp | None:
     """Return the part of a sprite that lies inside the picture, or `None` if there is none."""
     height, width = size
     h, w = sprite.size
@@ -137,6 +141,6 @@ def _cropped(sprite: Sprite, y: int, x: int, size: Size) -> Stamp | None:
     right = min(w, width - x)
     if top >= bottom or left >= right:
         return None
-    whole = (top, left, bottom, right) == (0, 0, h, w)
-    part = sprite if whole else sprite.crop(top, left, bottom, right)
+    fits = (top, left, bottom, right) == (0, 0, h, w)
+    part = sprite if fits else sprite.crop(top, left, bottom, right)
     return Stamp(part, np.array([y + top], np.int32), np.array([x + left], np.int32))

@@ -33,10 +33,11 @@ class Verdict:
 class Task(ABC):
     """A task with its seed; another seed gives the same task with other words, names and numbers.
 
-    A subclass gives the class variables, and `draw`, `prepare`, `initial_app`, `problems`, `oracle`,
-    `wrong_results` and `right_result` as far as it needs them. All that a seed decides comes from `draw`, so
-    instruction, preparation and judgement cannot disagree. Paths are relative to the home folder
-    of the desktop's user. All methods raise `DesktopError` (or a subclass) if the desktop fails.
+    A subclass sets the class variables and defines `problems` and `oracle`; it overrides `draw`,
+    `prepare`, `initial_app`, `plan`, `wrong_results` and `right_result` where it needs them. All
+    that a seed decides comes from `draw`, so instruction, preparation and judgement cannot
+    disagree. Paths are relative to the home folder of the desktop's user. All methods raise
+    `DesktopError` (or a subclass) if the desktop fails.
 
     Attributes:
         name: The name, in snake_case.
@@ -100,7 +101,8 @@ class Task(ABC):
         """Yield what is wrong with the result; nothing if the task is done.
 
         Judge by files and by what applications and sites stored, never by pixels, and change
-        nothing. Begin with `yield from machine.unexpected_changes(...)`, so that collateral damage counts.
+        nothing. Begin with `yield from machine.unexpected_changes(...)`, so that collateral damage
+        counts.
         """
         ...
 
@@ -108,16 +110,18 @@ class Task(ABC):
     def oracle(self, hand: Hand) -> None:
         """Do the task as a person would, with pointer and keyboard.
 
-        It begins where `initial_app` ends, and may be begun once more after something went wrong. The
-        oracle of an infeasible task looks where a person would look, and gives up.
+        It starts in the application of `initial_app`, and is called a second time if the first
+        attempt fails. The oracle of an infeasible task looks where a person would look, and gives
+        up.
         """
         ...
 
     def plan(self) -> Sequence[str]:
         """Return how a person would be told to do the task, step by step; () for nothing.
 
-        `plan_words` has the grammar. The plan begins where `initial_app` ends, holds the values that the
-        seed drew, and only what can be read on the screen. Only agents with `uses_plan` get it.
+        `plan_words` has the grammar. The plan starts in the application of `initial_app`. It names
+        the values that the seed drew and what can be read on the screen, nothing else. Only agents
+        with `uses_plan` get it.
         """
         return ()
 
@@ -143,9 +147,9 @@ class Task(ABC):
         machine.begin()
         self.prepare(machine)
         machine.remember()
-        opened = self.initial_app(machine)
-        if opened:
-            machine.open(*opened)
+        app = self.initial_app(machine)
+        if app:
+            machine.open(*app)
 
     def validate(self, machine: Machine, answer: str = "DONE") -> Verdict:
         """Judge the result; an error of `problems` is passed on, and is never a 0.
@@ -166,10 +170,10 @@ class Task(ABC):
                 0.0, f"the task cannot be done ({self.infeasible}): FAIL would have been right"
             )
         machine.wait_until_idle(self.apps)
-        found = list(self.problems(machine))
-        found += machine.unexpected_site_changes(but=self.sites)
-        if found:
-            return Verdict(0.0, "; ".join(found))
+        problems = list(self.problems(machine))
+        problems += machine.unexpected_site_changes(but=self.sites)
+        if problems:
+            return Verdict(0.0, "; ".join(problems))
         return Verdict(1.0, "FAIL was right" if self.infeasible else "done as asked")
 
     def teardown(self, machine: Machine) -> None:

@@ -1,7 +1,7 @@
-"""A hand that notices what got in its way and puts it right, as a careful user would.
+"""A hand that notices disturbances and undoes them, as a careful user would.
 
-It is told what a person knows: the applications of the task, how to start the first of them, and
-the password. It is never told what was disturbed, and it acts with pointer and keyboard alone.
+It knows what a person knows: the applications of the task, how to start the first of them, and the
+password. It does not know what was disturbed, and it acts with pointer and keyboard alone.
 """
 
 import re
@@ -26,10 +26,12 @@ from .tree_nodes import TreeNode
 
 PASSWORD = "password"
 _FIELDS = (*ENTRIES, "combo-box")
-_LEFT_OPEN = 3  # dialogs that one try may leave behind
-_CHANGES = 60  # that are taken back before another try
-LOST_S = 2.0  # seconds without what is wanted, until the hand looks for a reason
-_PATIENT = 3  # looks for a reason before an Escape, which also stops a page that is loading
+_MAX_OPEN_DIALOGS = 3  # that one try may leave behind
+_MAX_UNDOS = 60  # before another try
+LOST_S = 2.0  # without what is expected, until the hand looks for a reason
+_LOOKS_BEFORE_ESCAPE = (
+    3  # looks for a reason before an Escape, which also stops a page that is loading
+)
 # An application whose tool bars keep the keyboard after a click: F6 takes it on to the next pane,
 # from which Escape leads back to the document.
 _KEEPS_KEYBOARD = "soffice"
@@ -57,7 +59,7 @@ class CarefulHand(Hand):
         timeout: float = TIMEOUT_S,
     ) -> None:
         super().__init__(desktop, timeout)
-        self._own = TaskWindows(apps, start)
+        self._windows = TaskWindows(apps, start)
         self._start = start
         self._password = password
         self._asked = False
@@ -70,17 +72,17 @@ class CarefulHand(Hand):
 
     def look(self) -> list[TreeNode]:
         """Return the nodes of the tree as it is now, and keep the titles of the own windows."""
-        seen = super().look()
-        shown = self._own.shown(seen)
-        self._programs |= {program_name(node.name) for node in shown if node.name}
-        active = [node.app for node in self._own.frames(seen) if "active" in node.states]
+        nodes = super().look()
+        visible = self._windows.visible(nodes)
+        self._programs |= {program_name(node.name) for node in visible if node.name}
+        active = [node.app for node in self._windows.frames(nodes) if "active" in node.states]
         self._first = self._first or next(iter(active), "")
-        self._had_document |= any(map(self._own.names_document, shown))
-        return seen
+        self._had_document |= any(map(self._windows.names_document, visible))
+        return nodes
 
     def wait(
         self,
-        what: str,
+        description: str,
         test: Callable[[TreeNode], bool],
         meanwhile: Callable[[], None] | None = None,
     ) -> TreeNode:
@@ -92,13 +94,13 @@ class CarefulHand(Hand):
         """
         self._lost = time.monotonic() + LOST_S
         self._missed = 0
-        return super().wait(what, test, meanwhile)
+        return super().wait(description, test, meanwhile)
 
-    def _while_missing(self, seen: list[TreeNode], meanwhile: Callable[[], None] | None) -> bool:
+    def _while_missing(self, nodes: list[TreeNode], meanwhile: Callable[[], None] | None) -> bool:
         if time.monotonic() <= self._lost:
-            return super()._while_missing(seen, meanwhile)
+            return super()._while_missing(nodes, meanwhile)
         self._missed += 1
-        if self.recover(seen, escape=self._missed >= _PATIENT):
+        if self.recover(nodes, escape=self._missed >= _LOOKS_BEFORE_ESCAPE):
             raise DesktopTimeoutError(
                 "the document was closed; it is open again, but without what was done in it"
             )
@@ -106,12 +108,12 @@ class CarefulHand(Hand):
         return False
 
     def run(self, code: str) -> None:
-        """Run pyautogui code, after what is plainly in the way was put right."""
+        """Run pyautogui code, after obvious obstacles were removed."""
         self._clear(self.look())
         super().run(code)
 
     def click(self, node: TreeNode) -> None:
-        """Click in the middle of a node, after what is plainly in the way was put right.
+        """Click in the middle of a node, after obvious obstacles were removed.
 
         Raises:
             DesktopTimeoutError: The node is part of a menu, which closed meanwhile; the tree may
@@ -139,19 +141,19 @@ class CarefulHand(Hand):
         super().replace(text)
 
     def _is_focused_field(self, node: TreeNode) -> bool:
-        return node.role in _FIELDS and "focused" in node.states and self._own.has(node)
+        return node.role in _FIELDS and "focused" in node.states and self._windows.has(node)
 
-    def recover(self, seen: list[TreeNode] | None = None, escape: bool = True) -> bool:
+    def recover(self, nodes: list[TreeNode] | None = None, escape: bool = True) -> bool:
         """Look for a reason why things are not as expected, and do something about it.
 
         Args:
-            seen: The nodes of the tree; it is read if omitted.
+            nodes: The nodes of the tree; it is read if omitted.
             escape: Whether to press Escape if there is no reason to be seen.
 
         Returns:
             Whether the task's document had to be opened again, as it was saved last.
         """
-        present = self.look() if seen is None else seen
+        present = self.look() if nodes is None else nodes
         if self._clear(present):
             return False
         if (self._start and self._has_no_window(present)) or self._is_closed(present):
@@ -166,68 +168,75 @@ class CarefulHand(Hand):
         return False
 
     def prepare_retry(self) -> None:
-        """Put right what is in the way of another try: also what the last one left open or changed.
+        """Remove what is in the way of another try: also what the last one left open or changed.
 
         A dialog, and a text being edited in it or under it, take an Escape each. A dialog may open
         another one when it is left: LibreOffice's question of the format opens the one to save.
         """
         self.recover()
-        for _ in range(_LEFT_OPEN):
+        for _ in range(_MAX_OPEN_DIALOGS):
             time.sleep(LOST_S / 2)  # a dialog that follows another takes a moment
-            seen = self.look()
-            if not self._own.dialogs(seen):
+            nodes = self.look()
+            if not self._windows.dialogs(nodes):
                 break
-            self._escape(seen)  # the dialog
+            self._escape(nodes)  # the dialog
             super().run("pyautogui.press('escape')")  # what it was about
-        self._leave_others()
+        self._escape_other_windows()
         self._go_to_first()
-        self._take_back()
+        self._undo_all()
 
-    def _leave_others(self) -> None:
+    def _escape_other_windows(self) -> None:
         """Press Escape in the own windows that do not have the keyboard.
 
         One may have a menu or a dialog that is not in the tree.
         """
-        seen = self.look()
-        for window in self._own.frames(seen):
-            if "active" not in window.states and self._bring_to_front(window, seen):
+        nodes = self.look()
+        for window in self._windows.frames(nodes):
+            if "active" not in window.states and self._bring_to_front(window, nodes):
                 super().run("pyautogui.press('escape')")
 
     def _go_to_first(self) -> None:
         """Give the keyboard to the window that had it when the task began."""
-        seen = self.look()
-        for window in self._own.frames(seen):
+        nodes = self.look()
+        for window in self._windows.frames(nodes):
             if window.app == self._first and "active" not in window.states:
-                self._bring_to_front(window, seen)
+                self._bring_to_front(window, nodes)
                 return
 
-    def _bring_to_front(self, window: TreeNode, seen: list[TreeNode]) -> bool:
+    def _bring_to_front(self, window: TreeNode, nodes: list[TreeNode]) -> bool:
         """Click on the button of a window in the panel; return whether there is one."""
-        button = panel_button(window, seen)
+        button = panel_button(window, nodes)
         if button is None or not window.name:
             return False
-        self._click_plainly(button)
+        self._click_in_panel(button)
         time.sleep(LOST_S / 2)  # a panel takes a moment to bring a window to the front
         return True
 
-    def _take_back(self) -> None:
+    def _undo_all(self) -> None:
         """Undo all that was done in the document, by an accident or by the last try."""
-        for _ in range(_CHANGES):
-            seen = self.look()
-            if len(self._own.shown(seen)) != 1 or not any(self._is_undo(node) for node in seen):
+        for _ in range(_MAX_UNDOS):
+            nodes = self.look()
+            if len(self._windows.visible(nodes)) != 1 or not any(
+                self._is_undo(node) for node in nodes
+            ):
                 return
             super().run("pyautogui.hotkey('ctrl', 'z')")
             time.sleep(PAUSE)
-            if not self._agree():
+            if not self._confirm_deletion():
                 return
 
-    def _agree(self) -> bool:
+    def _confirm_deletion(self) -> bool:
         """Agree to delete what is taken back, if asked; return whether nothing else is asked."""
-        seen = self.look()
-        if not self._own.dialogs(seen):
+        nodes = self.look()
+        if not self._windows.dialogs(nodes):
             return True
-        for node in seen:
-            if node.role in BUTTONS and node.name == "Delete" and self._own.has(node) and node.box:
+        for node in nodes:
+            if (
+                node.role in BUTTONS
+                and node.name == "Delete"
+                and self._windows.has(node)
+                and node.box
+            ):
                 self._click_at(node)
                 time.sleep(PAUSE)
                 return True
@@ -236,94 +245,96 @@ class CarefulHand(Hand):
     def _is_undo(self, node: TreeNode) -> bool:
         """Return whether a node is a button to undo something, and there is something to undo."""
         is_button = node.role == "push-button" and node.name == "Undo"
-        return is_button and self._own.has(node) and "sensitive" in node.states
+        return is_button and self._windows.has(node) and "sensitive" in node.states
 
-    def _escape(self, seen: list[TreeNode]) -> None:
+    def _escape(self, nodes: list[TreeNode]) -> None:
         """Leave the own dialog that shows, if any does, or else what has the keyboard."""
-        for dialog in self._own.dialogs(seen)[-1:]:
+        for dialog in self._windows.dialogs(nodes)[-1:]:
             self._activate(dialog)
-        if any(_has_tool(node) for node in seen):
+        if any(_has_tool(node) for node in nodes):
             super().run("pyautogui.press('f6')")
         super().run("pyautogui.press('escape')")
 
-    def _clear(self, seen: list[TreeNode]) -> bool:
+    def _clear(self, nodes: list[TreeNode]) -> bool:
         """Unlock the screen, restore the windows, close what is foreign.
 
         Returns whether there was something to do.
         """
-        if any(node.app == LOCKER and node.role == "frame" and node.box for node in seen):
+        if any(node.app == LOCKER and node.role == "frame" and node.box for node in nodes):
             self._unlock()
             return True
-        minimised = [node for node in self._own.windows(seen) if "iconified" in node.states]
-        if minimised and self._restore(minimised[0], seen):
+        minimised = [node for node in self._windows.windows(nodes) if "iconified" in node.states]
+        if minimised and self._restore(minimised[0], nodes):
             return True
-        foreign = [node for node in seen if self._own.is_foreign(node)]
+        foreign = [node for node in nodes if self._windows.is_foreign(node)]
         if foreign:
             self._close(foreign[0])
             return True
         return False
 
-    def _bring_back(self, seen: list[TreeNode]) -> bool:
+    def _bring_back(self, nodes: list[TreeNode]) -> bool:
         """Restore a window if none of the own ones shows; return whether there is one to restore.
 
         Applications on Qt neither say that they are minimised, nor keep the names of their windows
         then. The buttons of the panel have them.
         """
-        if self._own.shown(seen):
+        if self._windows.visible(nodes):
             return False
-        for node in reversed(seen):  # the button of a dialog comes after that of its window
+        for node in reversed(nodes):  # the button of a dialog comes after that of its window
             if node.app == PANEL and node.box and program_name(node.name) in self._programs:
-                self._click_plainly(node)
-                self._until(self._own.shown)
+                self._click_in_panel(node)
+                self._until(self._windows.visible)
                 return True
         return False
 
-    def _go_to_document(self, seen: list[TreeNode]) -> bool:
+    def _go_to_document(self, nodes: list[TreeNode]) -> bool:
         """Give the keyboard to the window of the task's document, if one beside it has it.
 
         A program that was started once more has another window, which belongs to the task's
         applications as well: only the titles tell the two apart.
         """
-        frames = self._own.frames(seen)
-        others = [node for node in frames if not self._own.names_document(node)]
-        ours = [node for node in frames if self._own.names_document(node)]
-        if not ours or not any("active" in node.states for node in others):
+        frames = self._windows.frames(nodes)
+        without_document = [node for node in frames if not self._windows.names_document(node)]
+        with_document = [node for node in frames if self._windows.names_document(node)]
+        if not with_document or not any("active" in node.states for node in without_document):
             return False
-        return self._bring_to_front(ours[0], seen)
+        return self._bring_to_front(with_document[0], nodes)
 
-    def _has_no_window(self, seen: list[TreeNode]) -> bool:
+    def _has_no_window(self, nodes: list[TreeNode]) -> bool:
         """Return whether no own window is open, now and a moment later.
 
         A program that is busy, as while it opens a document, has none in the tree until it answers.
         """
-        if self._own.windows(seen):
+        if self._windows.windows(nodes):
             return False
         time.sleep(LOST_S)
-        return not self._own.windows(self.look())
+        return not self._windows.windows(self.look())
 
-    def _is_closed(self, seen: list[TreeNode]) -> bool:
+    def _is_closed(self, nodes: list[TreeNode]) -> bool:
         """Return whether the task's document was closed, and its program shows without any."""
-        frames = self._own.frames(seen)
-        if any(self._own.names_document(node) for node in frames):
+        frames = self._windows.frames(nodes)
+        if any(self._windows.names_document(node) for node in frames):
             return False
-        bare = [node for node in frames if node.box and node.name == program_name(node.name) != ""]
-        return self._had_document and bool(bare) and not self._own.dialogs(seen)
+        without_document = [
+            node for node in frames if node.box and node.name == program_name(node.name) != ""
+        ]
+        return self._had_document and bool(without_document) and not self._windows.dialogs(nodes)
 
     def _unlock(self) -> None:
         super().run("pyautogui.press('shift')")  # the screen is black until a key is pressed
         time.sleep(LOST_S / 2)
         super().run(f"pyautogui.write({self._password + chr(10)!r})")
-        self._until(lambda seen: not any(n.app == LOCKER and n.box for n in seen))
+        self._until(lambda nodes: not any(n.app == LOCKER and n.box for n in nodes))
 
-    def _restore(self, window: TreeNode, seen: list[TreeNode]) -> bool:
+    def _restore(self, window: TreeNode, nodes: list[TreeNode]) -> bool:
         """Click on the button of a window in the panel; return whether there is one.
 
         A second click would minimise the window again, so this waits until it is there.
         """
-        button = panel_button(window, seen)
+        button = panel_button(window, nodes)
         if button is None:
             return False
-        self._click_plainly(button)
+        self._click_in_panel(button)
         self._until(lambda later: not is_minimised(window, later))
         self._return_to_dialog()
         return True
@@ -331,7 +342,7 @@ class CarefulHand(Hand):
     def _return_to_dialog(self) -> None:
         """Give the keyboard back to a dialog: its window was restored, and has it now."""
         for node in self.look():
-            if self._own.has(node) and node.role in DIALOGS and node.box:
+            if self._windows.has(node) and node.role in DIALOGS and node.box:
                 self._activate(node)
                 return
 
@@ -346,18 +357,18 @@ class CarefulHand(Hand):
         self._may_be_outside = (
             True  # a window of another program may have made the own ones smaller
         )
-        self._until(lambda seen: not any(n.app == window.app and n.box for n in seen))
+        self._until(lambda nodes: not any(n.app == window.app and n.box for n in nodes))
 
     def _start_again(self) -> None:
         super().run("pyautogui.hotkey('alt', 'f2')")
-        self._until(lambda seen: any("appfinder" in node.app and node.box for node in seen))
+        self._until(lambda nodes: any("appfinder" in node.app and node.box for node in nodes))
         super().run(f"pyautogui.write({self._start!r})")
         time.sleep(LOST_S / 2)  # the finder takes a text over a moment after it was typed
         super().run("pyautogui.press('enter')")
-        self._until(self._own.shown)
+        self._until(self._windows.visible)
 
-    def _is_offline(self, seen: list[TreeNode]) -> bool:
-        return any(node.role == "heading" and _OFFLINE.match(node.name) for node in seen)
+    def _is_offline(self, nodes: list[TreeNode]) -> bool:
+        return any(node.role == "heading" and _OFFLINE.match(node.name) for node in nodes)
 
     def _ask_for_help(self) -> None:
         """Ask for the machine to be put right, once, and load the page again."""
@@ -367,7 +378,7 @@ class CarefulHand(Hand):
         super().run("pyautogui.press('f5')")
         time.sleep(LOST_S)
 
-    def _click_plainly(self, node: TreeNode) -> None:
+    def _click_in_panel(self, node: TreeNode) -> None:
         """Click on a button of the panel."""
         self._click_at(node)
         self._may_be_outside = True
@@ -379,31 +390,31 @@ class CarefulHand(Hand):
     def _scroll(self) -> None:
         """Turn the wheel over the page, not over the panel or what a closed window has left."""
         if self._may_be_outside:
-            for window in self._own.shown(self.look())[-1:]:
+            for window in self._windows.visible(self.look())[-1:]:
                 x, y = window.centre
                 super().run(f"pyautogui.moveTo({x}, {y})")
                 self._may_be_outside = False
         super()._scroll()
 
     def _until(self, test: Callable[[list[TreeNode]], object]) -> None:
-        """Wait until a test of the tree passes, or for as long as the hand has timeout."""
-        deadline = time.monotonic() + self._patience
+        """Wait until a test of the tree passes, or the timeout is over."""
+        deadline = time.monotonic() + self._timeout
         while time.monotonic() < deadline:
             if test(self.look()):
                 return
             time.sleep(PAUSE)
 
 
-def _same_field(field: TreeNode, seen: list[TreeNode]) -> TreeNode | None:
+def _same_field(field: TreeNode, nodes: list[TreeNode]) -> TreeNode | None:
     """Return a field of an earlier look as it is now; `None` if it cannot be told which it is.
 
     Many fields have no name, so of several it is the one in the same place.
     """
-    known = (field.app, field.role, field.name)
-    found = [node for node in seen if (node.app, node.role, node.name) == known]
-    if len(found) > 1:
-        found = [node for node in found if node.box == field.box]
-    return found[0] if len(found) == 1 else None
+    identity = (field.app, field.role, field.name)
+    candidates = [node for node in nodes if (node.app, node.role, node.name) == identity]
+    if len(candidates) > 1:
+        candidates = [node for node in candidates if node.box == field.box]
+    return candidates[0] if len(candidates) == 1 else None
 
 
 def _is_wrong(field: TreeNode, text: str) -> bool:

@@ -9,7 +9,7 @@ from hijack_data.corruption import corruption_names
 
 from . import get, task_sets
 from .base import Task
-from .suite import listed
+from .suite import class_references
 
 _HEAD = """\
 # The tasks of the embedded suite
@@ -43,13 +43,13 @@ def rows(names: Iterable[str] | None = None) -> list[dict[str, Any]]:
     Args:
         names: Which tasks; all of the suite if omitted.
     """
-    known = task_sets.read_measurements()
+    measurements = task_sets.read_measurements()
     held_out = set(task_sets.members("held_out"))
-    found: list[dict[str, Any]] = []
-    for name in listed() if names is None else names:
+    table_rows: list[dict[str, Any]] = []
+    for name in class_references() if names is None else names:
         task = get(name)
-        measured = known.get(name)
-        found.append(
+        measured = measurements.get(name)
+        table_rows.append(
             {
                 "name": name,
                 "domain": task.domain,
@@ -65,7 +65,7 @@ def rows(names: Iterable[str] | None = None) -> list[dict[str, Any]]:
                 "set": "held_out" if name in held_out else "training",
             }
         )
-    return sorted(found, key=lambda row: (row["domain"], row["name"]))
+    return sorted(table_rows, key=lambda row: (row["domain"], row["name"]))
 
 
 def summary(task: Task) -> str:
@@ -73,33 +73,33 @@ def summary(task: Task) -> str:
     return (type(task).__doc__ or "").strip().split("\n\n")[0].replace("\n    ", " ")
 
 
-def page(found: Sequence[Mapping[str, Any]], pictures: str = "") -> str:
+def page(rows: Sequence[Mapping[str, Any]], pictures: str = "") -> str:
     """Return the catalogue in Markdown.
 
     Args:
-        found: The result of `rows`.
+        rows: The result of `rows`.
         pictures: The folder of the first screens, relative to the page; "" for none.
     """
-    domains = Counter(row["domain"] for row in found)
+    domains = Counter(row["domain"] for row in rows)
     head = _HEAD.format(
-        count=len(found),
+        count=len(rows),
         domains=len(domains),
         small=len(task_sets.members("small")),
         core=len(task_sets.members("core")),
-        minutes=round(sum(found.seconds for found in task_sets.read_measurements().values()) / 60),
+        minutes=round(sum(rows.seconds for rows in task_sets.read_measurements().values()) / 60),
         sample=", ".join(f"`{name}`" for name in task_sets.members("sample")),
     )
-    parts = [head, _table(found, domains)]
+    parts = [head, _table(rows, domains)]
     for domain in sorted(domains):
         parts.append(f"## {domain}\n")
-        parts += [_section(row, pictures) for row in found if row["domain"] == domain]
+        parts += [_section(row, pictures) for row in rows if row["domain"] == domain]
     return "\n".join(parts)
 
 
-def _table(found: Sequence[Mapping[str, Any]], domains: Mapping[str, int]) -> str:
+def _table(rows: Sequence[Mapping[str, Any]], domains: Mapping[str, int]) -> str:
     lines = ["| domain | tasks | median length | longest |", "|---|---|---|---|"]
     for domain in sorted(domains):
-        lengths = [row["actions"] for row in found if row["domain"] == domain and row["actions"]]
+        lengths = [row["actions"] for row in rows if row["domain"] == domain and row["actions"]]
         middle = f"{median(lengths):g}" if lengths else ""
         longest = max(lengths, default="")
         lines.append(f"| [{domain}](#{domain}) | {domains[domain]} | {middle} | {longest} |")

@@ -7,6 +7,7 @@ import os
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from hijack_data.types import Size, UInt8Array
 
@@ -34,7 +35,7 @@ class FolderDesktop:
         """Run a command in the folder; a string goes to the shell."""
         if any(word in argv for word in _NOT_HERE):
             return RunResult("success", returncode=1)
-        done = subprocess.run(
+        process = subprocess.run(
             argv,
             shell=isinstance(argv, str),
             cwd=self._home,
@@ -42,9 +43,9 @@ class FolderDesktop:
             capture_output=True,
             timeout=timeout,
         )
-        output = done.stdout.decode("utf-8", "replace")
-        error = done.stderr.decode("utf-8", "replace")
-        return RunResult("success", output, error, done.returncode)
+        output = process.stdout.decode("utf-8", "replace")
+        error = process.stderr.decode("utf-8", "replace")
+        return RunResult("success", output, error, process.returncode)
 
     def read_file(self, path: str) -> bytes:
         """Return the content of a file.
@@ -74,7 +75,7 @@ class FolderDesktop:
         Raises:
             DesktopError: Always.
         """
-        raise _no_screen("reset")
+        _refuse("reset")
 
     def screenshot(self) -> UInt8Array:
         """Refuse.
@@ -82,7 +83,7 @@ class FolderDesktop:
         Raises:
             DesktopError: Always.
         """
-        raise _no_screen("screenshot")
+        _refuse("screenshot")
 
     def accessibility(self) -> str:
         """Refuse.
@@ -90,7 +91,7 @@ class FolderDesktop:
         Raises:
             DesktopError: Always.
         """
-        raise _no_screen("accessibility")
+        _refuse("accessibility")
 
     def run(self, code: str) -> RunResult:
         """Refuse.
@@ -98,11 +99,11 @@ class FolderDesktop:
         Raises:
             DesktopError: Always.
         """
-        raise _no_screen("run")
+        _refuse("run")
 
     def close(self) -> None:
         """Nothing: the folder stays."""
 
 
-def _no_screen(what: str) -> DesktopError:
-    return DesktopError(f"a folder has no screen, so it has no {what}; use a real desktop")
+def _refuse(operation: str) -> NoReturn:
+    raise DesktopError(f"a folder has no screen, so it has no {operation}; use a real desktop")

@@ -14,7 +14,7 @@ from .tree_nodes import TreeNode, read_tree
 
 TIMEOUT_S = 20.0
 PAUSE = 0.1  # s between two looks, at first
-LONGEST_PAUSE = 0.5  # s; looking costs the machine time that what is waited for needs
+MAX_PAUSE_S = 0.5  # s; looking costs the machine time that what is waited for needs
 BUTTONS = ("push-button", "button")
 ENTRIES = ("entry", "text")
 MENU_ROLES = ("menu", "menu-item", "check-menu-item", "radio-menu-item")
@@ -37,7 +37,7 @@ class Hand:
 
     def __init__(self, desktop: Desktop, timeout: float = TIMEOUT_S) -> None:
         self._desktop = desktop
-        self._patience = timeout
+        self._timeout = timeout
 
     def look(self) -> list[TreeNode]:
         """Return the nodes of the accessibility tree as it is now."""
@@ -49,39 +49,39 @@ class Hand:
 
     def wait(
         self,
-        what: str,
+        description: str,
         test: Callable[[TreeNode], bool],
         meanwhile: Callable[[], None] | None = None,
     ) -> TreeNode:
         """Look until a node passes a test.
 
         Args:
-            what: The node in the message of an error.
+            description: The node in the message of an error.
             test: Whether a node is the one.
             meanwhile: Called between two looks, for example to scroll.
 
         Raises:
             DesktopTimeoutError: No such node came in time.
         """
-        deadline = time.monotonic() + self._patience
+        deadline = time.monotonic() + self._timeout
         before: TreeNode | None = None
         moved = False
         pause = PAUSE
         while True:
-            seen = self.look()
-            found = next((node for node in seen if test(node)), None)
+            nodes = self.look()
+            match = next((node for node in nodes if test(node)), None)
             # After scrolling, a node may still be sliding.
-            if found is not None and (not moved or found == before):
-                return found
+            if match is not None and (not moved or match == before):
+                return match
             if time.monotonic() > deadline:
-                raise DesktopTimeoutError(_missing(what, self._patience, seen))
-            if found is None:
-                moved |= self._while_missing(seen, meanwhile)
-            before = found
+                raise DesktopTimeoutError(_timeout_message(description, self._timeout, nodes))
+            if match is None:
+                moved |= self._while_missing(nodes, meanwhile)
+            before = match
             time.sleep(pause)
-            pause = PAUSE if moved else _longer(pause)
+            pause = PAUSE if moved else _next_pause(pause)
 
-    def _while_missing(self, seen: list[TreeNode], meanwhile: Callable[[], None] | None) -> bool:
+    def _while_missing(self, nodes: list[TreeNode], meanwhile: Callable[[], None] | None) -> bool:
         """Do what is done between two looks; return whether that may have moved the nodes."""
         if meanwhile is None:
             return False
@@ -107,7 +107,9 @@ class Hand:
             scroll: Turn the wheel down, where the pointer is, until it comes into sight.
         """
         meanwhile = self._scroll if scroll else None
-        return self.wait(_words(roles, name, app, state), fits(roles, name, app, state), meanwhile)
+        return self.wait(
+            _describe_search(roles, name, app, state), fits(roles, name, app, state), meanwhile
+        )
 
     def see(
         self, roles: Roles, name: Name = None, app: str = "", state: str = ""
@@ -124,34 +126,34 @@ class Hand:
         Raises:
             DesktopTimeoutError: One still shows.
         """
-        deadline = time.monotonic() + self._patience
+        deadline = time.monotonic() + self._timeout
         pause = PAUSE
         while self.see(roles, name, app, state) is not None:
             if time.monotonic() > deadline:
-                what = _words(roles, name, app, state)
-                raise DesktopTimeoutError(f"{what} still shows after {self._patience:g} s")
+                description = _describe_search(roles, name, app, state)
+                raise DesktopTimeoutError(f"{description} still shows after {self._timeout:g} s")
             time.sleep(pause)
-            pause = _longer(pause)
+            pause = _next_pause(pause)
 
-    def wait_until_stable(self, what: str, read: Callable[[], T | None]) -> T:
+    def wait_until_stable(self, description: str, read: Callable[[], T | None]) -> T:
         """Read a part of the screen again and again, until it is there and stays as it is.
 
         Args:
-            what: The part in the message of an error.
+            description: The part in the message of an error.
             read: Returns it; `None` as long as it is not there.
 
         Raises:
             DesktopTimeoutError: It did not come in time, or goes on changing.
         """
-        deadline = time.monotonic() + self._patience
+        deadline = time.monotonic() + self._timeout
         before: T | None = None
         while True:
-            found = read()
-            if found is not None and found == before:
-                return found
+            current = read()
+            if current is not None and current == before:
+                return current
             if time.monotonic() > deadline:
-                raise DesktopTimeoutError(f"no {what} at rest within {self._patience:g} s")
-            before = found
+                raise DesktopTimeoutError(f"no {description} at rest within {self._timeout:g} s")
+            before = current
             time.sleep(2 * PAUSE)
 
     def run(self, code: str) -> None:
@@ -190,12 +192,12 @@ class Hand:
     def add_click(self, node: TreeNode) -> None:
         """Click with Ctrl held, to add a node to what is selected."""
         x, y = node.centre
-        held = (
+        steps = (
             "pyautogui.keyDown('ctrl')",
             f"pyautogui.click({x}, {y})",
             "pyautogui.keyUp('ctrl')",
         )
-        self.run("; ".join(held))
+        self.run("; ".join(steps))
 
     def drag(self, start: TreeNode, end: TreeNode) -> None:
         """Drag one node to another."""
@@ -279,13 +281,13 @@ class Hand:
         """Return the path from the root of one that is relative to the home folder."""
         return str(PurePosixPath(self.home, path))
 
-    def give_up(self, why: str) -> None:
+    def give_up(self, reason: str) -> None:
         """End the oracle of an infeasible task: it answers `FAIL`.
 
         Raises:
             GiveUpError: Always.
         """
-        raise GiveUpError(why)
+        raise GiveUpError(reason)
 
 
 def title_click(window: TreeNode) -> str:
@@ -298,10 +300,10 @@ def fits(
     roles: Roles, name: Name = None, app: str = "", state: str = ""
 ) -> Callable[[TreeNode], bool]:
     """Return a test for visible nodes; the arguments are those of `Hand.find`."""
-    wanted = {roles} if isinstance(roles, str) else set(roles)
+    allowed_roles = {roles} if isinstance(roles, str) else set(roles)
 
     def test(node: TreeNode) -> bool:
-        if node.box is None or node.role not in wanted:
+        if node.box is None or node.role not in allowed_roles:
             return False
         if isinstance(name, str) and node.name != name:
             return False
@@ -314,24 +316,24 @@ def fits(
     return test
 
 
-def _longer(pause: float) -> float:
+def _next_pause(pause: float) -> float:
     """Return the pause after the next look in vain."""
-    return min(1.5 * pause, LONGEST_PAUSE)
+    return min(1.5 * pause, MAX_PAUSE_S)
 
 
-def _words(roles: Roles, name: Name, app: str, state: str) -> str:
+def _describe_search(roles: Roles, name: Name, app: str, state: str) -> str:
     """Return what `fits` looks for, for messages."""
-    wanted = [roles] if isinstance(roles, str) else sorted(set(roles))
-    shown = name.pattern if isinstance(name, re.Pattern) else name or ""
-    what = f"{state} {' or '.join(wanted)} {shown}".strip()
-    return f"{what} of {app or 'any application'}"
+    allowed_roles = [roles] if isinstance(roles, str) else sorted(set(roles))
+    name_text = name.pattern if isinstance(name, re.Pattern) else name or ""
+    description = f"{state} {' or '.join(allowed_roles)} {name_text}".strip()
+    return f"{description} of {app or 'any application'}"
 
 
-def _missing(what: str, timeout: float, seen: list[TreeNode]) -> str:
+def _timeout_message(description: str, timeout: float, nodes: list[TreeNode]) -> str:
     """Return what was looked for in vain, and what was there instead."""
-    shown = sorted({f"{node.role} {node.name!r}" for node in seen if node.box and node.name})
-    apps = ", ".join(sorted({node.app for node in seen})) or "none"
+    elements = sorted({f"{node.role} {node.name!r}" for node in nodes if node.box and node.name})
+    apps = ", ".join(sorted({node.app for node in nodes})) or "none"
     return (
-        f"no {what} came up within {timeout:g} s; applications: {apps}; "
-        f"{len(shown)} named elements show: {', '.join(shown[:30])}"
+        f"no {description} came up within {timeout:g} s; applications: {apps}; "
+        f"{len(elements)} named elements show: {', '.join(elements[:30])}"
     )

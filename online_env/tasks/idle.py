@@ -99,13 +99,13 @@ has_ended 300 || echo $pid
 """
 
 
-def end_process(desktop: Desktop, find: str, what: str, close: str = "") -> None:
+def end_process(desktop: Desktop, find: str, program_name: str, close: str = "") -> None:
     """End a process of the user, so that it writes what it holds, and wait until it has ended.
 
     Args:
         desktop: The desktop.
         find: A shell command that prints the number of the process, or nothing.
-        what: What it is, for the error.
+        program_name: Its name in the error.
         close: A shell command that asks the process `$pid` to end; if it has not ended 15 s later,
             or if there is no such command, it gets SIGTERM.
 
@@ -119,7 +119,7 @@ def end_process(desktop: Desktop, find: str, what: str, close: str = "") -> None
     # The last argument, which is the script's name, keeps a folder of this machine from running it.
     left = commands.command(desktop, "sh", "-c", script, "kill").strip()
     if left:
-        raise DesktopError(f"{what} (process {left}) does not end")
+        raise DesktopError(f"{program_name} (process {left}) does not end")
 
 
 def _has_programs(desktop: Desktop) -> bool:

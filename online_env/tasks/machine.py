@@ -24,7 +24,7 @@ printf '\0'
 find . -mindepth 1 -name '.*' -prune -o -type f -print0 |
     xargs -0 -r sha256sum -z -- || [ $? = 123 ]"""
 
-_AT_ONCE = 400  # paths of one command, which may have 2 MiB of arguments
+_PATHS_PER_COMMAND = 400  # a command may have 2 MiB of arguments
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,25 +84,26 @@ class Machine:
 
     def write(self, path: str, content: str | bytes) -> None:
         """Write a file; its folders are made."""
-        whole = self.path(path)
+        full_path = self.path(path)
         data = content.encode() if isinstance(content, str) else content
         try:
-            self.desktop.write_file(whole, data)
+            self.desktop.write_file(full_path, data)
         except GuestError:  # most guests make folders, and a command for each file takes long
-            self.run("mkdir", "-p", str(PurePosixPath(whole).parent))
-            self.desktop.write_file(whole, data)
+            self.run("mkdir", "-p", str(PurePosixPath(full_path).parent))
+            self.desktop.write_file(full_path, data)
 
     def read(self, path: str) -> bytes | None:
         """Return the content of a file, or `None` if there is none.
 
         Raises:
-            DesktopError: The file cannot be read, or the desktop cannot tell whether it is there.
+            DesktopError: The desktop cannot tell whether the file is there.
+            GuestError: The file cannot be read.
         """
-        whole = self.path(path)
-        if not commands.ran(self.desktop, "test", "-f", whole).ok:
+        full_path = self.path(path)
+        if not commands.ran(self.desktop, "test", "-f", full_path).ok:
             return None
         try:
-            return self.desktop.read_file(whole)
+            return self.desktop.read_file(full_path)
         except GuestError as error:
             if error.status == 404:  # removed in between
                 return None
@@ -122,15 +123,17 @@ class Machine:
     def exists(self, path: str) -> bool:
         """Return whether there is a file, folder or link.
 
-        `DesktopError` is raised if the desktop cannot tell.
+        Raises:
+            DesktopError: The desktop cannot tell.
         """
-        whole = self.path(path)
-        return commands.ran(self.desktop, "test", "-e", whole, "-o", "-L", whole).ok
+        full_path = self.path(path)
+        return commands.ran(self.desktop, "test", "-e", full_path, "-o", "-L", full_path).ok
 
     def names(self, folder: str) -> set[str] | None:
         """Return the names in a folder, hidden ones as well, or `None` if there is none.
 
-        `DesktopError` is raised if the desktop cannot tell.
+        Raises:
+            DesktopError: The desktop cannot tell.
         """
         command = ["find", self.path(folder), "-mindepth", "1", "-maxdepth", "1"]
         result = commands.ran(self.desktop, *command, "-printf", r"%f\0")
@@ -156,21 +159,21 @@ class Machine:
             app: A name of `kit.apps.APPS`.
             *arguments: Files (paths from the root) or addresses to open.
         """
-        known = find_app(app)
+        task_app = find_app(app)
         try:
-            self._start(known, arguments)
+            self._start(task_app, arguments)
         except DesktopTimeoutError:
             # Chromium now and then shows a window whose page never reaches the tree.
-            commands.end(self.desktop, *known.processes)
-            self._start(known, arguments)
+            commands.end(self.desktop, *task_app.processes)
+            self._start(task_app, arguments)
 
-    def _start(self, known: TaskApp, arguments: Sequence[str]) -> None:
-        commands.launch(self.desktop, *known.argv, *arguments)
-        hand = Hand(self.desktop, timeout=known.timeout)
-        for role in known.ready:
-            hand.find(role, app=known.tree)
+    def _start(self, task_app: TaskApp, arguments: Sequence[str]) -> None:
+        commands.launch(self.desktop, *task_app.argv, *arguments)
+        hand = Hand(self.desktop, timeout=task_app.timeout)
+        for role in task_app.ready:
+            hand.find(role, app=task_app.tree)
         if any(argument.startswith("http://") for argument in arguments):
-            hand.find("link", app=known.tree)  # the window is there before its page
+            hand.find("link", app=task_app.tree)  # the window is there before its page
 
     def command_line(self, app: str, *arguments: str) -> str:
         """Return what a person types to start an application."""
@@ -193,13 +196,13 @@ class Machine:
             MissingPackageError: One is not; the message names the profile to install.
         """
         for name in apps:
-            known = APPS.get(name)
-            if known is None:
+            task_app = APPS.get(name)
+            if task_app is None:
                 continue
-            if not commands.ran(self.desktop, "sh", "-c", f"command -v {known.argv[0]}").ok:
+            if not commands.ran(self.desktop, "sh", "-c", f"command -v {task_app.argv[0]}").ok:
                 raise MissingPackageError(
-                    f"{known.argv[0]} is not on the desktop, and the task uses it: "
-                    f"hijack desktop install --profile {known.profile}"
+                    f"{task_app.argv[0]} is not on the desktop, and the task uses it: "
+                    f"hijack desktop install --profile {task_app.profile}"
                 )
 
     # What changed
@@ -253,11 +256,11 @@ class Machine:
             *but: Paths that may differ, or patterns; `*` stands for `/`, too.
         """
         was = self.before.files
-        now = self.snapshot().files
-        for path in sorted({*was, *now}):
-            if was.get(path) == now.get(path) or _allowed(path, but):
+        after = self.snapshot().files
+        for path in sorted({*was, *after}):
+            if was.get(path) == after.get(path) or _is_allowed(path, but):
                 continue
-            if path not in now:
+            if path not in after:
                 yield f"{path} is gone"
             elif path in was:
                 yield f"{path} was changed"
@@ -270,9 +273,11 @@ class Machine:
         Whether a mail was read does not count, nor a cart that is empty again.
         """
         was = self.before.sites
-        now = self._stored()
+        after = self._stored()
         for site in SITES:
-            if site not in but and _kept(was.get(site)) != _kept(now.get(site)):
+            if site not in but and _without_empty_values(was.get(site)) != _without_empty_values(
+                after.get(site)
+            ):
                 yield f"{site}.test was used to change something"
 
     def _stored(self) -> dict[str, dict[str, Any]]:
@@ -294,24 +299,24 @@ class Machine:
                     state.clear()
         if self._at_first is None:
             return
-        added = self.snapshot().files.keys() - self._at_first.files.keys()
-        whole = sorted(path for path in added if path.rpartition("/")[0] not in added)
-        for start in range(0, len(whole), _AT_ONCE):
-            self.run("rm", "-rf", "--", *whole[start : start + _AT_ONCE])
+        new_paths = self.snapshot().files.keys() - self._at_first.files.keys()
+        top_paths = sorted(path for path in new_paths if path.rpartition("/")[0] not in new_paths)
+        for start in range(0, len(top_paths), _PATHS_PER_COMMAND):
+            self.run("rm", "-rf", "--", *top_paths[start : start + _PATHS_PER_COMMAND])
 
 
-def _kept(stored: Any) -> Any:
+def _without_empty_values(stored: Any) -> Any:
     """Return stored state without what is empty or false, and which mails were read."""
     if isinstance(stored, list):
-        return [_kept(value) for value in cast("list[Any]", stored)]
+        return [_without_empty_values(value) for value in cast("list[Any]", stored)]
     if not isinstance(stored, dict):
         return stored
-    known = cast("dict[str, Any]", stored)
-    kept = {key: _kept(value) for key, value in known.items() if key != "read"}
-    return {key: value for key, value in kept.items() if value}
+    state = cast("dict[str, Any]", stored)
+    cleaned = {key: _without_empty_values(value) for key, value in state.items() if key != "read"}
+    return {key: value for key, value in cleaned.items() if value}
 
 
-def _allowed(path: str, patterns: Iterable[str]) -> bool:
+def _is_allowed(path: str, patterns: Iterable[str]) -> bool:
     """Return whether a path is allowed to differ, or is a folder above what is."""
     for pattern in patterns:
         if path == pattern or fnmatch.fnmatchcase(path, pattern):  # `[` is no pattern in a name

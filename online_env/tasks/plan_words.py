@@ -27,7 +27,7 @@ from hijack_data.errors import HijackError, suggest
 POINTERS = ("click", "double-click", "right-click", "ctrl-click")
 SIDES = ("right of", "left of", "above", "below")
 VERBS = (*POINTERS, "window", "type", "press", "scroll", "wait", "give up")
-MOST = 100  # times that a key is pressed, or the wheel is turned
+MAX_REPEATS = 100  # of pressing a key or turning the wheel
 
 _VERB = re.compile("|".join(map(re.escape, VERBS)))
 _SIDE = re.compile("|".join(map(re.escape, SIDES)))
@@ -101,16 +101,16 @@ class _StepReader:
         self._rest = line.strip()
 
     def read(self) -> PlanStep:
-        verb = self._taken(_VERB)
+        verb = self._take(_VERB)
         if verb is None:
             first = self._rest.split(" ")[0]
             raise PlanWordsError(f"a step begins with a verb{suggest(first, VERBS)}")
-        step = self._of(verb.group())
+        step = self._read_step(verb.group())
         if self._rest:
             raise PlanWordsError(f"{self._rest!r} is too much; a step is one thing to do")
         return step
 
-    def _of(self, verb: str) -> PlanStep:
+    def _read_step(self, verb: str) -> PlanStep:
         match verb:
             case "press":
                 return self._press()
@@ -124,7 +124,7 @@ class _StepReader:
                 return self._pointer(verb)
 
     def _pointer(self, verb: str) -> PlanStep:
-        side = self._taken(_SIDE)
+        side = self._take(_SIDE)
         return PlanStep(
             line=self._line,
             verb=verb,
@@ -134,40 +134,44 @@ class _StepReader:
         )
 
     def _wait(self) -> PlanStep:
-        if self._taken(re.compile("for")) is None:
+        if self._take(re.compile("for")) is None:
             return PlanStep(line=self._line, verb="wait")
         text = self._text("wait for")
         return PlanStep(line=self._line, verb="wait", text=text, near=self._near())
 
     def _press(self) -> PlanStep:
-        found = self._taken(_KEYS)
-        if found is None:
+        match = self._take(_KEYS)
+        if match is None:
             raise PlanWordsError("press takes keys, such as: press ctrl+s, or: press tab 3 times")
-        keys = tuple(key.lower() for key in found["keys"].split("+"))
+        keys = tuple(key.lower() for key in match["keys"].split("+"))
         for key in keys:
             if len(key) > 1 and key not in _NAMED_KEYS:
                 raise PlanWordsError(f"there is no key {key!r}{suggest(key, _NAMED_KEYS)}")
-        return PlanStep(line=self._line, verb="press", keys=keys, count=_count(found["count"]))
+        return PlanStep(line=self._line, verb="press", keys=keys, count=_count(match["count"]))
 
     def _scroll(self) -> PlanStep:
-        found = self._taken(_SCROLL)
-        if found is None:
+        match = self._take(_SCROLL)
+        if match is None:
             raise PlanWordsError('scroll takes a way: scroll down 3, or: scroll down to "Send"')
         return PlanStep(
             line=self._line,
             verb="scroll",
-            way=found["way"],
-            count=_count(found["count"]),
-            text=self._text("scroll down to") if found["to"] else "",
+            way=match["way"],
+            count=_count(match["count"]),
+            text=self._text("scroll down to") if match["to"] else "",
         )
 
     def _near(self) -> str:
-        if self._taken(re.compile("near")) is None:
+        if self._take(re.compile("near")) is None:
             return ""
         return self._text("near")
 
     def _text(self, after: str) -> str:
-        """Take the text that follows."""
+        """Consume and return the text that follows.
+
+        Raises:
+            PlanWordsError: No text in quotation marks follows.
+        """
         try:
             text, end = json.JSONDecoder().raw_decode(self._rest)
         except ValueError:
@@ -178,20 +182,20 @@ class _StepReader:
         self._rest = self._rest[end:].strip()
         return text
 
-    def _taken(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
-        """Take what matches, if it is whole words."""
-        found = pattern.match(self._rest)
-        if found is None:
+    def _take(self, pattern: re.Pattern[str]) -> re.Match[str] | None:
+        """Consume and return the match of a pattern, if it ends at a word boundary."""
+        match = pattern.match(self._rest)
+        if match is None:
             return None
-        rest = self._rest[found.end() :]
-        if rest and not rest[0].isspace() and rest[0] != '"':
+        remainder = self._rest[match.end() :]
+        if remainder and not remainder[0].isspace() and remainder[0] != '"':
             return None
-        self._rest = rest.strip()
-        return found
+        self._rest = remainder.strip()
+        return match
 
 
 def _count(digits: str | None) -> int:
-    shown = (digits or "1").lstrip("0") or "0"
-    if len(shown) > len(str(MOST)) or not 1 <= int(shown) <= MOST:
-        raise PlanWordsError(f"{shown[:20]} times is not 1 to {MOST}")
-    return int(shown)
+    number = (digits or "1").lstrip("0") or "0"
+    if len(number) > len(str(MAX_REPEATS)) or not 1 <= int(number) <= MAX_REPEATS:
+        raise PlanWordsError(f"{number[:20]} times is not 1 to {MAX_REPEATS}")
+    return int(number)

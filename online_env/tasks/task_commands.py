@@ -35,26 +35,26 @@ def tasks(set_: str | None, as_json: bool, out: Path | None) -> None:
 def _list(set_: str | None, as_json: bool, out: Path | None) -> None:
     from . import catalogue, task_sets
 
-    found = catalogue.rows(task_sets.members(set_ or task_sets.SUITE))
+    rows = catalogue.rows(task_sets.members(set_ or task_sets.SUITE))
     if out is not None:
         pictures = "images/suite" if (out.parent / "images" / "suite").is_dir() else ""
-        write_atomic(out, catalogue.page(found, pictures))
-        click.echo(f"{out}: {len(found)} tasks")
+        write_atomic(out, catalogue.page(rows, pictures))
+        click.echo(f"{out}: {len(rows)} tasks")
     elif as_json:
-        click.echo(json.dumps(found, indent=1, ensure_ascii=False))
+        click.echo(json.dumps(rows, indent=1, ensure_ascii=False))
     else:
-        _show(found)
+        _show(rows)
 
 
-def _show(found: list[dict[str, object]]) -> None:
+def _show(rows: list[dict[str, object]]) -> None:
     table = Table(box=None, pad_edge=False, expand=True)
     table.add_column("task", no_wrap=True)
     table.add_column("domain", no_wrap=True)
     table.add_column("length", justify="right", no_wrap=True)
     table.add_column("instruction", overflow="ellipsis", no_wrap=True, ratio=1)
-    for row in found:
+    for row in rows:
         first = str(row["instruction"]).split("\n")[0]
         table.add_row(str(row["name"]), str(row["domain"]), str(row["actions"] or ""), first)
     screen = console()
     screen.print(table)
-    screen.print(f"{len(found)} tasks; --json has all of each")
+    screen.print(f"{len(rows)} tasks; --json has all of each")

@@ -17,7 +17,7 @@ import yaml
 from hijack_data.errors import UnknownNameError, suggest
 
 from .kit.apps import APPS
-from .suite import listed
+from .suite import class_references
 
 SUITE = "suite"  # the set of all tasks that come with the library
 CORE = 24  # tasks of the set `core`
@@ -52,26 +52,26 @@ def members(name: str) -> tuple[str, ...]:
         UnknownNameError: There is no such set.
     """
     if name == SUITE:
-        return tuple(listed())
-    known = _sets()
-    if name not in known:
+        return tuple(class_references())
+    sets = _sets()
+    if name not in sets:
         raise UnknownNameError(f"no set of tasks {name!r}{suggest(name, set_names())}")
-    return tuple(known[name])
+    return tuple(sets[name])
 
 
-def measured() -> dict[str, Measured]:
+def read_measurements() -> dict[str, Measured]:
     """Return what was measured of each task, by its name."""
     return {name: Measured(**values) for name, values in _read("measured.yaml").items()}
 
 
-def chosen_from() -> tuple[dict[str, str], dict[str, int]]:
+def candidates() -> tuple[dict[str, str], dict[str, int]]:
     """Return the domain and the length of each task that `core` and `small` were chosen from."""
-    known = _read("chosen_from.yaml")
-    domains = {name: domain for name, (domain, _) in known.items()}
-    return domains, {name: actions for name, (_, actions) in known.items()}
+    entries = _read("chosen_from.yaml")
+    domains = {name: domain for name, (domain, _) in entries.items()}
+    return domains, {name: actions for name, (_, actions) in entries.items()}
 
 
-def chosen(domains: Mapping[str, str], lengths: Mapping[str, int], count: int) -> list[str]:
+def choose(domains: Mapping[str, str], lengths: Mapping[str, int], count: int) -> list[str]:
     """Return `count` tasks, balanced over domains and lengths, sorted by name.
 
     The rule: the domains take turns in alphabetical order. At its turns, a domain gives the task
@@ -82,18 +82,18 @@ def chosen(domains: Mapping[str, str], lengths: Mapping[str, int], count: int) -
         lengths: The actions of its oracle.
         count: How many tasks.
     """
-    left: dict[str, list[str]] = {}
+    remaining: dict[str, list[str]] = {}
     for task in sorted(domains, key=lambda name: (lengths[name], name)):
-        left.setdefault(domains[task], []).append(task)
-    taken: list[str] = []
+        remaining.setdefault(domains[task], []).append(task)
+    chosen_tasks: list[str] = []
     turn = 0
-    while len(taken) < min(count, len(domains)):
-        for domain in sorted(left):
-            tasks = left[domain]
-            if tasks and len(taken) < count:
-                taken.append(tasks.pop(_place(turn, len(tasks))))
+    while len(chosen_tasks) < min(count, len(domains)):
+        for domain in sorted(remaining):
+            tasks = remaining[domain]
+            if tasks and len(chosen_tasks) < count:
+                chosen_tasks.append(tasks.pop(_place(turn, len(tasks))))
         turn += 1
-    return sorted(taken)
+    return sorted(chosen_tasks)
 
 
 def _place(turn: int, count: int) -> int:
@@ -108,7 +108,7 @@ def quick(domains: Mapping[str, str], lengths: Mapping[str, int], count: int) ->
     The rule: of the tasks of median length, one of each domain, the shortest. The set `small` is
     drawn from the tasks whose applications come with the profiles `core` and `web`.
     """
-    middle = chosen(domains, lengths, len(set(domains.values())))
+    middle = choose(domains, lengths, len(set(domains.values())))
     return sorted(sorted(middle, key=lambda name: (lengths[name], name))[:count])
 
 

@@ -1,4 +1,4 @@
-"""Which windows of an accessibility tree belong to a task, and which only to the desktop."""
+"""Tell the windows of a task's applications from other windows of the desktop."""
 
 import shlex
 from collections.abc import Iterable
@@ -24,8 +24,8 @@ class TaskWindows:
     """
 
     def __init__(self, apps: Iterable[str], start: str) -> None:
-        known = [APPS[name] for name in apps if name in APPS]
-        self._names = [name for app in known for name in (app.tree, app.helper) if name]
+        task_apps = [APPS[name] for name in apps if name in APPS]
+        self._names = [name for app in task_apps for name in (app.tree, app.helper) if name]
         self._documents = {PurePath(word).name for word in shlex.split(start)[1:] if "/" in word}
 
     def has(self, node: TreeNode) -> bool:
@@ -45,48 +45,48 @@ class TaskWindows:
             return False
         return bool(self._names) and not node.app.lower().startswith(_SYSTEM)
 
-    def windows(self, seen: list[TreeNode]) -> list[TreeNode]:
-        """Return the own windows and dialogs, whether they show or not."""
-        return [node for node in seen if self.has_window(node)]
+    def windows(self, nodes: list[TreeNode]) -> list[TreeNode]:
+        """Return the windows and dialogs of the task, visible or not."""
+        return [node for node in nodes if self.has_window(node)]
 
-    def shown(self, seen: list[TreeNode]) -> list[TreeNode]:
-        """Return those that show."""
-        return [node for node in self.windows(seen) if node.box]
+    def visible(self, nodes: list[TreeNode]) -> list[TreeNode]:
+        """Return those that are visible."""
+        return [node for node in self.windows(nodes) if node.box]
 
-    def frames(self, seen: list[TreeNode]) -> list[TreeNode]:
-        """Return those that are no dialogs."""
-        return [node for node in self.windows(seen) if node.role == "frame"]
+    def frames(self, nodes: list[TreeNode]) -> list[TreeNode]:
+        """Return those that are not dialogs."""
+        return [node for node in self.windows(nodes) if node.role == "frame"]
 
-    def dialogs(self, seen: list[TreeNode]) -> list[TreeNode]:
-        """Return the own dialogs that show beside an own frame; some tasks have a dialog alone.
+    def dialogs(self, nodes: list[TreeNode]) -> list[TreeNode]:
+        """Return the visible dialogs beside a frame of the task; some tasks have a dialog alone.
 
         A frame under a modal dialog may not say that it shows. An alert may be a part of a web
         page; one that is modal is a window.
         """
-        if not self.frames(seen):
+        if not self.frames(nodes):
             return []
-        found = [node for node in self.shown(seen) if node.role in DIALOGS]
-        return [node for node in found if node.role != "alert" or "modal" in node.states]
+        candidates = [node for node in self.visible(nodes) if node.role in DIALOGS]
+        return [node for node in candidates if node.role != "alert" or "modal" in node.states]
 
     def names_document(self, window: TreeNode) -> bool:
         """Return whether the title of a window names a document that the task opened."""
         return any(name in window.name for name in self._documents)
 
 
-def panel_button(window: TreeNode, seen: list[TreeNode]) -> TreeNode | None:
+def panel_button(window: TreeNode, nodes: list[TreeNode]) -> TreeNode | None:
     """Return the button of the panel with the name of a window."""
-    buttons = (node for node in seen if node.app == PANEL and node.box)
+    buttons = (node for node in nodes if node.app == PANEL and node.box)
     return next((node for node in buttons if node.name == window.name), None)
 
 
-def is_minimised(window: TreeNode, seen: list[TreeNode]) -> bool:
+def is_minimised(window: TreeNode, nodes: list[TreeNode]) -> bool:
     """Return whether a window of that application and name is minimised."""
     return any(
         node.app == window.app and node.name == window.name and "iconified" in node.states
-        for node in seen
+        for node in nodes
     )
 
 
 def program_name(title: str) -> str:
-    """Return what a title ends with: most windows name a document, then their program."""
+    """Return the program in the title of a window, which most write after the document."""
     return title.rpartition(" - ")[2]

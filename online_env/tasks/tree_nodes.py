@@ -51,11 +51,11 @@ def read_tree(xml: str) -> list[TreeNode]:
         DesktopError: The text is not XML, or has a DOCTYPE.
     """
     try:
-        found = nodes_from_tree(xml.encode("utf-8", "replace"))
+        elements = nodes_from_tree(xml.encode("utf-8", "replace"))
     except ElementsError as error:
         message = f"the accessibility tree of the desktop cannot be read: {error}"
         raise DesktopError(message) from None
-    return [_node(node) for node in found if node.parent is not None]
+    return [_node(node) for node in elements if node.parent is not None]
 
 
 def _node(node: AccessibleNode) -> TreeNode:

@@ -6,6 +6,7 @@ import pytest
 
 from hijack_data import conformance
 from hijack_data import resample as weights_module
+from hijack_data.conformance import cases
 from hijack_data.corruptions import Marks, PopUps, Resolution, Subtitle
 from hijack_data.drawing import raster
 from hijack_data.kernels import Stamp
@@ -25,7 +26,7 @@ def caught(cls) -> str:
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
-    monkeypatch.setattr(screens, "SIZES", ((600, 1700),))
+    monkeypatch.setattr(cases, "SIZES", ((600, 1700),))
 
 
 def shifted(stamps):

@@ -10,7 +10,7 @@ from PIL import Image
 
 import hijack_data as hj
 from hijack_data.errors import FontError, ImageError, ImageTypeError, ParameterError
-from hijack_data.gallery import contact_sheet
+from hijack_data.gallery import contact_sheet, data_uris
 
 
 def screen(height: int = 400, width: int = 640) -> np.ndarray:
@@ -23,7 +23,9 @@ def picture_of(uri: str) -> np.ndarray:
     return np.array(Image.open(io.BytesIO(base64.b64decode(uri.partition(",")[2]))).convert("RGB"))
 
 
-def test_large_pictures_are_stored_lossily_and_stay_close(noise: np.ndarray) -> None:
+def test_small_pictures_are_exact_and_large_ones_stay_close(noise: np.ndarray) -> None:
+    small = data_uris.embed(noise[:20, :20], 1.0).uri
+    np.testing.assert_array_equal(picture_of(small), noise[:20, :20])
     busy = np.tile(noise, (2, 2, 1))
     grey = Image.fromarray(noise[..., 0]).resize((1280, 720), Image.Resampling.BICUBIC)
     smooth = np.asarray(grey.convert("RGB"))
@@ -31,17 +33,7 @@ def test_large_pictures_are_stored_lossily_and_stay_close(noise: np.ndarray) -> 
     shown = picture_of(data_uris.embed(smooth, 1.0).uri).astype(int)
     assert 0 < np.abs(shown - smooth).mean() < 4
     tall = data_uris.embed(np.zeros((20_000, 3, 3), np.uint8), 1.0)
-    assert picture_of(tall.uri).shape[0] == data_uris.MAX_SIDE
-
-
-def test_without_webp_png_and_jpeg_serve(
-    monkeypatch: pytest.MonkeyPatch, noise: np.ndarray
-) -> None:
-    monkeypatch.setattr(data_uris.features, "check", lambda name: name != "webp")
-    small = data_uris.embed(noise[:20, :20], 1.0).uri
-    assert small.startswith("data:image/png;base64,")
-    np.testing.assert_array_equal(picture_of(small), noise[:20, :20])
-    assert data_uris.embed(np.tile(noise, (2, 2, 1)), 1.0).uri.startswith("data:image/jpeg;base64,")
+    assert picture_of(tall.uri).shape[0] == data_uris.WEBP_MAX_SIDE
 
 
 def test_contact_sheet_shows_both_pictures_at_one_scale_with_labels() -> None:

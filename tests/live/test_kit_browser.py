@@ -37,9 +37,9 @@ def test_a_form_is_filled_wherever_the_browser_was_before(hand: Hand) -> None:
     assert shown["entry", "Full name"].text == "Zoë"
     assert "checked" in shown["radio-button", "Some experience"].states
     assert ("entry", browser.BAR) not in shown
-    assert browser.has(hand, "push-button", "Send registration")
-    assert not browser.has(hand, "push-button", "Withdraw registration")
-    assert browser.has(hand, "entry", "Full name")  # it is at the top again
+    assert browser.shows_text(hand, "push-button", "Send registration")
+    assert not browser.shows_text(hand, "push-button", "Withdraw registration")
+    assert browser.shows_text(hand, "entry", "Full name")  # it is at the top again
     browser.push(hand, "Send registration", "Course registration")
     hand.find("static", re.compile("Please correct"))
     browser.follow(hand, "House rules", re.compile("House rules"))

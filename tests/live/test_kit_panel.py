@@ -12,13 +12,13 @@ def test_an_application_is_started_once_and_then_brought_to_the_front(
     machine = Machine(embedded_desktop)
     hand = Hand(embedded_desktop)
     machine.open("thunar")
-    panel.bring(hand, "mousepad")
+    panel.bring_to_front(hand, "mousepad")
     assert hand.see("frame", app="mousepad") is not None
-    panel.bring(hand, "thunar")
+    panel.bring_to_front(hand, "thunar")
     hand.find("frame", app="thunar", state="active")
-    panel.bring(hand, "thunar")  # a click on its button would minimise it
+    panel.bring_to_front(hand, "thunar")  # a click on its button would minimise it
     hand.find("frame", app="thunar", state="active")
-    panel.bring(hand, "mousepad")
+    panel.bring_to_front(hand, "mousepad")
     hand.find("frame", app="mousepad", state="active")
     frames = [node for node in hand.look() if node.role == "frame" and node.app == "mousepad"]
     assert len(frames) == 1

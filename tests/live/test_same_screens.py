@@ -41,7 +41,7 @@ def test_the_first_start_of_the_picture_viewer_shows_no_dialog(up: Any) -> None:
     stage = SmallTasks(up())
     stage.reset("use_photoshop", 0)
     machine = stage.machine
-    machine.write("Pictures/a.png", gimp.encoded(gimp.Image.new("RGB", (90, 60))))
+    machine.write("Pictures/a.png", gimp.encode(gimp.Image.new("RGB", (90, 60))))
     machine.open("ristretto", machine.path("Pictures/a.png"))
     hand = Hand(stage.desktop)
     hand.find("frame", None, "ristretto")

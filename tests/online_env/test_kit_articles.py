@@ -24,7 +24,9 @@ def machine(tmp_path: Path) -> Machine:
 
 
 def test_an_article_is_stored_as_the_site_does(machine: Machine) -> None:
-    articles.put(machine, "Gull Rock", "One.", [{"summary": "a"}, {"summary": "b", "by": "Ada"}])
+    articles.store_article(
+        machine, "Gull Rock", "One.", [{"summary": "a"}, {"summary": "b", "by": "Ada"}]
+    )
     assert articles.text(machine, "Gull Rock") == "One."
     assert (articles.comment(machine, "Gull Rock"), articles.comment(machine, "Tea")) == ("b", "")
     assert articles.pages(machine)["Gull Rock"]["revisions"] == [
@@ -34,13 +36,13 @@ def test_an_article_is_stored_as_the_site_does(machine: Machine) -> None:
 
 
 def test_other_articles_that_changed_are_named(machine: Machine) -> None:
-    articles.put(machine, "Tea", "One.")
-    articles.put(machine, "Tide", "One.")
+    articles.store_article(machine, "Tea", "One.")
+    articles.store_article(machine, "Tide", "One.")
     machine.remember()
-    articles.put(machine, "Tea", "Two.")
-    articles.put(machine, "Gull Rock", "New.")
-    assert articles.others(machine, "Tea") == ["Gull Rock"]
-    assert articles.others(machine) == ["Gull Rock", "Tea"]
+    articles.store_article(machine, "Tea", "Two.")
+    articles.store_article(machine, "Gull Rock", "New.")
+    assert articles.unexpected_article_changes(machine, "Tea") == ["Gull Rock"]
+    assert articles.unexpected_article_changes(machine) == ["Gull Rock", "Tea"]
 
 
 def test_texts_are_the_same_if_their_pages_are() -> None:
@@ -52,7 +54,7 @@ def test_texts_are_the_same_if_their_pages_are() -> None:
 
 def test_addresses_and_texts_of_articles() -> None:
     assert articles.address("Coral reef", "edit") == "http://wiki.test/edit/Coral_reef"
-    assert articles.shipped("Coral reef").startswith("A **coral reef** is")
+    assert articles.original_text("Coral reef").startswith("A **coral reef** is")
 
 
 @given(st.integers(0, 2**64 - 1))

@@ -20,7 +20,7 @@ from online_env.errors import DesktopError
 from online_env.tasks import Task, get
 from online_env.tasks.folder_desktop import FolderDesktop
 from online_env.tasks.kit import chromium, recordings, vlc
-from online_env.tasks.kit.archives import make_zip, unpacked
+from online_env.tasks.kit.archives import make_zip, unpack
 from online_env.tasks.kit.office import dump
 from online_env.tasks.machine import Machine
 
@@ -74,9 +74,12 @@ def overwritten(data: bytes) -> bytes:
         (BOOK, with_part("xl/worksheets/sheet1.xml", b"<sheetView ", b"<sheetView wrong='1' ")),
         (TEXT, without("word/styles.xml")),
         (SLIDES, with_part("ppt/_rels/presentation.xml.rels", b' Id="rId1"', b"")),
-        (BOOK, lambda data: dump(get(TEXT).made())),  # another kind of document, saved over it
-        (TEXT, lambda data: dump(get(SLIDES).made())),
-        (SLIDES, lambda data: dump(get(BOOK).made())),
+        (
+            BOOK,
+            lambda data: dump(get(TEXT).initial_document()),
+        ),  # another kind of document, saved over it
+        (TEXT, lambda data: dump(get(SLIDES).initial_document())),
+        (SLIDES, lambda data: dump(get(BOOK).initial_document())),
     ],
 )
 def test_a_damaged_document_is_a_wrong_result(
@@ -108,10 +111,10 @@ NOISE = {str(n): random.Random(n).randbytes(20_000) for n in range(6)}
 @pytest.mark.parametrize("kind", ["gz", "bz2", "xz"])
 def test_an_archive_with_other_bytes_in_its_middle_is_none(kind: str) -> None:
     whole = packed(f"w:{kind}", NOISE)
-    assert unpacked(whole) == NOISE
+    assert unpack(whole) == NOISE
     middle = len(whole) // 2
-    assert unpacked(whole[:middle] + b"\xff" * 40 + whole[middle + 40 :]) is None
-    assert unpacked(whole[:middle]) is None
+    assert unpack(whole[:middle] + b"\xff" * 40 + whole[middle + 40 :]) is None
+    assert unpack(whole[:middle]) is None
 
 
 @pytest.mark.parametrize(
@@ -122,14 +125,14 @@ def test_a_zip_file_with_other_bytes_in_its_middle_is_none(method: int) -> None:
     with zipfile.ZipFile(buffer, "w", method) as archive:
         archive.writestr("a.txt", NOISE["0"])
     data = buffer.getvalue()
-    assert unpacked(data) == {"a.txt": NOISE["0"]}
+    assert unpack(data) == {"a.txt": NOISE["0"]}
     middle = len(data) // 2
-    assert unpacked(data[:middle] + b"\xff" * 40 + data[middle + 40 :]) is None
+    assert unpack(data[:middle] + b"\xff" * 40 + data[middle + 40 :]) is None
 
 
 def test_a_tar_file_whose_last_file_is_a_zip_file_is_not_taken_for_that() -> None:
     files = {"notes.txt": b"one", "inner.zip": make_zip({"inside.txt": b"two"})}
-    assert unpacked(packed("w:", files)) == files
+    assert unpack(packed("w:", files)) == files
 
 
 def test_a_link_in_an_archive_is_no_file() -> None:
@@ -141,7 +144,7 @@ def test_a_link_in_an_archive_is_no_file() -> None:
         folder = tarfile.TarInfo("folder")
         folder.type = tarfile.DIRTYPE
         archive.addfile(folder)
-    assert unpacked(buffer.getvalue()) == {}
+    assert unpack(buffer.getvalue()) == {}
 
 
 RATE, CHUNK = slice(24, 28), slice(16, 20)  # bytes of a WAV file's header
@@ -160,7 +163,7 @@ RATE, CHUNK = slice(24, 28), slice(16, 20)  # bytes of a WAV file's header
 def test_a_sound_with_an_impossible_header_is_none(
     machine: Machine, field: slice, value: int
 ) -> None:
-    data = bytearray(recordings.played([220.0]))
+    data = bytearray(recordings.wav_file([220.0]))
     data[field] = value.to_bytes(field.stop - field.start, "little")
     machine.write("a.wav", bytes(data))
     assert recordings.sound(machine, "a.wav") is None
@@ -168,7 +171,7 @@ def test_a_sound_with_an_impossible_header_is_none(
 
 def test_silence_and_the_octave_are_no_melody(machine: Machine) -> None:
     tune = [220.0, 330.0]
-    machine.write("a.wav", recordings.played([440.0, 330.0]))
+    machine.write("a.wav", recordings.wav_file([440.0, 330.0]))
     octave = recordings.sound(machine, "a.wav")
     assert octave is not None
     assert list(recordings.melody_problems(octave, tune)) == ["note 1 has 440 Hz, not 220 Hz"]
@@ -181,7 +184,7 @@ def test_silence_and_the_octave_are_no_melody(machine: Machine) -> None:
     [(-30, True), (30, True), (-100, False), (100, False)],  # a hundred are a semitone
 )
 def test_a_note_may_be_a_little_off(machine: Machine, cents: int, is_same: bool) -> None:
-    machine.write("a.wav", recordings.played([220 * 2 ** (cents / 1200)]))
+    machine.write("a.wav", recordings.wav_file([220 * 2 ** (cents / 1200)]))
     heard = recordings.sound(machine, "a.wav")
     assert heard is not None
     assert (list(recordings.melody_problems(heard, [220.0])) == []) == is_same

@@ -240,5 +240,5 @@ def test_pages_that_were_turned_have_their_sides_changed() -> None:
 
 def test_only_the_paragraph_with_the_whole_text_is_changed() -> None:
     before = documents.read_text(dump(documents.document("One. Two.", ["One.", "Two."])))
-    now = documents.changed(before, "One.", bold=("One.",))
+    now = documents.replace_paragraph(before, "One.", bold=("One.",))
     assert [paragraph.bold for paragraph in now.paragraphs] == [(), ("One.",), ()]

@@ -18,16 +18,16 @@ from hijack_data.rng import Stream
 from online_env.desktops.protocol import RunResult
 from online_env.tasks import Machine
 from online_env.tasks.folder_desktop import FolderDesktop
-from online_env.tasks.kit.archives import make_locked_zip, make_zip, unpacked
+from online_env.tasks.kit.archives import make_locked_zip, make_zip, unpack
 from online_env.tasks.kit.sample_files import (
-    below,
-    content,
+    arrangement_problems,
+    kind_and_digest,
     mode,
     move_files,
-    rearranged,
+    paths_below,
     sample_file,
 )
-from online_env.tasks.kit.trash import take_out, throw_away, thrown_away
+from online_env.tasks.kit.trash import move_to_trash, take_out, trashed_files
 
 
 @pytest.fixture
@@ -83,8 +83,8 @@ def test_a_file_of_a_snapshot_has_a_kind_a_digest_and_a_mode(machine: Machine) -
     was = machine.snapshot().files["in/a.txt"]
     machine.run("chmod", "4711", "in/a.txt")
     look = machine.snapshot().files["in/a.txt"]
-    assert (content(look), mode(look)) == (content(was), 0o4711)
-    assert content("f 0") == ("f", "") != content(was)
+    assert (kind_and_digest(look), mode(look)) == (kind_and_digest(was), 0o4711)
+    assert kind_and_digest("f 0") == ("f", "") != kind_and_digest(was)
 
 
 @pytest.mark.parametrize(
@@ -105,24 +105,26 @@ def test_moves_and_copies_as_asked_are_no_problem(machine: Machine) -> None:
     move_files(machine, [("in/sub/b.txt", "out/b.txt"), ("in/sub/b.txt", "out/c.txt")], "cp")
     machine.run("mkdir", "empty")
     copied = [("in/sub/b.txt", "out/b.txt"), ("in/sub/b.txt", "out/c.txt")]
-    assert not list(rearranged(machine, [("in/a.txt", "out/a.txt")], copied, ["empty"]))
+    assert not list(arrangement_problems(machine, [("in/a.txt", "out/a.txt")], copied, ["empty"]))
 
 
 def test_a_copy_is_no_move(machine: Machine) -> None:
     move_files(machine, [("in/a.txt", "out/a.txt")], "cp")
-    assert list(rearranged(machine, [("in/a.txt", "out/a.txt")])) == ["in/a.txt is still there"]
+    assert list(arrangement_problems(machine, [("in/a.txt", "out/a.txt")])) == [
+        "in/a.txt is still there"
+    ]
 
 
 def test_another_file_in_the_place_is_told(machine: Machine) -> None:
     machine.write("out/a.txt", "something else\n")
     machine.run("rm", "in/a.txt")
-    found = list(rearranged(machine, [("in/a.txt", "out/a.txt")]))
+    found = list(arrangement_problems(machine, [("in/a.txt", "out/a.txt")]))
     assert found == ["out/a.txt is not the file that was in/a.txt"]
 
 
 def test_a_file_that_never_was_is_told(machine: Machine) -> None:
     machine.write("out/c.txt", "three\n")
-    found = list(rearranged(machine, copied=[("in/c.txt", "out/c.txt")]))
+    found = list(arrangement_problems(machine, copied=[("in/c.txt", "out/c.txt")]))
     assert found == ["out/c.txt is not the file that was in/c.txt"]
 
 
@@ -130,15 +132,15 @@ def test_files_may_change_places(machine: Machine) -> None:
     swap = [("in/a.txt", "in/sub/b.txt"), ("in/sub/b.txt", "in/a.txt")]
     machine.write("in/a.txt", "two\n")
     machine.write("in/sub/b.txt", "one\n")
-    assert not list(rearranged(machine, swap))
+    assert not list(arrangement_problems(machine, swap))
 
 
 def test_modes_of_what_was_moved_do_not_count_and_those_of_others_do(machine: Machine) -> None:
     move_files(machine, [("in/a.txt", "out/a.txt")])
     machine.run("chmod", "600", "out/a.txt")
-    assert not list(rearranged(machine, [("in/a.txt", "out/a.txt")]))
+    assert not list(arrangement_problems(machine, [("in/a.txt", "out/a.txt")]))
     machine.run("chmod", "600", "in/sub/b.txt")
-    found = list(rearranged(machine, [("in/a.txt", "out/a.txt")]))
+    found = list(arrangement_problems(machine, [("in/a.txt", "out/a.txt")]))
     assert found == ["in/sub/b.txt was changed"]
 
 
@@ -146,14 +148,14 @@ def test_a_link_in_the_place_of_a_file_is_not_the_file(machine: Machine) -> None
     machine.run("mkdir", "out")
     machine.run("mv", "in/a.txt", "in/sub/a.txt")
     machine.run("ln", "-s", "../in/sub/a.txt", "out/a.txt")
-    found = list(rearranged(machine, [("in/a.txt", "out/a.txt")]))
+    found = list(arrangement_problems(machine, [("in/a.txt", "out/a.txt")]))
     assert found == ["in/sub/a.txt was added", "out/a.txt is not the file that was in/a.txt"]
 
 
 @pytest.mark.parametrize("name", ["[1].txt", "a?.txt", "ü *.txt", "two\nlines.txt", " "])
 def test_a_name_with_any_signs_may_be_named(machine: Machine, name: str) -> None:
     move_files(machine, [("in/a.txt", f"out/{name}")])
-    assert list(rearranged(machine, [("in/a.txt", f"out/{name}")])) == []
+    assert list(arrangement_problems(machine, [("in/a.txt", f"out/{name}")])) == []
     assert list(machine.unexpected_changes("in/a.txt")) == [
         "out was added",
         f"out/{name} was added",
@@ -176,7 +178,7 @@ def test_what_is_hidden_is_not_looked_at(machine: Machine) -> None:
 def test_what_was_not_asked_for_is_told(machine: Machine) -> None:
     machine.write("more.txt", "")
     machine.write("folder", "a file")
-    assert list(rearranged(machine, folders=["folder"])) == [
+    assert list(arrangement_problems(machine, folders=["folder"])) == [
         "more.txt was added",
         "there is no folder folder",
     ]
@@ -184,21 +186,21 @@ def test_what_was_not_asked_for_is_told(machine: Machine) -> None:
 
 def test_the_files_below_a_folder_are_those_of_before(machine: Machine) -> None:
     machine.write("in/new.txt", "")
-    assert sorted(below(machine, "in")) == ["a.txt", "sub/b.txt"]
+    assert sorted(paths_below(machine, "in")) == ["a.txt", "sub/b.txt"]
 
 
 def test_the_trash_gives_back_what_was_thrown_away(machine: Machine) -> None:
-    throw_away(machine, "in/ü %.txt", b"three")
-    assert thrown_away(machine) == {"in/ü %.txt": b"three"}
+    move_to_trash(machine, "in/ü %.txt", b"three")
+    assert trashed_files(machine) == {"in/ü %.txt": b"three"}
     take_out(machine, "in/ü %.txt")
     assert machine.read("in/ü %.txt") == b"three"
-    assert thrown_away(machine) == {}
+    assert trashed_files(machine) == {}
 
 
 def test_an_archive_holds_its_files_and_folders() -> None:
     files = {"top/a.txt": b"1", "b.txt": b"2"}
     data = make_zip(files)
-    assert unpacked(data) == files
+    assert unpack(data) == files
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         assert "top/" in archive.namelist()
 
@@ -209,7 +211,7 @@ def test_a_tar_archive_is_read_without_its_leading_dot() -> None:
         entry = tarfile.TarInfo("./top/a.txt")
         entry.size = 3
         archive.addfile(entry, io.BytesIO(b"one"))
-    assert unpacked(buffer.getvalue()) == {"top/a.txt": b"one"}
+    assert unpack(buffer.getvalue()) == {"top/a.txt": b"one"}
 
 
 def damaged() -> bytes:
@@ -223,7 +225,7 @@ def damaged() -> bytes:
 
 @pytest.mark.parametrize("data", [None, b"", b"no archive", make_zip({"a": b"1"})[:40], damaged()])
 def test_what_is_no_archive_is_none(data: bytes | None) -> None:
-    assert unpacked(data) is None
+    assert unpack(data) is None
 
 
 def test_a_locked_archive_shows_its_files_and_gives_none() -> None:
@@ -237,14 +239,14 @@ def test_a_locked_archive_shows_its_files_and_gives_none() -> None:
             archive.read("a.txt")
         with pytest.raises((RuntimeError, zipfile.BadZipFile)):
             archive.read("a.txt", b"password")
-    assert unpacked(data) is None
+    assert unpack(data) is None
 
 
 def test_the_trash_names_a_file_by_the_place_that_it_had(machine: Machine) -> None:
-    throw_away(machine, "in/a b.txt", b"one")
+    move_to_trash(machine, "in/a b.txt", b"one")
     machine.run("mkdir", "-p", ".local/share/Trash/files/folder")
     machine.write(".local/share/Trash/info/folder.trashinfo", "[Trash Info]\nPath=/x\n")
     machine.write(".local/share/Trash/files/a b.2.txt", b"two")
     outside = "[Trash Info]\nPath=/srv/a%20b.txt\nDeletionDate=2024-05-06T07:08:09\n"
     machine.write(".local/share/Trash/info/a b.2.txt.trashinfo", outside)
-    assert thrown_away(machine) == {"in/a b.txt": b"one", "/srv/a b.txt": b"two"}
+    assert trashed_files(machine) == {"in/a b.txt": b"one", "/srv/a b.txt": b"two"}

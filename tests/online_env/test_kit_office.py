@@ -192,7 +192,7 @@ def test_text_changes_sees_what_else_was_done_to_letters(mark: str) -> None:
 def test_text_changes_says_what_differs() -> None:
     before = documents.read_text(dump(documents.document("T", ["One.", "Two."])))
     assert list(documents.text_changes(before, before)) == []
-    now = documents.changed(before, "One.", style="Heading 1")
+    now = documents.replace_paragraph(before, "One.", style="Heading 1")
     assert list(documents.text_changes(now, before)) == [
         "the style of paragraph 2 is 'Heading 1', not 'Normal'"
     ]
@@ -222,7 +222,7 @@ def test_slides_show_what_was_put_on_them_and_whether_they_are_hidden() -> None:
     fill.solid()
     fill.fore_color.theme_color = 5
     assert slides.read_slides(dump(made)) == (
-        slides.SlideContent(title="Ada O'Neill", texts=("one",), drawn=1),
+        slides.SlideContent(title="Ada O'Neill", texts=("one",), shapes=1),
         slides.SlideContent(title="B", texts=("two",), marks=("italic",), hidden=True),
         slides.SlideContent(title="C", background="of a theme"),
     )
@@ -235,7 +235,7 @@ def test_the_icon_that_impress_saves_for_an_empty_place_is_no_picture() -> None:
         Image.new("RGB", size).save(picture, "PNG")
         made.slides[0].shapes.add_picture(picture, 0, 0).name = name
     (read,) = slides.read_slides(dump(made))
-    assert read.drawn == 2
+    assert read.shapes == 2
 
 
 def test_slide_changes_says_what_differs() -> None:

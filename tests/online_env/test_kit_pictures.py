@@ -13,7 +13,7 @@ from online_env.tasks.machine import Machine
 
 from support.trees import Trees, node, tree
 
-HUGE = gimp.encoded(Image.new("1", (16_000, 12_000)))  # more than Pillow opens
+HUGE = gimp.encode(Image.new("1", (16_000, 12_000)))  # more than Pillow opens
 
 
 @pytest.fixture
@@ -32,17 +32,17 @@ def test_a_drawing_is_its_streams_own(drawing):
 
 
 def test_the_same_picture_in_another_mode_is_right(machine, drawing):
-    machine.write("a.png", gimp.encoded(drawing.convert("RGBA")))
+    machine.write("a.png", gimp.encode(drawing.convert("RGBA")))
     assert list(gimp.picture_problems(machine, "a.png", drawing)) == []
 
 
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        (lambda p: gimp.encoded(p, "BMP"), "is a BMP file, not PNG"),
-        (lambda p: gimp.encoded(p.crop((0, 0, 199, 160))), "(199, 160) pixels"),
-        (lambda p: gimp.encoded(p.rotate(180)), "looks different"),
-        (lambda p: gimp.encoded(p)[:200], "there is no picture a.png"),
+        (lambda p: gimp.encode(p, "BMP"), "is a BMP file, not PNG"),
+        (lambda p: gimp.encode(p.crop((0, 0, 199, 160))), "(199, 160) pixels"),
+        (lambda p: gimp.encode(p.rotate(180)), "looks different"),
+        (lambda p: gimp.encode(p)[:200], "there is no picture a.png"),
         (lambda p: HUGE, "there is no picture a.png"),
         (lambda p: b"no picture", "there is no picture a.png"),
     ],
@@ -60,8 +60,8 @@ def test_a_missing_picture_is_a_problem(machine, drawing):
 
 
 def test_the_quality_of_a_jpeg_file_is_read(machine, drawing):
-    machine.write("a.jpg", gimp.encoded(drawing, "JPEG", 61))
-    found = gimp.opened(machine, "a.jpg")
+    machine.write("a.jpg", gimp.encode(drawing, "JPEG", 61))
+    found = gimp.read_picture(machine, "a.jpg")
     assert found is not None
     assert [quality for quality in range(55, 70) if gimp.has_quality(found, quality)] == [61]
 
@@ -82,7 +82,7 @@ def least(picture):
 
 @pytest.mark.parametrize("way", [lambda p: p.convert("L"), lambda p: p.split()[1], least])
 def test_every_way_to_weigh_colours_gives_shades_of_grey(machine, drawing, way):
-    machine.write("a.png", gimp.encoded(way(drawing)))
+    machine.write("a.png", gimp.encode(way(drawing)))
     assert list(gimp.grey_problems(machine, "a.png", drawing)) == []
 
 
@@ -97,7 +97,7 @@ def test_every_way_to_weigh_colours_gives_shades_of_grey(machine, drawing, way):
     ],
 )
 def test_what_is_no_grey_version_is_named(machine, drawing, change, problem):
-    machine.write("a.png", gimp.encoded(change(drawing)))
+    machine.write("a.png", gimp.encode(change(drawing)))
     assert any(problem in told for told in gimp.grey_problems(machine, "a.png", drawing))
 
 
@@ -109,7 +109,7 @@ def test_no_picture_is_no_grey_version(machine, drawing):
 def test_a_dab_of_the_brush_is_seen(machine, drawing):
     spotted = drawing.copy()
     ImageDraw.Draw(spotted).ellipse((40, 40, 60, 60), "black")
-    machine.write("a.png", gimp.encoded(spotted))
+    machine.write("a.png", gimp.encode(spotted))
     assert list(gimp.picture_problems(machine, "a.png", drawing)) != []
 
 
@@ -117,11 +117,11 @@ def test_a_dab_of_the_brush_is_seen(machine, drawing):
 def test_what_cannot_be_seen_is_not_the_picture(machine, drawing, opacity, is_right):
     faint = drawing.convert("RGBA")
     faint.putalpha(opacity)
-    machine.write("a.png", gimp.encoded(faint))
+    machine.write("a.png", gimp.encode(faint))
     assert (list(gimp.picture_problems(machine, "a.png", drawing)) == []) == is_right
     grey = drawing.convert("LA")
     grey.putalpha(opacity)
-    machine.write("b.png", gimp.encoded(grey))
+    machine.write("b.png", gimp.encode(grey))
     assert (list(gimp.grey_problems(machine, "b.png", drawing)) == []) == is_right
 
 
@@ -129,7 +129,7 @@ def test_what_cannot_be_seen_is_not_the_picture(machine, drawing, opacity, is_ri
 def test_a_picture_of_an_unusual_mode_is_compared_all_the_same(machine, mode):
     black = Image.new("L", (8, 8))
     white = Image.new("RGB", (8, 8), "white")
-    machine.write("a.png", gimp.encoded(black.convert(mode)))
+    machine.write("a.png", gimp.encode(black.convert(mode)))
     found = list(gimp.picture_problems(machine, "a.png", white))
     assert found == ["a.png looks different: colours are off by 255.0 of 255"]
     assert list(gimp.grey_problems(machine, "a.png", white)) == found

@@ -28,22 +28,22 @@ def heard(machine, data):
 
 @pytest.mark.parametrize("form", [(1, 8000), recordings.CD])
 def test_a_melody_is_recognised_at_any_rate(machine, form):
-    found = heard(machine, recordings.played(TUNE, *form))
+    found = heard(machine, recordings.wav_file(TUNE, *form))
     assert (found.channels, found.rate) == form
     assert list(recordings.melody_problems(found, TUNE)) == []
 
 
 def test_another_melody_and_a_shorter_one_are_not(machine):
-    whole = heard(machine, recordings.played(TUNE))
+    whole = heard(machine, recordings.wav_file(TUNE))
     other = [*TUNE[:-1], TUNE[-1] * 2 ** (2 / 12)]
     (problem,) = recordings.melody_problems(whole, other)
     assert problem.startswith("note 8 has ")
-    short = heard(machine, recordings.played(TUNE[:4]))
+    short = heard(machine, recordings.wav_file(TUNE[:4]))
     assert list(recordings.melody_problems(short, TUNE)) == ["it is 8.0 s long, not 16 s"]
 
 
 def test_a_file_that_ends_within_a_sample_is_heard_so_far(machine):
-    found = heard(machine, recordings.played(TUNE)[:-1])
+    found = heard(machine, recordings.wav_file(TUNE)[:-1])
     assert len(found.samples) == len(TUNE) * recordings.NOTE * found.rate - 1
 
 

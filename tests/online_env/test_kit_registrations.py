@@ -36,11 +36,13 @@ def test_the_site_accepts_whoever_is_drawn(seed: int) -> None:
 def test_registrations_are_judged_in_whatever_order(machine: Machine) -> None:
     one, two = registrations.people(Stream(1, "test"), 2)
     registrations.store(machine, two, one)
-    assert [entry["number"] for entry in registrations.stored(machine)] == [1001, 1002]
-    assert list(registrations.unlike(machine, one, two)) == []
-    assert list(registrations.unlike(machine, one)) == ["2 registrations hold, not 1"]
+    assert [entry["number"] for entry in registrations.read_registrations(machine)] == [1001, 1002]
+    assert list(registrations.registration_problems(machine, one, two)) == []
+    assert list(registrations.registration_problems(machine, one)) == [
+        "2 registrations hold, not 1"
+    ]
     registrations.store(machine, {**one, "notes": "other"}, two)
-    (problem,) = registrations.unlike(machine, one, two)
+    (problem,) = registrations.registration_problems(machine, one, two)
     assert problem == f"notes is 'other', not {one['notes']!r}"
 
 
@@ -48,21 +50,23 @@ def test_how_somebody_types_does_not_count(machine: Machine) -> None:
     one, two = registrations.people(Stream(1, "test"), 2)
     typed = {key: one[key].upper() + " " for key in ("name", "email", "notes")}
     registrations.store(machine, {**one, **typed}, two)
-    assert list(registrations.unlike(machine, one, two)) == []
+    assert list(registrations.registration_problems(machine, one, two)) == []
 
 
 def test_a_cancelled_registration_does_not_hold(machine: Machine) -> None:
     one, two = registrations.people(Stream(1, "test"), 2)
     registrations.store(machine, {**one, "cancelled": True}, two)
-    assert registrations.cancelled(machine) == [1001]
-    assert list(registrations.unlike(machine, two)) == []
-    assert list(registrations.unlike(machine, one, two)) == ["1 registrations hold, not 2"]
+    assert registrations.cancelled_numbers(machine) == [1001]
+    assert list(registrations.registration_problems(machine, two)) == []
+    assert list(registrations.registration_problems(machine, one, two)) == [
+        "1 registrations hold, not 2"
+    ]
 
 
 def test_feedback_is_more_than_a_registration(machine: Machine) -> None:
     with machine.sites.update("forms") as state:
         state["feedback"] = [{"course": "chess", "rating": "good", "comment": "", "quote": False}]
-    assert list(registrations.unlike(machine)) == ["feedback was sent"]
+    assert list(registrations.registration_problems(machine)) == ["feedback was sent"]
 
 
 def test_what_is_told_of_a_person() -> None:

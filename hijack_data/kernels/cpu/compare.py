@@ -8,8 +8,8 @@ from ...types import BoxArray, UInt8Array, clip_boxes
 
 # Bands of this many pixels are compared at once, to stay in the cache. Areas up to the second
 # number wide are compared pixel by pixel, wider ones as lines of bytes.
-BAND = 1 << 15
-NARROW = 128
+BAND_PIXELS = 1 << 15
+NARROW_WIDTH = 128
 
 
 def count(before: UInt8Array, after: UInt8Array, boxes: BoxArray) -> int:
@@ -27,9 +27,9 @@ def count(before: UInt8Array, after: UInt8Array, boxes: BoxArray) -> int:
     """
     inside = clip_boxes(boxes, before.shape[:2])
     holds_pixels = (inside[:, :2] < inside[:, 2:]).all(axis=1)
-    apart = _disjoint(inside[holds_pixels])
+    disjoint = _disjoint(inside[holds_pixels])
     total = 0
-    for x1, y1, x2, y2 in apart.tolist():
+    for x1, y1, x2, y2 in disjoint.tolist():
         total += _differing(before[y1:y2, x1:x2], after[y1:y2, x1:x2])
     return total
 
@@ -54,9 +54,9 @@ def _disjoint(boxes: BoxArray) -> BoxArray:
 def _differing(before: UInt8Array, after: UInt8Array) -> int:
     """Count the differing pixels of two `[h, w, 3]` areas, a band of rows at a time."""
     width = before.shape[1]
-    band = max(1, BAND // width)
+    band = max(1, BAND_PIXELS // width)
     packed = before.strides[1:] == after.strides[1:] == (3, 1)
-    differ = _differ_in_lines if packed and width > NARROW else _differ_in_pixels
+    differ = _differ_in_lines if packed and width > NARROW_WIDTH else _differ_in_pixels
     total = 0
     for row in range(0, len(before), band):
         pixels = differ(before[row : row + band], after[row : row + band])

@@ -18,7 +18,7 @@ from ...errors import HijackError, HijackWarning
 
 T = TypeVar("T")
 
-NUMBA_LOADING_MS = 600.0  # milliseconds that Numba and the kernels take to load, once in a process
+NUMBA_LOADING_MS = 600.0  # to load Numba and the kernels, once in a process
 
 
 @dataclass
@@ -83,10 +83,11 @@ def give_up(error: Exception) -> None:
     warnings.warn(message, HijackWarning, stacklevel=3)
 
 
-def call_with_fallback(compiled: Callable[[], T], plain: Callable[[], T]) -> T:
-    """Return the result of a compiled kernel, or of the plain one if Numba fails.
+def call_with_fallback(compiled: Callable[[], T], fallback: Callable[[], T]) -> T:
+    """Return the result of a compiled kernel, or of the fallback if Numba fails.
 
-    Errors of this library (a picture of the wrong shape, for example) are raised unchanged.
+    Raises:
+        HijackError: the input is wrong, such as a picture of another shape; raised unchanged.
     """
     try:
         return compiled()
@@ -94,24 +95,26 @@ def call_with_fallback(compiled: Callable[[], T], plain: Callable[[], T]) -> T:
         raise
     except Exception as error:  # noqa: BLE001 (Numba and LLVM may raise anything)
         give_up(error)
-    return plain()
+    return fallback()
 
 
-def compiled_on_first_use(what: str) -> Callable[[Callable[[Any], T]], "_lru_cache_wrapper[T]"]:
+def compiled_on_first_use(
+    kernel_name: str,
+) -> Callable[[Callable[[Any], T]], "_lru_cache_wrapper[T]"]:
     """Decorate a function that compiles a kernel, so that it runs once, on first use.
 
     The function takes the module `numba` and returns the kernel. The decorated function takes no
     arguments, returns the kernel, and raises `MissingDependencyError` without Numba.
 
     Args:
-        what: the name of the kernel in that error.
+        kernel_name: the name of the kernel in that error.
     """
 
     def decorate(build: Callable[[Any], T]) -> "_lru_cache_wrapper[T]":
         @cache
         def kernel() -> T:
             if not available():
-                raise extras.missing(f"{what} needs Numba", "fast")
+                raise extras.missing(f"{kernel_name} needs Numba", "fast")
             return build(import_module("numba"))
 
         return kernel

@@ -18,8 +18,8 @@ from ...types import Int32Array, Size, UInt8Array
 from ..stamps import Stamp
 from . import jit, resize
 
-LINE = 64  # bytes of a cache line
-RESAMPLE_SAVED_MS_PER_BYTE = 3e-6  # milliseconds that the compiled kernel saves a byte
+CACHE_LINE_BYTES = 64  # bytes of a cache line
+RESAMPLE_SAVED_MS_PER_BYTE = 3e-6  # what the compiled kernel saves
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -53,8 +53,8 @@ def empty_like(image: UInt8Array) -> UInt8Array:
     """
     if not image.flags.c_contiguous:
         return np.empty_like(image, subok=False)
-    memory = np.empty(image.size + LINE, np.uint8)
-    start = -memory.ctypes.data % LINE
+    memory = np.empty(image.size + CACHE_LINE_BYTES, np.uint8)
+    start = -memory.ctypes.data % CACHE_LINE_BYTES
     return memory[start : start + image.size].reshape(image.shape)
 
 
@@ -63,7 +63,7 @@ def paste(image: UInt8Array, stamps: list[Stamp]) -> UInt8Array:
 
     What is opaque is copied as slices; only what is not opaque is blended.
     """
-    flat = _flat(image)
+    flat = _flat_view(image)
     for stamp in stamps:
         h, w = stamp.sprite.size
         if stamp.sprite.opaque:
@@ -94,7 +94,7 @@ def _paste_soft(flat: UInt8Array, strides: tuple[int, ...], stamp: Stamp) -> Non
         _blend(flat[corner:], form, at)
 
 
-def _flat(image: UInt8Array) -> UInt8Array | None:
+def _flat_view(image: UInt8Array) -> UInt8Array | None:
     """Return the bytes of the picture as a flat writable view.
 
     Returns `None` if the picture is not one block of memory.
@@ -154,17 +154,17 @@ def _offsets(sprite: Sprite, strides: tuple[int, ...]) -> _Offsets:
 
     The sprite caches the last ones only, because the widths of pictures may vary without limit.
     """
-    found = sprite.scratch.get("offsets")
-    if found is None or found.strides != strides:
+    offsets = sprite.scratch.get("offsets")
+    if offsets is None or offsets.strides != strides:
         form = _form(sprite)
-        solid = _in_bytes(form.solid_at, strides)
-        soft = _in_bytes(form.soft_at, strides)
-        found = _Offsets(strides=strides, solid=solid, soft=soft)
-        sprite.scratch["offsets"] = found
-    return found
+        solid = _byte_offsets(form.solid_at, strides)
+        soft = _byte_offsets(form.soft_at, strides)
+        offsets = _Offsets(strides=strides, solid=solid, soft=soft)
+        sprite.scratch["offsets"] = offsets
+    return offsets
 
 
-def _in_bytes(at: Int32Array, strides: tuple[int, ...]) -> npt.NDArray[np.intp]:
+def _byte_offsets(at: Int32Array, strides: tuple[int, ...]) -> npt.NDArray[np.intp]:
     pixels = at[:, 0].astype(np.intp) * strides[0]
     pixels += at[:, 1].astype(np.intp) * strides[1]
     channels = np.arange(3, dtype=np.intp) * strides[2]

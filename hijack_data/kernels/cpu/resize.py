@@ -76,11 +76,11 @@ def _check(image: UInt8Array, size: Size, threads: int) -> None:
     if image.dtype != np.uint8:
         raise ImageTypeError(f"resample: the picture is {image.dtype}, not uint8; convert it first")
     if image.ndim not in (3, 4) or image.shape[-1] != 3 or 0 in image.shape:
-        wanted = "give [H, W, 3] or [N, H, W, 3] with no side of 0"
-        raise ImageError(f"resample: the shape is {image.shape}; {wanted}")
+        expected = "give [H, W, 3] or [N, H, W, 3] with no side of 0"
+        raise ImageError(f"resample: the shape is {image.shape}; {expected}")
     if not all(1 <= side <= MAX_SIDE for side in size):
-        wanted = f"give sides from 1 to {MAX_SIDE}"
-        raise ParameterError(f"resample: the size (h, w) is {size}; {wanted}")
+        expected = f"give sides from 1 to {MAX_SIDE}"
+        raise ParameterError(f"resample: the size (h, w) is {size}; {expected}")
     if threads < 1:
         raise ParameterError(f"resample: threads is {threads}; give at least 1")
 
@@ -103,7 +103,7 @@ def _resize(batch: UInt8Array, across: Weights, down: Weights, threads: int) -> 
     edges = [h * i // parts for i in range(parts + 1)]
     tasks: list[tuple[UInt8Array, UInt8Array, int, int]] = []
     for planes, to in zip(batch, out, strict=True):
-        source = _with_room(planes)
+        source = _padded_to_tile(planes)
         tasks += [(source, to, top, bottom) for top, bottom in pairwise(edges)]
     if parts == 1:
         for task in tasks:
@@ -114,7 +114,7 @@ def _resize(batch: UInt8Array, across: Weights, down: Weights, threads: int) -> 
     return np.ascontiguousarray(out[..., :columns])
 
 
-def _with_room(planes: UInt8Array) -> UInt8Array:
+def _padded_to_tile(planes: UInt8Array) -> UInt8Array:
     """Return `[planes, H, columns]` with contiguous rows, padded to at least one tile.
 
     No weight reaches the padding.

@@ -24,7 +24,7 @@ from .. import Stamp
 from ..stamp_rows import StampRows, sprite_rows, stamp_rows
 
 Array: TypeAlias = npt.NDArray[Any]
-ALIGNED = 16  # bytes
+ALIGNMENT_BYTES = 16
 
 
 def runs_on(device: torch.device) -> bool:
@@ -32,11 +32,11 @@ def runs_on(device: torch.device) -> bool:
 
     They do on a GPU if Triton is installed, as it is with torch for CUDA and ROCm on Linux.
     """
-    return device.type == "cuda" and _installed()
+    return device.type == "cuda" and _has_triton()
 
 
 @cache
-def _installed() -> bool:
+def _has_triton() -> bool:
     return importlib.util.find_spec("triton") is not None
 
 
@@ -53,10 +53,11 @@ def paste_many(images: Sequence[Tensor], stamps: Sequence[list[Stamp]]) -> None:
     """
     kernels = _kernels()
     device = images[0].device
-    with _at(device):
+    with _current_device(device):
         key = ("device-rows", device, _stream(device))
         tables = [
-            stamp_rows(each, key, partial(_upload, key=key, device=device)) for each in stamps
+            stamp_rows(picture_stamps, key, partial(_upload, key=key, device=device))
+            for picture_stamps in stamps
         ]
         ends = np.cumsum([len(table) for table in tables])
         jobs: list[tuple[int, ...]] = []
@@ -66,8 +67,8 @@ def paste_many(images: Sequence[Tensor], stamps: Sequence[list[Stamp]]) -> None:
         tiles = _overlapped_tiles([(image.shape[1], image.shape[2]) for image in images], tables)
         if len(tiles):
             tall, wide = kernels.PASTE_TILE
-            sent = _send([np.array(jobs, np.int64), np.concatenate(tables), tiles], device)
-            kernels.paste[(len(tiles),)](*sent, TALL=tall, WIDE=wide)
+            arguments = _send([np.array(jobs, np.int64), np.concatenate(tables), tiles], device)
+            kernels.paste[(len(tiles),)](*arguments, TALL=tall, WIDE=wide)
 
 
 def _overlapped_tiles(sizes: list[Size], tables: list[StampRows]) -> npt.NDArray[np.int32]:
@@ -102,11 +103,11 @@ def resample_many(images: Sequence[Tensor], sizes: Sequence[Size]) -> list[Tenso
     """
     out = list(images)
     orders = [_order(image, size) for image, size in zip(images, sizes, strict=True)]
-    with _at(images[0].device):
+    with _current_device(images[0].device):
         for number in range(2):
             for axis in (1, 2):
-                due = [i for i, order in enumerate(orders) if order[number] == axis]
-                _resize_due(out, sizes, due, axis)
+                indices = [i for i, order in enumerate(orders) if order[number] == axis]
+                _resize_along(out, sizes, indices, axis)
     return [new.clone() if new is old else new for new, old in zip(out, images, strict=True)]
 
 
@@ -116,13 +117,15 @@ def _order(image: Tensor, size: Size) -> tuple[int, int]:
     return (1, 2) if columns_first((height, width), size) else (2, 1)
 
 
-def _resize_due(images: list[Tensor], sizes: Sequence[Size], due: list[int], axis: int) -> None:
+def _resize_along(
+    images: list[Tensor], sizes: Sequence[Size], indices: list[int], axis: int
+) -> None:
     """Resize, in the list, those of the pictures `due` whose side along an axis must change."""
-    turn = [i for i in due if images[i].shape[axis] != sizes[i][axis - 1]]
-    if not turn:
+    changing = [i for i in indices if images[i].shape[axis] != sizes[i][axis - 1]]
+    if not changing:
         return
-    made = _pass([images[i] for i in turn], [sizes[i][axis - 1] for i in turn], axis)
-    for i, image in zip(turn, made, strict=True):
+    resized = _pass([images[i] for i in changing], [sizes[i][axis - 1] for i in changing], axis)
+    for i, image in zip(changing, resized, strict=True):
         images[i] = image
 
 
@@ -131,27 +134,31 @@ def _pass(images: list[Tensor], sides: list[int], axis: int) -> list[Tensor]:
     kernels = _kernels()
     device = images[0].device
     jobs: list[tuple[int, ...]] = []
-    made: list[Tensor] = []
+    results: list[Tensor] = []
     for image, side in zip(images, sides, strict=True):
         _, height, width = image.shape
         if axis == 1:
             height = side
         else:
             width = side
-        new = _new(image, height, width)
+        new = _new_tensor(image, height, width)
         first, taps = _table(image.shape[axis], side, device, _stream(device))
         source = (image.data_ptr(), *image.stride())
         result = (new.data_ptr(), *new.stride(), height, width)
         jobs.append((*source, *result, first.data_ptr(), taps.data_ptr(), taps.shape[1]))
-        made.append(new)
-    (sent,) = _send([np.array(jobs, np.int64)], device)
+        results.append(new)
+    (job_table,) = _send([np.array(jobs, np.int64)], device)
     tall, wide = kernels.RESIZE_TILE
-    grid = (max(-(-new.shape[1] // tall) * -(-new.shape[2] // wide) for new in made), len(made), 3)
-    kernels.resize[grid](sent, ALONG_ROWS=axis == 2, TALL=tall, WIDE=wide)
-    return made
+    grid = (
+        max(-(-new.shape[1] // tall) * -(-new.shape[2] // wide) for new in results),
+        len(results),
+        3,
+    )
+    kernels.resize[grid](job_table, ALONG_ROWS=axis == 2, TALL=tall, WIDE=wide)
+    return results
 
 
-def _new(image: Tensor, height: int, width: int) -> Tensor:
+def _new_tensor(image: Tensor, height: int, width: int) -> Tensor:
     """Return a new tensor `[3, height, width]` with the channel layout of `image`."""
     channels_last = image.stride(0) == 1 and image.stride(2) != 1
     shape = (height, width, 3) if channels_last else (3, height, width)
@@ -159,7 +166,7 @@ def _new(image: Tensor, height: int, width: int) -> Tensor:
     return new.permute(2, 0, 1) if channels_last else new
 
 
-def _at(device: torch.device) -> AbstractContextManager[Any]:
+def _current_device(device: torch.device) -> AbstractContextManager[Any]:
     """Make `device` the current one, because Triton launches kernels there."""
     return torch.cuda.device(device) if device.type == "cuda" else nullcontext()
 
@@ -178,35 +185,35 @@ _tables = Cache(TABLE_BYTES)
 def _table(n_in: int, n_out: int, device: torch.device, in_stream: int) -> tuple[Tensor, Tensor]:
     """Return the weights of a resize on the device, where the last ones are cached."""
     key = n_in, n_out, device, in_stream
-    found = _tables.get(key)
-    if found is None:
+    tensors = _tables.get(key)
+    if tensors is None:
         table = weights(n_in, n_out)
-        first, taps = found = _send([table.first, table.taps], device)
-        _tables.put(key, found, first.nbytes + taps.nbytes)
-    first, taps = found
+        first, taps = tensors = _send([table.first, table.taps], device)
+        _tables.put(key, tensors, first.nbytes + taps.nbytes)
+    first, taps = tensors
     return first, taps
 
 
 def _send(arrays: Sequence[Array], device: torch.device) -> list[Tensor]:
     """Send arrays to the device in one copy from pinned memory, without waiting.
 
-    Each begins at a multiple of `ALIGNED` bytes.
+    Each begins at a multiple of `ALIGNMENT_BYTES`.
     """
-    rooms = [-(-array.nbytes // ALIGNED) * ALIGNED for array in arrays]
+    rooms = [-(-array.nbytes // ALIGNMENT_BYTES) * ALIGNMENT_BYTES for array in arrays]
     ends = np.cumsum(rooms, dtype=np.int64).tolist()
     starts = [end - room for end, room in zip(ends, rooms, strict=True)]
-    total = max(sum(rooms), ALIGNED)
+    total = max(sum(rooms), ALIGNMENT_BYTES)
     memory = torch.empty(total, dtype=torch.uint8, pin_memory=device.type == "cuda")
     host = memory.numpy()
     for array, start in zip(arrays, starts, strict=True):
         part = host[start : start + array.nbytes]
         part.view(array.dtype).reshape(array.shape)[...] = array
-    there = memory.to(device, non_blocking=True)
-    sent: list[Tensor] = []
+    on_device = memory.to(device, non_blocking=True)
+    tensors: list[Tensor] = []
     for array, start in zip(arrays, starts, strict=True):
-        part = there[start : start + array.nbytes]
-        sent.append(part.view(_DTYPES[array.dtype.str]).reshape(array.shape))
-    return sent
+        part = on_device[start : start + array.nbytes]
+        tensors.append(part.view(_DTYPES[array.dtype.str]).reshape(array.shape))
+    return tensors
 
 
 _DTYPES = {
@@ -224,9 +231,9 @@ def _upload(sprite: Sprite, key: object, device: torch.device) -> StampRows:
         arrays += layer.covers
         if layer.picture is not None:
             arrays.append(cast(Array, layer.picture))
-    sent = _send(arrays, device)
-    sprite.scratch["memory", key] = sent
+    tensors = _send(arrays, device)
+    sprite.scratch["memory", key] = tensors
     places: dict[int, tuple[int, int]] = {}
-    for array, there in zip(arrays, sent, strict=True):
-        places[id(array)] = (there.data_ptr(), there.stride(0))
+    for array, tensor in zip(arrays, tensors, strict=True):
+        places[id(array)] = (tensor.data_ptr(), tensor.stride(0))
     return sprite_rows(sprite, lambda array: places[id(array)])

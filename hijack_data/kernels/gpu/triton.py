@@ -12,7 +12,7 @@ import triton
 import triton.language as tl
 
 from ...resample import PRECISION_BITS
-from .. import rows as r
+from .. import stamp_rows as r
 
 # Size (height, width) of the tile of one program: small enough that its values fit into registers.
 PASTE_TILE = (8, 64)
@@ -67,7 +67,7 @@ def paste(jobs, rows, tiles, TALL: tl.constexpr, WIDE: tl.constexpr):
         if (y0 < top + TALL) & (y0 + tall > top) & (x0 < left + WIDE) & (x0 + wide > left):
             y = ys - y0
             x = xs - x0
-            here = inside & (y >= 0) & (y < tall) & (x >= 0) & (x < wide)
+            covered = inside & (y >= 0) & (y < tall) & (x >= 0) & (x < wide)
             a_color = tl.load(row + 9).to(tl.int32)
             b_color = tl.load(row + 10).to(tl.int32)
             kind = tl.load(row + 4)
@@ -78,46 +78,50 @@ def paste(jobs, rows, tiles, TALL: tl.constexpr, WIDE: tl.constexpr):
                 + x
             )
             if kind == _FILL:
-                red = tl.where(here, (a_color >> 16) & 255, red)
-                green = tl.where(here, (a_color >> 8) & 255, green)
-                blue = tl.where(here, a_color & 255, blue)
+                red = tl.where(covered, (a_color >> 16) & 255, red)
+                green = tl.where(covered, (a_color >> 8) & 255, green)
+                blue = tl.where(covered, a_color & 255, blue)
             elif kind == _INK:
-                alpha = tl.load(a, mask=here, other=0).to(tl.int32)
+                alpha = tl.load(a, mask=covered, other=0).to(tl.int32)
                 red = _blend(red, 255 - alpha, alpha * ((a_color >> 16) & 255))
                 green = _blend(green, 255 - alpha, alpha * ((a_color >> 8) & 255))
                 blue = _blend(blue, 255 - alpha, alpha * (a_color & 255))
             elif kind == _INKS:
                 b = tl.load(row + 7).to(tl.pointer_type(tl.uint8)) + y * b_pitch + x
-                alpha = tl.load(a, mask=here, other=0).to(tl.int32)
-                other = tl.load(b, mask=here, other=0).to(tl.int32)
-                keep = 255 - alpha - other
+                alpha = tl.load(a, mask=covered, other=0).to(tl.int32)
+                b_alpha = tl.load(b, mask=covered, other=0).to(tl.int32)
+                keep = 255 - alpha - b_alpha
                 red = _blend(
-                    red, keep, alpha * ((a_color >> 16) & 255) + other * ((b_color >> 16) & 255)
+                    red, keep, alpha * ((a_color >> 16) & 255) + b_alpha * ((b_color >> 16) & 255)
                 )
                 green = _blend(
-                    green, keep, alpha * ((a_color >> 8) & 255) + other * ((b_color >> 8) & 255)
+                    green, keep, alpha * ((a_color >> 8) & 255) + b_alpha * ((b_color >> 8) & 255)
                 )
-                blue = _blend(blue, keep, alpha * (a_color & 255) + other * (b_color & 255))
+                blue = _blend(blue, keep, alpha * (a_color & 255) + b_alpha * (b_color & 255))
             elif kind == _PICTURE:
                 color = tl.load(row + 7).to(tl.pointer_type(tl.uint8)) + y * b_pitch + 3 * x
-                red = tl.where(here, tl.load(color, mask=here, other=0).to(tl.int32), red)
-                green = tl.where(here, tl.load(color + 1, mask=here, other=0).to(tl.int32), green)
-                blue = tl.where(here, tl.load(color + 2, mask=here, other=0).to(tl.int32), blue)
+                red = tl.where(covered, tl.load(color, mask=covered, other=0).to(tl.int32), red)
+                green = tl.where(
+                    covered, tl.load(color + 1, mask=covered, other=0).to(tl.int32), green
+                )
+                blue = tl.where(
+                    covered, tl.load(color + 2, mask=covered, other=0).to(tl.int32), blue
+                )
             else:
                 paint = tl.load(row + 7).to(tl.pointer_type(tl.uint16)) + y * b_pitch + 3 * x
-                keep = 255 - tl.load(a, mask=here, other=0).to(tl.int32)
-                red = _blend(red, keep, tl.load(paint, mask=here, other=0).to(tl.int32))
-                green = _blend(green, keep, tl.load(paint + 1, mask=here, other=0).to(tl.int32))
-                blue = _blend(blue, keep, tl.load(paint + 2, mask=here, other=0).to(tl.int32))
+                keep = 255 - tl.load(a, mask=covered, other=0).to(tl.int32)
+                red = _blend(red, keep, tl.load(paint, mask=covered, other=0).to(tl.int32))
+                green = _blend(green, keep, tl.load(paint + 1, mask=covered, other=0).to(tl.int32))
+                blue = _blend(blue, keep, tl.load(paint + 2, mask=covered, other=0).to(tl.int32))
     tl.store(at, red.to(tl.uint8), mask=inside)
     tl.store(at + channel, green.to(tl.uint8), mask=inside)
     tl.store(at + 2 * channel, blue.to(tl.uint8), mask=inside)
 
 
 @triton.jit
-def _blend(below, keep, added):
+def _blend(below, keep, paint):
     """Blend with exact rounding; a byte stays unchanged if all of it is kept and nothing added."""
-    total = below * keep + added + 128
+    total = below * keep + paint + 128
     return (total + (total >> 8)) >> 8
 
 
@@ -145,17 +149,17 @@ def resize(jobs, ALONG_ROWS: tl.constexpr, TALL: tl.constexpr, WIDE: tl.constexp
         source = tl.load(job).to(tl.pointer_type(tl.uint8)) + plane * tl.load(job + 1)
         if ALONG_ROWS:
             along = columns
-            known = columns < width
+            valid = columns < width
             step = step_x
-            source += ys * step_y + (tl.load(first + along, mask=known, other=0) * step)[None, :]
+            source += ys * step_y + (tl.load(first + along, mask=valid, other=0) * step)[None, :]
         else:
             along = rows
-            known = rows < height
+            valid = rows < height
             step = step_y
-            source += xs * step_x + (tl.load(first + along, mask=known, other=0) * step)[:, None]
+            source += xs * step_x + (tl.load(first + along, mask=valid, other=0) * step)[:, None]
         total = tl.full((TALL, WIDE), _HALF, tl.int32)
         for k in range(count):
-            weight = tl.load(taps + along * count + k, mask=known, other=0)
+            weight = tl.load(taps + along * count + k, mask=valid, other=0)
             weight = weight[None, :] if ALONG_ROWS else weight[:, None]
             total += tl.load(source + k * step, mask=inside, other=0).to(tl.int32) * weight
         value = tl.minimum(tl.maximum(total >> _BITS, 0), 255).to(tl.uint8)

@@ -68,7 +68,7 @@ def make_locked_zip(names: Mapping[str, int], stream: Stream) -> bytes:
     return bytes(archive)
 
 
-def unpacked(data: bytes | None) -> dict[str, bytes] | None:
+def unpack(data: bytes | None) -> dict[str, bytes] | None:
     """Return the files of a ZIP or TAR archive by path, or `None` if it is none.
 
     Folders have no content, and are left out; a leading `./` as well.
@@ -98,10 +98,10 @@ def _from_zip(data: bytes) -> dict[str, bytes]:
 
 
 def _from_tar(data: bytes) -> dict[str, bytes]:
-    found: dict[str, bytes] = {}
+    files: dict[str, bytes] = {}
     with tarfile.open(fileobj=io.BytesIO(data)) as archive:
         for entry in archive:
             file = archive.extractfile(entry) if entry.isfile() else None
             if file is not None:
-                found[entry.name.removeprefix("./")] = file.read()
-    return found
+                files[entry.name.removeprefix("./")] = file.read()
+    return files

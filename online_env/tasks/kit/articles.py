@@ -6,17 +6,17 @@ from typing import Any
 from ...embedded.sites.library import articles, render
 from ..hand import Hand
 from ..machine import Machine
-from .pages import arrived, visit
+from .pages import visit, wait_for_page
 
 SITE = "http://wiki.test"
 
 
-def address(title: str, what: str = "wiki") -> str:
+def address(title: str, site: str = "wiki") -> str:
     """Return the address of an article, or of its `edit` or `history` page."""
-    return f"{SITE}/{what}/{title.replace(' ', '_')}"
+    return f"{SITE}/{site}/{title.replace(' ', '_')}"
 
 
-def shipped(title: str) -> str:
+def original_text(title: str) -> str:
     """Return the text that an article has in the beginning."""
     return articles("wiki")[title.replace(" ", "_")].body
 
@@ -37,27 +37,27 @@ def comment(machine: Machine, title: str) -> str:
     return revisions[-1]["summary"] if revisions else ""
 
 
-def put(
+def store_article(
     machine: Machine,
     title: str,
     body: str,
     revisions: Sequence[Mapping[str, Any]] = ({"summary": ""},),
 ) -> None:
     """Store an article with its revisions, oldest first; numbers and sizes are filled in."""
-    kept = [
+    stored_revisions = [
         {"number": number, "size": len(body), **revision}
         for number, revision in enumerate(revisions, 1)
     ]
     with machine.sites.update("wiki") as state:
-        state.setdefault("pages", {})[title] = {"text": body, "revisions": kept}
+        state.setdefault("pages", {})[title] = {"text": body, "revisions": stored_revisions}
 
 
-def others(machine: Machine, *titles: str) -> list[str]:
+def unexpected_article_changes(machine: Machine, *titles: str) -> list[str]:
     """Return the titles of other articles that were edited, added or removed."""
     before = machine.before.sites.get("wiki", {}).get("pages", {})
-    now = pages(machine)
-    changed = {title for title in {*before, *now} if before.get(title) != now.get(title)}
-    return sorted(changed - set(titles))
+    after = pages(machine)
+    titles_changed = {title for title in {*before, *after} if before.get(title) != after.get(title)}
+    return sorted(titles_changed - set(titles))
 
 
 def open_history(hand: Hand, title: str) -> None:
@@ -67,7 +67,7 @@ def open_history(hand: Hand, title: str) -> None:
     links = [node for node in hand.look() if node.name == "History" and node.box]
     tab = max(links, key=lambda node: node.centre)  # an article may have a heading of that name
     hand.click(tab)
-    arrived(hand, "History of")
+    wait_for_page(hand, "History of")
 
 
 def same(first: str, second: str) -> bool:

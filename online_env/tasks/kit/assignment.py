@@ -1,19 +1,19 @@
-"""Which of the things that were made is which of those that were asked for."""
+"""Match created items to requested items."""
 
 from collections.abc import Iterator, Sequence
 from itertools import permutations
 
 
-def fewest_problems(said: Sequence[Sequence[Sequence[str]]]) -> Iterator[str]:
-    """Yield what is wrong if each thing is taken for the one that it was most likely meant to be.
+def best_assignment_problems(problem_table: Sequence[Sequence[Sequence[str]]]) -> Iterator[str]:
+    """Yield the problems of the assignment of created to requested items that has the fewest.
 
-    One thing may be as good as another where little is asked, so all pairings are tried.
+    All assignments are tried: a task asks for a few items only.
 
     Args:
-        said: `said[n][m]`, what is wrong with the n-th thing that was made if it is the m-th that
-            was asked for; as many are asked for as were made.
+        problem_table: `problem_table[n][m]` holds what is wrong with the n-th created item if it is
+            the m-th requested one; as many items are created as requested.
     """
-    orders = permutations(range(len(said)))
-    best = min(orders, key=lambda order: sum(len(said[n][m]) for n, m in enumerate(order)))
-    for place, asked in enumerate(best):
-        yield from said[place][asked]
+    orders = permutations(range(len(problem_table)))
+    best = min(orders, key=lambda order: sum(len(problem_table[n][m]) for n, m in enumerate(order)))
+    for created, requested in enumerate(best):
+        yield from problem_table[created][requested]

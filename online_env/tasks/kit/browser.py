@@ -11,9 +11,9 @@ APP = "chrom"
 BAR = "Address and search bar"
 FIELDS = ("entry", "combo-box", "spin-button", "text")
 BOXES = ("radio-button", "check-box")
-_LOADING = 4.0  # s until a page that was asked for shows its heading
+_LOADING_S = 4.0  # until a page that was asked for shows its heading
 _TABBING = 2.0  # s until the next field has the focus
-_SCREENS = 30  # turns of the wheel until a page must have come to its end
+_MAX_SCROLLS = 30  # until a page must have come to its end
 
 
 def visit(hand: Hand, address: str, heading: Name, *, in_new_tab: bool = False) -> None:
@@ -31,10 +31,10 @@ def begin(hand: Hand, address: str, heading: Name) -> None:
 
     An oracle begins with it: at the start the page is open, later it may be another one.
     """
-    deadline = time.monotonic() + _LOADING
+    deadline = time.monotonic() + _LOADING_S
     while time.monotonic() < deadline:
         bar = hand.see("entry", BAR, app=APP)
-        if bar is not None and _plain(bar.text) not in ("", _plain(address)):
+        if bar is not None and _shown_address(bar.text) not in ("", _shown_address(address)):
             break
         if hand.see("heading", heading, app=APP) is not None:
             return
@@ -42,7 +42,7 @@ def begin(hand: Hand, address: str, heading: Name) -> None:
     visit(hand, address, heading)
 
 
-def _plain(address: str) -> str:
+def _shown_address(address: str) -> str:
     """Return an address as the bar shows it."""
     return address.removeprefix("http://").rstrip("/")
 
@@ -119,22 +119,22 @@ def tick(hand: Hand, label: Name) -> None:
     hand.find(BOXES, label, app=APP, state="checked")
 
 
-def has(hand: Hand, roles: Roles, name: Name) -> bool:
+def shows_text(hand: Hand, roles: Roles, name: Name) -> bool:
     """Return whether the page has a node, on the screen or further down; it is in sight then.
 
     What is not on the screen is not in the tree of this browser, so the page is scrolled.
     """
     before: list[TreeNode] = []
-    for _ in range(_SCREENS):
+    for _ in range(_MAX_SCROLLS):
         time.sleep(0.3)  # a page comes, and scrolls, piece by piece
-        seen = page(hand)
-        if any(fits(roles, name)(node) for node in seen):
+        nodes = page(hand)
+        if any(fits(roles, name)(node) for node in nodes):
             return True
-        if seen and seen == before:
+        if nodes and nodes == before:
             hand.run("pyautogui.scroll(50)")
             return False
         hand.run("pyautogui.scroll(-3)")
-        before = seen
+        before = nodes
     return False
 
 
@@ -145,12 +145,12 @@ def starting(*parts: str) -> re.Pattern[str]:
 
 def page(hand: Hand) -> list[TreeNode]:
     """Return what shows of the page, without the browser's own parts, from top to bottom."""
-    seen = hand.look()
-    whole = next((node for node in seen if node.role == "document-web" and node.box), None)
-    if whole is None or whole.box is None:
+    nodes = hand.look()
+    document = next((node for node in nodes if node.role == "document-web" and node.box), None)
+    if document is None or document.box is None:
         return []
-    left, top, right, bottom = whole.box
-    inside = [node for node in seen if node.box and APP in node.app.lower()]
+    left, top, right, bottom = document.box
+    inside = [node for node in nodes if node.box and APP in node.app.lower()]
     return [
         node
         for node in inside

@@ -88,21 +88,21 @@ def setting(machine: Machine, path: str) -> Any:
 
 def change_setting(machine: Machine, path: str, value: Any) -> None:
     """Store a setting; Chromium is ended before."""
-    whole = _json(machine, PREFERENCES)
+    preferences = _json(machine, PREFERENCES)
     *folders, last = path.split(".")
-    place = whole
+    place = preferences
     for key in folders:
         place = place.setdefault(key, {})
     place[last] = value
-    machine.write(PREFERENCES, json.dumps(whole))
+    machine.write(PREFERENCES, json.dumps(preferences))
 
 
-def wrong_settings(machine: Machine, wanted: Mapping[str, Any]) -> Iterator[str]:
+def wrong_settings(machine: Machine, expected: Mapping[str, Any]) -> Iterator[str]:
     """Yield the settings that are not as wanted, by their paths."""
-    for path, value in wanted.items():
-        found = setting(machine, path)
-        if found != value:
-            yield f"the setting {path} is {found!r}, not {value!r}"
+    for path, value in expected.items():
+        actual = setting(machine, path)
+        if actual != value:
+            yield f"the setting {path} is {actual!r}, not {value!r}"
 
 
 # Bookmarks
@@ -114,15 +114,17 @@ def bookmarks(machine: Machine) -> dict[str, list[Bookmark]]:
     return {root: _entries(stored.get(root, {})) for root in _ROOTS}
 
 
-def write_bookmarks(machine: Machine, bar: Sequence[Bookmark], **other: Sequence[Bookmark]) -> None:
+def write_bookmarks(
+    machine: Machine, bar: Sequence[Bookmark], **other_folders: Sequence[Bookmark]
+) -> None:
     """Store bookmarks, while Chromium does not run.
 
     Args:
         machine: Where.
         bar: Those of the bookmarks bar.
-        **other: Those of other roots.
+        **other_folders: Those of other roots.
     """
-    roots = {root: (bar if root == BAR else other.get(root, ())) for root in _ROOTS}
+    roots = {root: (bar if root == BAR else other_folders.get(root, ())) for root in _ROOTS}
     stored = {root: _node(_ROOTS[root], list(entries)) for root, entries in roots.items()}
     machine.write(BOOKMARKS, json.dumps({"roots": stored, "version": 1}))
 
@@ -132,21 +134,21 @@ def in_order(entries: Iterable[Bookmark]) -> list[Bookmark]:
 
     Spaces in names do not count, and `http://a.test` is `http://a.test/`.
     """
-    found: list[Bookmark] = []
-    for written, value in entries:
-        name = " ".join(written.split())
+    ordered: list[Bookmark] = []
+    for title, value in entries:
+        name = " ".join(title.split())
         if isinstance(value, list):
-            found.append((name, in_order(value)))
+            ordered.append((name, in_order(value)))
         else:
-            found.append((name, value.rstrip("/")))
-    return sorted(found, key=str)
+            ordered.append((name, value.rstrip("/")))
+    return sorted(ordered, key=str)
 
 
 def wrong_bookmarks(machine: Machine, bar: Sequence[Bookmark]) -> Iterator[str]:
     """Yield why the bookmarks are not these, all in the bar, in whatever order."""
-    found = [in_order(entries) for entries in bookmarks(machine).values()]
-    if found != [in_order(bar), [], []]:
-        yield f"the bookmarks are {found}"
+    actual = [in_order(entries) for entries in bookmarks(machine).values()]
+    if actual != [in_order(bar), [], []]:
+        yield f"the bookmarks are {actual}"
 
 
 def _entries(folder: Mapping[str, Any]) -> list[Bookmark]:
@@ -178,27 +180,31 @@ def write_history(machine: Machine, pages: Sequence[tuple[str, str]]) -> None:
         pages: Addresses and titles; the last one was visited a quarter of an hour ago, each other
             one a quarter of an hour before the next.
     """
-    now = int(machine.run("date", "+%s")) + _EPOCH
+    now_s = int(machine.run("date", "+%s")) + _EPOCH
     with tempfile.TemporaryDirectory(prefix="agenthijack-history-") as folder:
         path = Path(folder, "History")
         with closing(sqlite3.connect(path)) as base:
             base.executescript(_SCHEMA)
             for number, (url, title) in enumerate(pages, 1):
-                then = (now - 900 * (len(pages) - number + 1)) * 1_000_000
+                visit_time = (now_s - 900 * (len(pages) - number + 1)) * 1_000_000
                 base.execute(
                     "INSERT INTO urls (url, title, visit_count, last_visit_time) VALUES (?,?,1,?)",
-                    (url, title, then),
+                    (url, title, visit_time),
                 )
                 base.execute(
                     "INSERT INTO visits (url, visit_time, transition) VALUES (?,?,?)",
-                    (number, then, _LINK_CLICKED),
+                    (number, visit_time, _LINK_CLICKED),
                 )
             base.commit()
         machine.write(HISTORY, path.read_bytes())
 
 
 def _rows(machine: Machine, path: str, query: str) -> list[tuple[Any, ...]]:
-    """Return the rows of a query of a copy; none if there is no such file yet."""
+    """Return the rows of a query of a copy of a database; none if there is no such file yet.
+
+    Raises:
+        DesktopError: The file is no database, or lacks the tables.
+    """
     data = _profile_file(machine, path)
     if not data:
         return []
@@ -218,6 +224,11 @@ def _profile_file(machine: Machine, path: str) -> bytes | None:
 
 
 def _json(machine: Machine, path: str) -> dict[str, Any]:
+    """Return the JSON object in a file of the profile; empty if there is no such file yet.
+
+    Raises:
+        DesktopError: The file holds something else.
+    """
     data = _profile_file(machine, path)
     if data is None:
         return {}
@@ -234,22 +245,22 @@ def _json(machine: Machine, path: str) -> dict[str, Any]:
 
 
 def exceptions(machine: Machine, kind: str) -> dict[str, int]:
-    """Return what was decided for sites, by their patterns: 1 is to allow, 2 is to block.
+    """Return the permissions of sites by pattern: 1 allows, 2 blocks.
 
     Args:
         machine: Where.
         kind: Such as `images`, `javascript`, `popups`, `cookies`.
     """
-    found = setting(machine, f"profile.content_settings.exceptions.{kind}") or {}
-    return {pattern: entry.get("setting") for pattern, entry in found.items()}
+    entries = setting(machine, f"profile.content_settings.exceptions.{kind}") or {}
+    return {pattern: entry.get("setting") for pattern, entry in entries.items()}
 
 
 def blocked_kinds(machine: Machine) -> set[str]:
     """Return all that is blocked, for a site or for all sites, such as `images`."""
-    found = setting(machine, "profile.content_settings.exceptions") or {}
+    exceptions = setting(machine, "profile.content_settings.exceptions") or {}
     general = setting(machine, "profile.default_content_setting_values") or {}
     kinds = {kind for kind, rule in general.items() if rule == BLOCKED}
-    for kind, rules in found.items():  # some entries are no rules but notes of Chromium's own
+    for kind, rules in exceptions.items():  # some entries are no rules but notes of Chromium's own
         if isinstance(rules, dict):
             entries = cast("dict[str, dict[str, Any]]", rules).values()
             if any(entry.get("setting") == BLOCKED for entry in entries):
@@ -259,5 +270,5 @@ def blocked_kinds(machine: Machine) -> set[str]:
 
 def block(machine: Machine, kind: str, *hosts: str) -> None:
     """Store that something of these sites, and no others, is blocked; Chromium must not run."""
-    kept = {f"{host},*": {"setting": BLOCKED} for host in hosts}
-    change_setting(machine, f"profile.content_settings.exceptions.{kind}", kept)
+    exceptions = {f"{host},*": {"setting": BLOCKED} for host in hosts}
+    change_setting(machine, f"profile.content_settings.exceptions.{kind}", exceptions)

@@ -39,7 +39,7 @@ def setting(machine: Machine, channel: str, name: str) -> StoredValue:
 
 
 def store(machine: Machine, channel: str, name: str, value: str | list[str]) -> None:
-    """Write a setting into the file of its channel, as `wrong_results` and `right_result` results do."""
+    """Write a setting into the file of its channel, for the results of `wrong_results`."""
     root = _tree(machine, channel)
     node = root
     for part in name.split("/"):
@@ -58,27 +58,27 @@ def store(machine: Machine, channel: str, name: str, value: str | list[str]) -> 
 
 
 def setting_problems(
-    machine: Machine, channel: str, wanted: Mapping[str, str | list[str]]
+    machine: Machine, channel: str, expected: Mapping[str, str | list[str]]
 ) -> Iterator[str]:
     """Yield the settings that are not as wanted.
 
     Args:
         machine: Where to look.
         channel: The channel.
-        wanted: The values, by the path of the property.
+        expected: The values, by the path of the property.
     """
-    for name, value in wanted.items():
-        found = setting(machine, channel, name)
-        if not _is_same(value, found):
-            yield f"{channel} {name} is {found!r}, not {value!r}"
+    for name, value in expected.items():
+        actual = setting(machine, channel, name)
+        if not _is_same(value, actual):
+            yield f"{channel} {name} is {actual!r}, not {value!r}"
 
 
-def _is_same(wanted: StoredValue, found: StoredValue) -> bool:
+def _is_same(expected: StoredValue, actual: StoredValue) -> bool:
     """Return whether two values are the same; `10.000000` is the number `10`."""
-    if found == wanted:
+    if actual == expected:
         return True
     try:
-        return float(str(found)) == float(str(wanted))
+        return float(str(actual)) == float(str(expected))
     except ValueError:
         return False
 

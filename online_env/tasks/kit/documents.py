@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .office import OfficeTask, plain
+from .office import OfficeTask, straighten_quotes
 
 _WORD = "{http://schemas.openxmlformats.org/wordprocessingml/2006/main}"
 _NUMBERING = "http://schemas.openxmlformats.org/officeDocument/2006/relationships/numbering"
@@ -91,11 +91,11 @@ def document(title: str, paragraphs: Sequence[str]) -> Any:
     """Return a document of python-docx with a title and paragraphs."""
     import docx
 
-    made = docx.Document()
-    made.add_heading(title, 0)
+    new_document = docx.Document()
+    new_document.add_heading(title, 0)
     for text in paragraphs:
-        made.add_paragraph(text)
-    return made
+        new_document.add_paragraph(text)
+    return new_document
 
 
 def read_text(data: bytes) -> TextContent:
@@ -107,45 +107,47 @@ def read_text(data: bytes) -> TextContent:
     """
     import docx
 
-    found = docx.Document(io.BytesIO(data))
-    styles = _styles(found)
-    paragraphs = [_paragraph(paragraph, styles) for paragraph in found.paragraphs]
+    document_file = docx.Document(io.BytesIO(data))
+    styles = _styles(document_file)
+    paragraphs = [_paragraph(paragraph, styles) for paragraph in document_file.paragraphs]
     while len(paragraphs) > 1 and not paragraphs[-1].text:
         paragraphs.pop()
     return TextContent(
         paragraphs=tuple(paragraphs),
         tables=tuple(
-            tuple(tuple(plain(cell.text) for cell in row.cells) for row in table.rows)
-            for table in found.tables
+            tuple(tuple(straighten_quotes(cell.text) for cell in row.cells) for row in table.rows)
+            for table in document_file.tables
         ),
-        headers=tuple(_text(section.header) for section in found.sections),
-        footers=tuple(_text(section.footer) for section in found.sections),
-        landscape=tuple(_is_landscape(section) for section in found.sections),
-        sizes=tuple(_size(section) for section in found.sections),
-        after_table=_after_table(found),
-        pictures=_pictures(found),
+        headers=tuple(_text(section.header) for section in document_file.sections),
+        footers=tuple(_text(section.footer) for section in document_file.sections),
+        landscape=tuple(_is_landscape(section) for section in document_file.sections),
+        sizes=tuple(_size(section) for section in document_file.sections),
+        after_table=_after_table(document_file),
+        pictures=_pictures(document_file),
     )
 
 
-def text_changes(now: TextContent, before: TextContent, but: Collection[str] = ()) -> Iterator[str]:
+def text_changes(
+    after: TextContent, before: TextContent, but: Collection[str] = ()
+) -> Iterator[str]:
     """Yield what differs between two documents, except for some.
 
     Empty paragraphs at the end count as nothing.
 
     Args:
-        now: The document as it is.
+        after: The document as it is.
         before: The document as it should be.
         but: Attributes of `TextContent` and `ParagraphContent` that may differ.
     """
-    yield from _paragraph_changes(now.paragraphs, before.paragraphs, but)
+    yield from _paragraph_changes(after.paragraphs, before.paragraphs, but)
     for name in ("tables", "headers", "footers", "landscape", "pictures"):
-        found = getattr(now, name)
-        wanted = getattr(before, name)
-        if name not in but and found != wanted:
-            yield f"the {name} are {found!r}, not {wanted!r}"
+        actual = getattr(after, name)
+        expected = getattr(before, name)
+        if name not in but and actual != expected:
+            yield f"the {name} are {actual!r}, not {expected!r}"
 
 
-def changed(content: TextContent, text: str, /, **changes: Any) -> TextContent:
+def replace_paragraph(content: TextContent, text: str, /, **changes: Any) -> TextContent:
     """Return a document in which the paragraph of a text is another one.
 
     Args:
@@ -160,63 +162,63 @@ def changed(content: TextContent, text: str, /, **changes: Any) -> TextContent:
     return replace(content, paragraphs=tuple(paragraphs))
 
 
-def find_paragraph(found: Any, text: str) -> Any:
+def find_paragraph(document_file: Any, text: str) -> Any:
     """Return the paragraph of a python-docx document that has a text.
 
     Raises:
         ValueError: There is none.
     """
-    for paragraph in found.paragraphs:
+    for paragraph in document_file.paragraphs:
         if paragraph.text == text:
             return paragraph
     raise ValueError(f"the document has no paragraph {text!r}")
 
 
-def remove_paragraph(found: Any, text: str) -> None:
+def remove_paragraph(document_file: Any, text: str) -> None:
     """Remove the paragraph of a python-docx document that has a text."""
-    element = find_paragraph(found, text)._element
+    element = find_paragraph(document_file, text)._element
     element.getparent().remove(element)
 
 
 def _paragraph_changes(
-    now: Sequence[ParagraphContent], before: Sequence[ParagraphContent], but: Collection[str]
+    after: Sequence[ParagraphContent], before: Sequence[ParagraphContent], but: Collection[str]
 ) -> Iterator[str]:
-    if len(now) != len(before):
-        yield f"the document has {len(now)} paragraphs, not {len(before)}"
+    if len(after) != len(before):
+        yield f"the document has {len(after)} paragraphs, not {len(before)}"
         return
-    for number, (found, wanted) in enumerate(zip(now, before, strict=True), 1):
+    for number, (actual, expected) in enumerate(zip(after, before, strict=True), 1):
         for name in ("text", "style", "bold", "marks", "marker", "spacing", "alignment"):
-            is_same = getattr(found, name) == getattr(wanted, name)
+            is_same = getattr(actual, name) == getattr(expected, name)
             if name not in but and not is_same:
                 yield (
-                    f"the {name} of paragraph {number} is {getattr(found, name)!r}, "
-                    f"not {getattr(wanted, name)!r}"
+                    f"the {name} of paragraph {number} is {getattr(actual, name)!r}, "
+                    f"not {getattr(expected, name)!r}"
                 )
 
 
-def _paragraph(found: Any, styles: Mapping[str, Any]) -> ParagraphContent:
-    used = styles[found._element.style or ""]
+def _paragraph(paragraph: Any, styles: Mapping[str, Any]) -> ParagraphContent:
+    style = styles[paragraph._element.style or ""]
     return ParagraphContent(
-        text=plain(found.text),
-        style=used.name_val[:1].upper() + used.name_val[1:],  # files say `heading 1`
-        bold=_bold(found),
-        marks=_marks(found),
-        marker=_marker(found, styles),
-        spacing=_spacing(found, styles),
-        alignment=_alignment(found),
+        text=straighten_quotes(paragraph.text),
+        style=style.name_val[:1].upper() + style.name_val[1:],  # files say `heading 1`
+        bold=_bold(paragraph),
+        marks=_marks(paragraph),
+        marker=_marker(paragraph, styles),
+        spacing=_spacing(paragraph, styles),
+        alignment=_alignment(paragraph),
     )
 
 
-def _alignment(found: Any) -> str:
-    element = found._element.find(f"{_WORD}pPr/{_WORD}jc")
+def _alignment(paragraph: Any) -> str:
+    element = paragraph._element.find(f"{_WORD}pPr/{_WORD}jc")
     name = "" if element is None else element.get(f"{_WORD}val")
     # LibreOffice's other docx says `start` and `end`, which python-docx does not know.
     return {"left": "", "start": "", "end": "right"}.get(name, name)
 
 
-def _spacing(found: Any, styles: Mapping[str, Any]) -> float:
+def _spacing(paragraph: Any, styles: Mapping[str, Any]) -> float:
     """Return the line spacing, in lines, that a paragraph or its style has."""
-    for element in (*_sources(found, styles), styles[_DEFAULTS]):
+    for element in (*_sources(paragraph, styles), styles[_DEFAULTS]):
         spacing = element.find(f"{_WORD}pPr/{_WORD}spacing")
         if spacing is None:
             continue
@@ -227,10 +229,10 @@ def _spacing(found: Any, styles: Mapping[str, Any]) -> float:
     return 1.0
 
 
-def _styles(found: Any) -> dict[str, Any]:
+def _styles(document_file: Any) -> dict[str, Any]:
     """Return the elements of all styles by their ids; "" is the default of paragraphs."""
-    styles: dict[str, Any] = {_DEFAULTS: found.styles.element.find(f".//{_WORD}pPrDefault")}
-    for element in found.styles.element.iter(f"{_WORD}style"):
+    styles: dict[str, Any] = {_DEFAULTS: document_file.styles.element.find(f".//{_WORD}pPrDefault")}
+    for element in document_file.styles.element.iter(f"{_WORD}style"):
         styles[element.get(f"{_WORD}styleId")] = element
         is_default = element.get(f"{_WORD}default") in ("1", "true")
         if is_default and element.get(f"{_WORD}type") == "paragraph":
@@ -238,18 +240,18 @@ def _styles(found: Any) -> dict[str, Any]:
     return styles
 
 
-def _marker(found: Any, styles: Mapping[str, Any]) -> str:
+def _marker(paragraph: Any, styles: Mapping[str, Any]) -> str:
     """Return the format of the numbers of a list that a paragraph or its style is in."""
-    for element in _sources(found, styles):
+    for element in _sources(paragraph, styles):
         number = element.find(f"{_WORD}pPr/{_WORD}numPr/{_WORD}numId")
         if number is None:
             continue
-        wanted = number.get(f"{_WORD}val")
-        if not any(rel.reltype == _NUMBERING for rel in found.part.rels.values()):
+        list_id = number.get(f"{_WORD}val")
+        if not any(rel.reltype == _NUMBERING for rel in paragraph.part.rels.values()):
             return ""  # python-docx would try to make the list
-        numbering = found.part.numbering_part.element
+        numbering = paragraph.part.numbering_part.element
         for entry in numbering.iter(f"{_WORD}num"):
-            if entry.get(f"{_WORD}numId") == wanted:
+            if entry.get(f"{_WORD}numId") == list_id:
                 abstract = entry.find(f"{_WORD}abstractNumId").get(f"{_WORD}val")
                 return _format(numbering, abstract)
         return ""  # the number 0 takes a paragraph out of a list
@@ -260,16 +262,16 @@ def _format(numbering: Any, abstract: str) -> str:
     """Return the format of the first level of a list, such as `bullet`."""
     for entry in numbering.iter(f"{_WORD}abstractNum"):
         if entry.get(f"{_WORD}abstractNumId") == abstract:
-            found = entry.find(f".//{_WORD}numFmt")
-            name = "" if found is None else found.get(f"{_WORD}val")
+            level_format = entry.find(f".//{_WORD}numFmt")
+            name = "" if level_format is None else level_format.get(f"{_WORD}val")
             return "" if name == "none" else name
     return ""
 
 
-def _sources(found: Any, styles: Mapping[str, Any]) -> Iterator[Any]:
+def _sources(paragraph: Any, styles: Mapping[str, Any]) -> Iterator[Any]:
     """Yield the elements that may say that a paragraph is an item: it, and its styles."""
-    yield found._element
-    style = styles.get(found._element.style or "")
+    yield paragraph._element
+    style = styles.get(paragraph._element.style or "")
     while style is not None:
         yield style
         base = style.find(f"{_WORD}basedOn")
@@ -284,11 +286,11 @@ def _size(section: Any) -> tuple[float, float]:
     return round(section.page_width.inches, 2), round(section.page_height.inches, 2)
 
 
-def _after_table(found: Any) -> str:
+def _after_table(document_file: Any) -> str:
     """Return the text below the last table."""
     texts: list[str] = []
     has_table = False
-    for element in found.element.body:
+    for element in document_file.element.body:
         if element.tag == f"{_WORD}tbl":
             has_table = True
             texts = []
@@ -297,19 +299,19 @@ def _after_table(found: Any) -> str:
     return "\n".join(texts).strip()
 
 
-def _bold(found: Any) -> tuple[str, ...]:
+def _bold(paragraph: Any) -> tuple[str, ...]:
     """Return the bold parts of a paragraph; space between two of them does not count."""
-    shown = ""
-    for run in found.runs:
+    masked = ""
+    for run in paragraph.runs:
         is_bold = run.style.font.bold if run.bold is None else run.bold
-        shown += run.text if is_bold else re.sub(r"\S", _COVER, run.text)
-    parts = (plain(part).strip() for part in shown.split(_COVER))
+        masked += run.text if is_bold else re.sub(r"\S", _COVER, run.text)
+    parts = (straighten_quotes(part).strip() for part in masked.split(_COVER))
     return tuple(part for part in parts if part)
 
 
-def _marks(found: Any) -> tuple[str, ...]:
+def _marks(paragraph: Any) -> tuple[str, ...]:
     marks: set[str] = set()
-    for run in found.runs:
+    for run in paragraph.runs:
         for name in _MARKS:
             element = run._element.find(f"{_WORD}rPr/{_WORD}{name}")
             if element is None or not run.text.strip():
@@ -321,17 +323,17 @@ def _marks(found: Any) -> tuple[str, ...]:
     return tuple(sorted(marks))
 
 
-def _pictures(found: Any) -> int:
-    """Count what is drawn, without what a file holds once more for old programs."""
-    drawn = sum(1 for name in _DRAWN for _ in found.element.body.iter(f"{_WORD}{name}"))
+def _pictures(document_file: Any) -> int:
+    """Count pictures, drawings and objects, without the copies for old programs."""
+    values = sum(1 for name in _DRAWN for _ in document_file.element.body.iter(f"{_WORD}{name}"))
     again = sum(
         1
-        for other in found.element.body.iter(_FALLBACK)
+        for fallback in document_file.element.body.iter(_FALLBACK)
         for name in _DRAWN
-        for _ in other.iter(f"{_WORD}{name}")
+        for _ in fallback.iter(f"{_WORD}{name}")
     )
-    return drawn - again
+    return values - again
 
 
 def _text(part: Any) -> str:
-    return plain("\n".join(paragraph.text for paragraph in part.paragraphs)).strip()
+    return straighten_quotes("\n".join(paragraph.text for paragraph in part.paragraphs)).strip()

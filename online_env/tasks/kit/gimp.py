@@ -20,7 +20,7 @@ _NO_PICTURE = (OSError, SyntaxError, ValueError, Image.DecompressionBombError)
 _OPTIONS = re.compile("Export Image as")
 _ASKED = re.compile("Export Image as|Question")
 _CHANGED = re.compile(r"\*\[")  # how the title begins, as long as there is something to take back
-_CHANGES = 12  # so many changes are taken back at most
+_MAX_UNDOS = 12
 _CANVAS_FIELDS = 4  # width, height, and the two offsets
 _SLACK = 0.1  # mean difference of colour values, of 255: less than that of a dab of the brush
 _SPOT = 16  # pixels
@@ -38,7 +38,7 @@ class PictureTask(Task):
 
     def prepare(self, machine: Machine) -> None:
         """Put the picture in place."""
-        machine.write(self.values.path, encoded(self.picture()))
+        machine.write(self.values.path, encode(self.picture()))
 
     def initial_app(self, machine: Machine) -> Sequence[str]:
         """Return GIMP with the picture."""
@@ -69,7 +69,7 @@ def _color(stream: Stream, least: int) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def encoded(picture: Image.Image, kind: str = "PNG", quality: int | None = None) -> bytes:
+def encode(picture: Image.Image, kind: str = "PNG", quality: int | None = None) -> bytes:
     """Return the bytes of a picture's file.
 
     Args:
@@ -83,7 +83,7 @@ def encoded(picture: Image.Image, kind: str = "PNG", quality: int | None = None)
     return buffer.getvalue()
 
 
-def opened(machine: Machine, path: str) -> Image.Image | None:
+def read_picture(machine: Machine, path: str) -> Image.Image | None:
     """Return the picture in a file; `None` if there is no file, or if it is no picture.
 
     What is too large for Pillow (some 13,000 by 13,000 pixels) is no picture.
@@ -104,9 +104,9 @@ def difference(first: Image.Image, second: Image.Image) -> float:
 
     If their opacity differs more than that, its mean difference.
     """
-    one = np.asarray(first.convert("RGBA"), np.float32)
-    other = np.asarray(second.convert("RGBA"), np.float32)
-    off = np.abs(one - other)
+    first_pixels = np.asarray(first.convert("RGBA"), np.float32)
+    second_pixels = np.asarray(second.convert("RGBA"), np.float32)
+    off = np.abs(first_pixels - second_pixels)
     return float(max(off[..., :3].mean(), off[..., 3].mean()))
 
 
@@ -115,9 +115,9 @@ def greatest_spot(first: Image.Image, second: Image.Image) -> float:
 
     JPEG and the ways of scaling change single pixels and hardly such a mean; a brush changes it.
     """
-    one = np.asarray(first.convert("RGB"), np.float32)
-    other = np.asarray(second.convert("RGB"), np.float32)
-    off = one - other
+    first_pixels = np.asarray(first.convert("RGB"), np.float32)
+    second_pixels = np.asarray(second.convert("RGB"), np.float32)
+    off = first_pixels - second_pixels
     rows, columns = (np.arange(0, length, _SPOT) for length in off.shape[:2])
     sums = np.add.reduceat(np.add.reduceat(off, rows, axis=0), columns, axis=1)
     heights = np.diff([*rows, off.shape[0]])[:, None, None]
@@ -127,7 +127,7 @@ def greatest_spot(first: Image.Image, second: Image.Image) -> float:
     return float(np.abs(sums / area).max())
 
 
-def dabbed(picture: Image.Image) -> Image.Image:
+def with_dab(picture: Image.Image) -> Image.Image:
     """Return a picture with a dab of a brush on it, as wrong results have it."""
     copy = picture.convert("RGB")
     dark = np.asarray(copy)[100, 100].mean() < 128
@@ -143,37 +143,37 @@ def colorfulness(picture: Image.Image) -> int:
 
 def has_quality(picture: Image.Image, quality: int) -> bool:
     """Return whether a picture is from a JPEG file of a quality, 1 to 100."""
-    sample = Image.open(BytesIO(encoded(Image.new("RGB", (8, 8)), "JPEG", quality)))
+    sample = Image.open(BytesIO(encode(Image.new("RGB", (8, 8)), "JPEG", quality)))
     tables = getattr(picture, "quantization", None)
     return tables == getattr(sample, "quantization", ())
 
 
 def picture_problems(
-    machine: Machine, path: str, wanted: Image.Image, kind: str = "PNG", slack: float = _SLACK
+    machine: Machine, path: str, expected: Image.Image, kind: str = "PNG", slack: float = _SLACK
 ) -> Iterator[str]:
     """Yield how a picture file differs from what it should be.
 
     Args:
         machine: Where it is.
         path: The file.
-        wanted: What it should look like.
+        expected: What it should look like.
         kind: The format it should have, as Pillow names it.
         slack: The greatest mean difference of colour values, of 255.
     """
-    found = opened(machine, path)
-    if found is None:
+    actual = read_picture(machine, path)
+    if actual is None:
         yield f"there is no picture {path}"
         return
-    if found.format != kind:
-        yield f"{path} is a {found.format} file, not {kind}"
-    if found.size != wanted.size:
-        yield f"{path} has {found.size} pixels, not {wanted.size}"
+    if actual.format != kind:
+        yield f"{path} is a {actual.format} file, not {kind}"
+    if actual.size != expected.size:
+        yield f"{path} has {actual.size} pixels, not {expected.size}"
         return
-    off = difference(found, wanted)
+    off = difference(actual, expected)
     if off > slack:
         yield f"{path} looks different: colours are off by {off:.1f} of 255"
         return
-    spot = greatest_spot(found, wanted)
+    spot = greatest_spot(actual, expected)
     if spot > _SPOT_SLACK:
         yield f"{path} looks different at one place: colours are off by {spot:.1f} of 255"
 
@@ -189,15 +189,15 @@ def grey_problems(machine: Machine, path: str, picture: Image.Image) -> Iterator
         path: The file.
         picture: The picture in colours.
     """
-    found = opened(machine, path)
-    wanted = picture.convert("L")
-    if found is not None and found.size == picture.size:
-        if colorfulness(found) > 0:
+    actual = read_picture(machine, path)
+    expected = picture.convert("L")
+    if actual is not None and actual.size == picture.size:
+        if colorfulness(actual) > 0:
             yield f"{path} has colours"
         colours = np.asarray(picture)
-        shades = np.asarray(found.convert("L"))
-        wanted = Image.fromarray(np.clip(shades, colours.min(axis=2), colours.max(axis=2)))
-    yield from picture_problems(machine, path, wanted)
+        shades = np.asarray(actual.convert("L"))
+        expected = Image.fromarray(np.clip(shades, colours.min(axis=2), colours.max(axis=2)))
+    yield from picture_problems(machine, path, expected)
 
 
 def gimp_command(hand: Hand, words: str) -> None:
@@ -217,18 +217,18 @@ def gimp_command(hand: Hand, words: str) -> None:
 def leave_dialogs(hand: Hand) -> None:
     """Close dialogs of GIMP that an earlier try left open."""
     for _ in range(3):
-        shown = [node for node in hand.look() if node.role in ("dialog", "alert") and node.box]
-        own = [node for node in shown if GIMP in node.app or EXPORT in node.app]
-        if not own:
+        dialogs = [node for node in hand.look() if node.role in ("dialog", "alert") and node.box]
+        own_dialogs = [node for node in dialogs if GIMP in node.app or EXPORT in node.app]
+        if not own_dialogs:
             return
-        hand.activate(own[-1])
+        hand.activate(own_dialogs[-1])
         hand.press("escape")
 
 
 def undo_all(hand: Hand) -> None:
     """Take back what an earlier try, or an accident, changed in the open picture."""
     leave_dialogs(hand)
-    for _ in range(_CHANGES):
+    for _ in range(_MAX_UNDOS):
         if hand.see("frame", _CHANGED, GIMP) is None:
             return
         hand.press("ctrl", "z")
@@ -248,8 +248,8 @@ def gimp_export(hand: Hand, path: str, quality: int | None = None) -> None:
     hand.find("text", app=GIMP, state="focused")
     hand.replace(hand.path(path))
     hand.press("enter")
-    asked = hand.find(("dialog", "alert"), _ASKED)
-    if asked.role == "alert":
+    dialog = hand.find(("dialog", "alert"), _ASKED)
+    if dialog.role == "alert":
         hand.button("Replace", GIMP)
         hand.find("dialog", _OPTIONS)
     if quality is not None:
@@ -289,8 +289,8 @@ def _canvas_fields(hand: Hand) -> tuple[list[TreeNode], TreeNode]:
 def _canvas_parts(hand: Hand) -> tuple[list[TreeNode], TreeNode] | None:
     """Return the fields and the chain as they are now; `None` if some do not show."""
     dialog = hand.find("dialog", "Set Image Canvas Size", GIMP)
-    seen = hand.look()
-    parts = seen[seen.index(dialog) :] if dialog in seen else []
+    nodes = hand.look()
+    parts = nodes[nodes.index(dialog) :] if dialog in nodes else []
     fields = [node for node in parts if node.role == "spin-button" and node.box]
     if len(fields) < _CANVAS_FIELDS:
         return None

@@ -12,7 +12,7 @@ from ..base import Task
 from ..hand import Hand
 from ..machine import Machine
 from . import browser
-from .assignment import fewest_problems
+from .assignment import best_assignment_problems
 from .word_lists import FIRST_NAMES, even
 
 INBOX = "http://mail.test/"
@@ -66,25 +66,25 @@ class Letter:
         if (self.text is None) == (self.answer is None):
             raise ParameterError("a Letter has either the text or the answer that should be in it")
 
-    def problems(self, found: Mapping[str, Any]) -> Iterator[str]:
+    def problems(self, mail: Mapping[str, Any]) -> Iterator[str]:
         """Yield in what a mail, as the site stores it, differs."""
-        for key, wanted in (("to", self.to), ("cc", self.cc)):
-            if {a.lower() for a in found[key]} != {a.lower() for a in wanted}:
-                yield f"{key} is {', '.join(found[key]) or 'empty'}"
-        subject = found["subject"]
+        for key, addresses in (("to", self.to), ("cc", self.cc)):
+            if {a.lower() for a in mail[key]} != {a.lower() for a in addresses}:
+                yield f"{key} is {', '.join(mail[key]) or 'empty'}"
+        subject = mail["subject"]
         if self.subject is not None and even(subject) != even(self.subject):
             yield f"the subject is {subject!r}"
-        written = own_text(found["body"])
+        text = own_text(mail["body"])
         if self.answer is not None:
-            yield from self.answer.problems(written)
+            yield from self.answer.problems(text)
         elif self.passes_on is not None:
-            whole = even(_QUOTED.sub("", found["body"]))
-            passed = (self.passes_on["body"], site.forwarded(self.passes_on)["body"])
-            if whole not in {even(f"{self.text} {body}") for body in passed}:
-                yield f"the mail is not the text and the mail to pass on: {whole[:200]!r}"
-        elif even(written) != even(self.text or ""):
-            yield f"the text is {written[:200]!r}"
-        last = written.rpartition("\n")[2]
+            full_text = even(_QUOTED.sub("", mail["body"]))
+            bodies = (self.passes_on["body"], site.forwarded(self.passes_on)["body"])
+            if full_text not in {even(f"{self.text} {body}") for body in bodies}:
+                yield f"the mail is not the text and the mail to pass on: {full_text[:200]!r}"
+        elif even(text) != even(self.text or ""):
+            yield f"the text is {text[:200]!r}"
+        last = text.rpartition("\n")[2]
         if self.last is not None and even(last) != even(self.last):
             yield f"the last line is {last!r}"
 
@@ -119,29 +119,29 @@ class MailAnswer:
     value: str | float
     about: str
 
-    def problems(self, written: str) -> Iterator[str]:
+    def problems(self, body: str) -> Iterator[str]:
         """Yield why a text is not this answer alone."""
-        text = even(written)
-        rest, count = self._pattern().subn(" ", text)
+        text = even(body)
+        remainder, count = self._pattern().subn(" ", text)
         if not count:
             yield f"{self.value} is missing"
-        known = _POLITE | (frozenset(_words(even(self.about))) - _DENIALS)
-        others = [word for word in _words(rest) if word not in known]
-        if others:
-            yield f"beside the answer the mail says {' '.join(others)[:200]!r}"
-        elif not _PUNCTUATION.fullmatch(rest):
+        allowed_words = _POLITE | (frozenset(_words(even(self.about))) - _DENIALS)
+        other_words = [word for word in _words(remainder) if word not in allowed_words]
+        if other_words:
+            yield f"beside the answer the mail says {' '.join(other_words)[:200]!r}"
+        elif not _PUNCTUATION.fullmatch(remainder):
             yield f"the answer stands in {text[:200]!r}"
 
     def _pattern(self) -> re.Pattern[str]:
         if isinstance(self.value, str):
-            written = re.escape(even(self.value))
+            value_pattern = re.escape(even(self.value))
         else:
-            whole, _, cents = f"{self.value:,.2f}".partition(".")
-            whole = whole.replace(",", ",?")
+            dollars, _, cents = f"{self.value:,.2f}".partition(".")
+            dollars = dollars.replace(",", ",?")
             decimals = rf"[.,]{cents[0]}{cents[1] if cents[1] != '0' else '0?'}"
-            written = whole + (f"({decimals})?" if cents == "00" else decimals)
-        before = r"(?<!\w)(?<!\d[.,])" + (r"(?<!-)" if written[0].isdigit() else "")
-        return re.compile(rf"{before}{written}(?!\w)(?![.,]\d)")
+            value_pattern = dollars + (f"({decimals})?" if cents == "00" else decimals)
+        before = r"(?<!\w)(?<!\d[.,])" + (r"(?<!-)" if value_pattern[0].isdigit() else "")
+        return re.compile(rf"{before}{value_pattern}(?!\w)(?![.,]\d)")
 
 
 def _words(text: str) -> list[str]:
@@ -189,7 +189,7 @@ def message(
 def receive(machine: Machine, *messages: Mapping[str, Any]) -> None:
     """Put mails into the mailbox."""
     with machine.sites.update("mail") as state:
-        state.setdefault("received", []).extend(dict(found) for found in messages)
+        state.setdefault("received", []).extend(dict(mail) for mail in messages)
 
 
 def flag(machine: Machine, *idents: str, **flags: object) -> None:
@@ -211,8 +211,8 @@ def store(
     """Store a sent mail, or one of the `drafts`, as the site does."""
     with machine.sites.update("mail") as state:
         state["count"] = state.get("count", 0) + 1
-        written = {"to": list(to), "cc": list(cc), "subject": subject, "body": body}
-        state.setdefault(folder, []).append({"id": f"s{state['count']:02d}", **written})
+        message = {"to": list(to), "cc": list(cc), "subject": subject, "body": body}
+        state.setdefault(folder, []).append({"id": f"s{state['count']:02d}", **message})
 
 
 # The judgement
@@ -225,7 +225,7 @@ def problems(
     flags: Mapping[str, Flags] | None = None,
     finished: Sequence[str] = (),
 ) -> Iterator[str]:
-    """Yield in what the mailbox differs from the one before, but for what was asked.
+    """Yield how the mailbox differs from the expected one: as before, apart from the arguments.
 
     A mail that was unread may be read; the ids of drafts do not count, since saving one without a
     change gives it another.
@@ -238,47 +238,47 @@ def problems(
         finished: The ids of drafts that should be gone.
     """
     before = machine.before.sites["mail"]
-    now = machine.sites.read("mail")
-    yield from _moved(before, now, flags or {})
-    yield from _written("mail", before.get("sent", []), now.get("sent", []), sent)
-    kept = [draft for draft in before.get("drafts", []) if draft["id"] not in finished]
-    yield from _written("draft", kept, now.get("drafts", []), drafts)
+    after = machine.sites.read("mail")
+    yield from _flag_problems(before, after, flags or {})
+    yield from _letter_problems("mail", before.get("sent", []), after.get("sent", []), sent)
+    drafts_before = [draft for draft in before.get("drafts", []) if draft["id"] not in finished]
+    yield from _letter_problems("draft", drafts_before, after.get("drafts", []), drafts)
 
 
-def _moved(
-    before: Mapping[str, Any], now: Mapping[str, Any], wanted: Mapping[str, Flags]
+def _flag_problems(
+    before: Mapping[str, Any], after: Mapping[str, Any], expected: Mapping[str, Flags]
 ) -> Iterator[str]:
     """Yield received mails with flags that they should not have."""
-    was = {found["id"]: found for found in site.received(dict(before))}
-    for found in site.received(dict(now)):
-        old = was[found["id"]]
-        due = {"folder": old["folder"], "starred": old["starred"]}
+    was = {mail["id"]: mail for mail in site.received(dict(before))}
+    for mail in site.received(dict(after)):
+        old = was[mail["id"]]
+        flags = {"folder": old["folder"], "starred": old["starred"]}
         if old["read"]:
-            due["read"] = True
-        for key, value in {**due, **wanted.get(old["id"], {})}.items():
-            if found[key] != value:
-                yield f"{key} of {found['subject']!r} is {found[key]!r}"
+            flags["read"] = True
+        for key, value in {**flags, **expected.get(old["id"], {})}.items():
+            if mail[key] != value:
+                yield f"{key} of {mail['subject']!r} is {mail[key]!r}"
 
 
-def _written(
+def _letter_problems(
     kind: str,
     before: Sequence[Mapping[str, Any]],
-    now: Sequence[Mapping[str, Any]],
-    wanted: Sequence[Letter],
+    after: Sequence[Mapping[str, Any]],
+    expected: Sequence[Letter],
 ) -> Iterator[str]:
     """Yield what is wrong with the mails, or drafts, that were written."""
-    new = [{**found, "id": ""} for found in now]
+    new = [{**mail, "id": ""} for mail in after]
     for old in before:
-        same = {**old, "id": ""}
-        if same in new:
-            new.remove(same)
+        unchanged = {**old, "id": ""}
+        if unchanged in new:
+            new.remove(unchanged)
         else:
             yield f"a {kind} from before is gone or was changed"
-    if len(new) != len(wanted):
-        yield f"{len(new)} new {kind}s, not {len(wanted)}"
+    if len(new) != len(expected):
+        yield f"{len(new)} new {kind}s, not {len(expected)}"
         return
-    said = [[list(letter.problems(found)) for letter in wanted] for found in new]
-    yield from fewest_problems(said)
+    problem_table = [[list(letter.problems(mail)) for letter in expected] for mail in new]
+    yield from best_assignment_problems(problem_table)
 
 
 # On the screen
@@ -303,8 +303,8 @@ def compose(hand: Hand, *, to: str = "", cc: str = "", subject: str = "", text: 
     """
     hand.find("heading", "New message", app=browser.APP)
     hand.click_on(("combo-box", "entry"), "To", app=browser.APP)
-    given = (("To", to), ("Cc", cc), ("Subject", subject))
-    for label, content in given:
+    fields = (("To", to), ("Cc", cc), ("Subject", subject))
+    for label, content in fields:
         # From field to field by the keyboard: a list of contacts may cover what is below.
         hand.find(("combo-box", "entry"), label, app=browser.APP, state="focused")
         if content:
@@ -328,4 +328,4 @@ def save_draft(hand: Hand) -> None:
 
 def lists(hand: Hand, sender: str, subject: str) -> bool:
     """Return whether the list that is open has a mail, on the screen or further down."""
-    return browser.has(hand, "link", browser.starting(sender, subject))
+    return browser.shows_text(hand, "link", browser.starting(sender, subject))

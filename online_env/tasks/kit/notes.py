@@ -15,11 +15,11 @@ def take_note(hand: Hand, path: str, text: str) -> None:
     """Write a text file with the editor, or write it anew where the editor has it open."""
     _start(hand)
     is_file = re.compile(r"\*?[^*]*" + re.escape(PurePosixPath(path).name))
-    known = hand.see("frame", is_file, _EDITOR)
+    window = hand.see("frame", is_file, _EDITOR)
     hand.click_on("text", app=_EDITOR)
     hand.replace(text)
     hand.press("ctrl", "s")
-    if known is None:
+    if window is None:
         hand.choose_file(path, "Save", _EDITOR)
     hand.find("frame", re.compile(r"[^*]*" + re.escape(PurePosixPath(path).name)), _EDITOR)
 
@@ -44,7 +44,7 @@ def _start(hand: Hand) -> None:
     hand.find("text", app=_EDITOR)
 
 
-def unlike(
+def line_problems(
     machine: Machine,
     path: str,
     lines: Sequence[str],
@@ -65,22 +65,22 @@ def unlike(
     if text is None:
         yield f"there is no file {path}"
         return
-    even = _unquoted if verbatim else plain
+    even = _strip_quotes if verbatim else normalize_line
     if in_any_order:
         text = _MARK.sub("", text)
-    found = [even(line) for line in text.splitlines() if even(line)]
-    wanted = [even(line) for line in lines]
+    actual = [even(line) for line in text.splitlines() if even(line)]
+    expected = [even(line) for line in lines]
     if in_any_order:
-        found.sort()
-        wanted.sort()
-    if found != wanted:
+        actual.sort()
+        expected.sort()
+    if actual != expected:
         yield f"{path} holds {text[:300]!r}, not {list(lines)!r}"
 
 
-def plain(line: str) -> str:
+def normalize_line(line: str) -> str:
     """Return a line in lower case without a full stop at its end, and quotation marks around it."""
-    return _unquoted(line).removesuffix(".").casefold()
+    return _strip_quotes(line).removesuffix(".").casefold()
 
 
-def _unquoted(line: str) -> str:
+def _strip_quotes(line: str) -> str:
     return " ".join(line.split()).strip("\"'“”`")

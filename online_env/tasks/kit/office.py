@@ -19,8 +19,8 @@ from .word_lists import straight
 APP = "soffice"
 OWN_FORMAT = re.compile("Use (?!ODF)")
 _MODIFIED = "Save All"  # the menu item can be used while a document has unsaved changes
-_TRIES = 3  # so many times the timeout of a hand, for what LibreOffice has to load first
-_NOTICED = 3.0  # seconds, until the menu follows a change
+_TIMEOUTS_TO_LOAD = 3  # of the hand, for what LibreOffice has to load first
+_MENU_UPDATE_S = 3.0  # until the menu follows a change
 
 
 class Saved(Protocol):
@@ -35,7 +35,8 @@ class OfficeTask(Task):
     """A task on one document, which is open at the start.
 
     `draw` of a subclass returns `path`, the place of the document, among other things. A subclass
-    gives `made` and `judge`, and a class for each kind of document gives `load` and `content`.
+    defines `initial_document` and `judge`; a class for each kind of document defines `load` and
+    `content`.
 
     Attributes:
         library: The module that reads and writes such documents.
@@ -45,7 +46,7 @@ class OfficeTask(Task):
     library: ClassVar[str]
     added: ClassVar[tuple[str, ...]] = ()
 
-    def made(self) -> Any:
+    def initial_document(self) -> Any:
         """Return the document as it is at first, as an object of its library."""
         raise NotImplementedError
 
@@ -60,13 +61,13 @@ class OfficeTask(Task):
     @cached_property
     def before(self) -> Any:
         """The content of the document as it was made."""
-        return self.content(dump(self.made()))
+        return self.content(dump(self.initial_document()))
 
-    def judge(self, now: Any, before: Any) -> Iterator[str]:
+    def judge(self, after: Any, before: Any) -> Iterator[str]:
         """Yield what is wrong with the content of the document.
 
         Args:
-            now: What `content` returned of it.
+            after: What `content` returned of it.
             before: The same of the document as it was made.
         """
         raise NotImplementedError
@@ -74,7 +75,7 @@ class OfficeTask(Task):
     def prepare(self, machine: Machine) -> object:
         """Write the document."""
         extra.require(f"the task {self.name}", (self.library,))
-        machine.write(self.values.path, dump(self.made()))
+        machine.write(self.values.path, dump(self.initial_document()))
 
     def initial_app(self, machine: Machine) -> Sequence[str]:
         """Open the document in the first application."""
@@ -84,11 +85,11 @@ class OfficeTask(Task):
         """Yield other files that changed, and what `judge` yields."""
         new = [getattr(self.values, key) for key in self.added]
         yield from machine.unexpected_changes(self.values.path, *new)
-        now = self.read(machine, self.values.path)
-        if now is None:
+        after = self.read(machine, self.values.path)
+        if after is None:
             yield f"{self.values.path} is gone, or in another format than its name says"
             return
-        yield from self.judge(now, self.before)
+        yield from self.judge(after, self.before)
 
     def read(self, machine: Machine, path: str) -> Any:
         """Return the content of a document; `None` if there is none that can be read."""
@@ -104,7 +105,7 @@ class OfficeTask(Task):
         except (KeyError, ValueError, SyntaxError, zipfile.BadZipFile):  # lxml's is a SyntaxError
             return None
 
-    def edited(self, change: Callable[[Any], object]) -> Outcome:
+    def edit_document(self, change: Callable[[Any], object]) -> Outcome:
         """Return what changes the document behind the screen.
 
         Args:
@@ -126,7 +127,7 @@ def dump(document: Saved) -> bytes:
     return stream.getvalue()
 
 
-def plain(text: str) -> str:
+def straighten_quotes(text: str) -> str:
     """Return a text as it was typed: with straight quotation marks, and no space at line ends.
 
     LibreOffice makes quotation marks and apostrophes round when they are typed.
@@ -139,11 +140,11 @@ def save(hand: Hand) -> None:
     """Save the open document in the format of its name, and wait until that is done."""
     _await_change(hand)
     hand.press("ctrl", "s")
-    what = "question of the format, or saved document"
-    asked = patiently(lambda: hand.wait(what, _is_asked_or_saved))
-    if asked.role == "alert":
+    description = "question of the format, or saved document"
+    node = with_retries(lambda: hand.wait(description, _is_asked_or_saved))
+    if node.role == "alert":
         keep_format(hand)
-    patiently(lambda: hand.wait("saved document", _is_saved))
+    with_retries(lambda: hand.wait("saved document", _is_saved))
 
 
 def keep_format(hand: Hand) -> None:
@@ -164,23 +165,23 @@ def find_text(hand: Hand, text: str) -> None:
 def replace_all(hand: Hand, old: str, new: str) -> None:
     """Replace a text everywhere by the dialog for it."""
     hand.press("ctrl", "h")
-    patiently(lambda: hand.find("dialog", "Find and Replace", app=APP))
+    with_retries(lambda: hand.find("dialog", "Find and Replace", app=APP))
     hand.replace(old)
     hand.click_on("panel", "Replace With", app=APP)
     hand.replace(new)
     hand.button("Replace All", app=APP)
-    patiently(lambda: hand.wait("changed document", _is_changed))  # Impress says nothing
+    with_retries(lambda: hand.wait("changed document", _is_changed))  # Impress says nothing
     hand.button("Close", app=APP)
     hand.wait_until_gone("dialog", "Find and Replace", app=APP)
 
 
-def patiently(look: Callable[[], TreeNode]) -> TreeNode:
+def with_retries(look: Callable[[], TreeNode]) -> TreeNode:
     """Return what a look finds; LibreOffice may not answer for a minute when it loads a part.
 
     Raises:
-        DesktopTimeoutError: It found nothing in several times the timeout of its hand.
+        DesktopTimeoutError: Nothing was found in several times the timeout of the hand.
     """
-    for _ in range(_TRIES - 1):
+    for _ in range(_TIMEOUTS_TO_LOAD - 1):
         try:
             return look()
         except DesktopTimeoutError:
@@ -201,7 +202,7 @@ def open_document(hand: Hand, path: str, role: str, name: str) -> None:
         return
     hand.press("ctrl", "o")
     hand.choose_file(path, "Open", app=APP)
-    patiently(lambda: hand.find(role, name, app=APP))
+    with_retries(lambda: hand.find(role, name, app=APP))
 
 
 def menu(hand: Hand, *names: str) -> None:
@@ -219,7 +220,7 @@ def _is_in_bar(node: TreeNode, name: str) -> bool:
 
 def _await_change(hand: Hand) -> None:
     """Wait until the menu has noticed a change, or for some seconds."""
-    deadline = time.monotonic() + _NOTICED
+    deadline = time.monotonic() + _MENU_UPDATE_S
     while any(_is_saved(node) for node in hand.look()) and time.monotonic() < deadline:
         time.sleep(PAUSE)
 

@@ -12,7 +12,7 @@ LINKS = ("link", *BUTTONS)
 _MENU_EDGE = 8  # px above the first item of a menu of the settings
 _MENU_ITEM = 36  # px
 _DOUBLE_CLICKS = 3
-_OPENING = 5.0  # s that a folder may take to open
+_OPENING_S = 5.0  # that a folder may take to open
 
 
 def visit(hand: Hand, address: str, title: str) -> None:
@@ -21,10 +21,10 @@ def visit(hand: Hand, address: str, title: str) -> None:
     hand.press("ctrl", "l")
     # Without Delete, the address bar may complete what was typed to another address.
     hand.run(f"pyautogui.write({address!r}); pyautogui.press('delete'); pyautogui.press('enter')")
-    arrived(hand, title)
+    wait_for_page(hand, title)
 
 
-def arrived(hand: Hand, title: str) -> None:
+def wait_for_page(hand: Hand, title: str) -> None:
     """Wait for the page whose title begins so."""
     for role in ("frame", "document-web"):
         hand.find(role, re.compile(re.escape(title)), CHROME)
@@ -34,7 +34,7 @@ def follow(hand: Hand, name: Name, title: str = "") -> None:
     """Click on a link or a button, and wait for the page whose title begins so."""
     hand.click_on(LINKS, name, CHROME, scroll=True)
     if title:
-        arrived(hand, title)
+        wait_for_page(hand, title)
 
 
 def enter(hand: Hand, name: Name, text: str, role: Roles = "entry") -> None:
@@ -77,11 +77,14 @@ def open_folder(hand: Hand, folder: str) -> None:
     """Open a folder of the bookmarks bar in Chromium's bookmark manager, which shows.
 
     On a busy desktop the page may take a double click for two clicks, which only select the folder.
+
+    Raises:
+        DesktopTimeoutError: The folder does not open.
     """
     hand.click_on("tree-item", "Bookmarks bar")
     for _ in range(_DOUBLE_CLICKS):
         hand.double_click(hand.find("static", folder, CHROME))
-        deadline = time.monotonic() + _OPENING
+        deadline = time.monotonic() + _OPENING_S
         while time.monotonic() < deadline:
             if hand.see(BUTTONS, f"More actions for {folder}", CHROME) is None:
                 return

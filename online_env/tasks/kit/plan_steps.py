@@ -1,4 +1,4 @@
-"""Parts of plans in words that several tasks have."""
+"""Steps of plans in words that several tasks share."""
 
 from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
@@ -17,7 +17,7 @@ SAVE_PPTX = ("press ctrl+s", 'click "Use PowerPoint 2007-365"', "wait")
 
 
 def visit(address: str, heading: str) -> list[str]:
-    """Tell how to open a page in the browser that shows, and what to see then."""
+    """Steps to open a page in the browser on the screen, and to wait for a text on it."""
     return [
         "press ctrl+l",
         f"type {quoted(address)}",
@@ -28,7 +28,7 @@ def visit(address: str, heading: str) -> list[str]:
 
 
 def run(*commands: str) -> list[str]:
-    """Tell which commands to give in the terminal that shows."""
+    """Steps to run commands in the visible terminal."""
     steps = ['window "Terminal"', 'wait for "user@desktop"']
     for command in commands:
         steps += [f"type {quoted(command)}", "press enter", "wait"]
@@ -36,12 +36,12 @@ def run(*commands: str) -> list[str]:
 
 
 def go(folder: str) -> list[str]:
-    """Tell how to show a folder, given relative to the home folder, in the file manager."""
+    """Steps to show a folder, given relative to the home folder, in the file manager."""
     return ["press ctrl+l", f"type {quoted(f'/home/user/{folder}')}", "press enter", "wait"]
 
 
 def make_folder(name: str) -> list[str]:
-    """Tell how to make a folder in the one that the file manager shows."""
+    """Steps to make a folder in the one that the file manager shows."""
     return [
         "press ctrl+shift+n",
         'wait for "Create New Folder"',
@@ -53,7 +53,7 @@ def make_folder(name: str) -> list[str]:
 
 
 def rename(old: str, new: str) -> list[str]:
-    """Tell how to give a file that the file manager shows another name."""
+    """Steps to give a file that the file manager shows another name."""
     return [
         f"click {quoted(old)}",
         "press f2",
@@ -66,13 +66,13 @@ def rename(old: str, new: str) -> list[str]:
 
 
 def choose(names: Sequence[str]) -> list[str]:
-    """Tell how to select files that the file manager shows."""
-    first, *others = names
-    return [f"click {quoted(first)}", *(f"ctrl-click {quoted(name)}" for name in others)]
+    """Steps to select files that the file manager shows."""
+    first, *other_names = names
+    return [f"click {quoted(first)}", *(f"ctrl-click {quoted(name)}" for name in other_names)]
 
 
 def move(names: Sequence[str], folder: str) -> list[str]:
-    """Tell how to move files to another folder, given relative to the home folder."""
+    """Steps to move files to another folder, given relative to the home folder."""
     return [
         *choose(names),
         "press ctrl+x",
@@ -83,7 +83,7 @@ def move(names: Sequence[str], folder: str) -> list[str]:
 
 
 def name_file(path: str) -> list[str]:
-    """Tell how to name a file, relative to the home folder, in the dialog that opens."""
+    """Steps to name a file, relative to the home folder, in the dialog that opens."""
     return [
         'wait for "Cancel"',
         "press ctrl+a",
@@ -93,7 +93,7 @@ def name_file(path: str) -> list[str]:
 
 
 def open_in_editor(path: str) -> list[str]:
-    """Tell how to open a file, given relative to the home folder, in the editor that shows."""
+    """Steps to open a file, given relative to the home folder, in the editor."""
     return [
         "press ctrl+o",
         'wait for "Cancel"',
@@ -104,12 +104,12 @@ def open_in_editor(path: str) -> list[str]:
 
 
 def save_as(path: str) -> list[str]:
-    """Tell how to save what has no file yet; the path is relative to the home folder."""
+    """Steps to save what has no file yet; the path is relative to the home folder."""
     return ["press ctrl+s", *name_file(path), f"wait for {quoted(path.rpartition('/')[2])}"]
 
 
 def take_note(path: str, text: str) -> list[str]:
-    """Tell how to write a text file with the editor; the path is relative to the home folder."""
+    """Steps to write a text file with the editor; the path is relative to the home folder."""
     return [
         "press alt+f2",
         "wait",
@@ -122,17 +122,17 @@ def take_note(path: str, text: str) -> list[str]:
 
 
 def go_to_cell(place: str) -> list[str]:
-    """Tell how to select a cell, or a range of them, in the sheet that shows."""
+    """Steps to select a cell, or a range of them, in the sheet on the screen."""
     return ["press ctrl+shift+t", f"type {quoted(place)}", "press enter"]
 
 
 def enter_in_cell(place: str, content: str) -> list[str]:
-    """Tell how to write into a cell of the sheet that shows."""
+    """Steps to write into a cell of the sheet on the screen."""
     return [*go_to_cell(place), f"type {quoted(content)}", "press enter"]
 
 
 def find_in_writer(text: str) -> list[str]:
-    """Tell how to select a text of the document that shows."""
+    """Steps to select a text of the document on the screen."""
     return [
         "press ctrl+f",
         "wait",
@@ -144,7 +144,7 @@ def find_in_writer(text: str) -> list[str]:
 
 
 def replace_in_office(old: str, new: str) -> list[str]:
-    """Tell how to replace a text everywhere in the document that shows."""
+    """Steps to replace a text everywhere in the document on the screen."""
     return [
         "press ctrl+h",
         'wait for "Replace All"',
@@ -161,18 +161,18 @@ def replace_in_office(old: str, new: str) -> list[str]:
     ]
 
 
-def open_in_office(path: str, shown: str) -> list[str]:
-    """Tell how to open another document, relative to the home folder, and what to see then."""
+def open_in_office(path: str, visible_text: str) -> list[str]:
+    """Steps to open another document, relative to the home folder, and to wait for a text on it."""
     return [
         "press ctrl+o",
         *name_file(path),
-        f"wait for {quoted(shown)}",
+        f"wait for {quoted(visible_text)}",
         "wait",  # keys that come at once go to the document before
     ]
 
 
 def command_of_gimp(words: str) -> list[str]:
-    """Tell how to find and run a command of GIMP."""
+    """Steps to find and run a command of GIMP."""
     return [
         'window "GIMP"',
         "press /",
@@ -185,7 +185,7 @@ def command_of_gimp(words: str) -> list[str]:
 
 
 def export_from_gimp(name: str) -> list[str]:
-    """Tell how to export the picture in GIMP as PNG, beside its file."""
+    """Steps to export the picture in GIMP as PNG, beside its file."""
     return [
         "press ctrl+shift+e",
         'wait for "Export Image"',
@@ -199,7 +199,7 @@ def export_from_gimp(name: str) -> list[str]:
 
 
 def search_mail(words: str) -> list[str]:
-    """Tell how to look for mails, in the mailbox that the browser shows."""
+    """Steps to look for mails, in the mailbox that the browser shows."""
     return [
         'click "Search mail"',
         f"type {quoted(words)}",
@@ -209,7 +209,7 @@ def search_mail(words: str) -> list[str]:
 
 
 def compose(*, to: str = "", cc: str = "", subject: str = "", text: str = "") -> list[str]:
-    """Tell how to fill the fields of the message that opens; without text they stay as they are."""
+    """Steps to fill the fields of the message that opens; without text they stay as they are."""
     steps = ['wait for "New message"', 'click "To"']
     for content in (to, cc, subject):
         if content:
@@ -219,7 +219,7 @@ def compose(*, to: str = "", cc: str = "", subject: str = "", text: str = "") ->
 
 
 def put_into_cart(product: SimpleNamespace, count: int) -> list[str]:
-    """Tell how to put a product of the shop into the cart."""
+    """Steps to put a product of the shop into the cart."""
     quantity = ['click "Quantity"', f"type {quoted(str(count))}"]
     return [
         *visit(f"http://shop.test/product/{product.id}", "Quantity"),
@@ -237,7 +237,7 @@ def check_out(
     payment: str = "invoice",
     message: str = "",
 ) -> list[str]:
-    """Tell how to order what is in the cart that shows; a message comes with a wrapped present."""
+    """Steps to order what is in the cart on the screen; a message comes with a wrapped present."""
     gift = [
         'scroll down to "Wrap it as a present"',
         'click "Wrap it as a present"',
@@ -261,7 +261,7 @@ def check_out(
 
 
 def find_registration(number: int, email: str) -> list[str]:
-    """Tell how to find a registration for a course."""
+    """Steps to find a registration for a course."""
     return [
         *visit(f"{registrations.SITE}/find", "Registration number"),
         'click "Registration number"',
@@ -274,7 +274,7 @@ def find_registration(number: int, email: str) -> list[str]:
 
 
 def register(entry: Mapping[str, Any]) -> list[str]:
-    """Tell how to fill in the registration form, which is open and empty, and to send it."""
+    """Steps to fill in the registration form, which is open and empty, and to send it."""
     year, month, day = entry["birth_date"].split("-")
     boxes = [registrations.content()["interests"][key] for key in entry["interests"]]
     notes = entry["notes"]

@@ -23,7 +23,7 @@ _RATE = 8000  # samples a second of a recording
 _LOUDNESS = 6000
 _PITCHES = tuple(round(220 * 2 ** (step / 12), 1) for step in range(0, 25, 2))  # whole tones
 _PITCH_SLACK = 0.03  # a quarter of a whole tone
-_PICTURES_A_SECOND = 5
+_FRAMES_PER_SECOND = 5
 _IS_KEY = 0x10  # a picture of an AVI file that can be shown without others
 _HAS_INDEX = 0x10
 
@@ -45,15 +45,15 @@ class Sound:
 
 def melody(stream: Stream, notes: int = 8) -> list[float]:
     """Return the pitches of a melody, in Hz; a note never follows itself."""
-    found: list[float] = []
-    while len(found) < notes:
+    pitches: list[float] = []
+    while len(pitches) < notes:
         pitch = stream.choice(_PITCHES)
-        if pitch not in found[-1:]:
-            found.append(pitch)
-    return found
+        if pitch not in pitches[-1:]:
+            pitches.append(pitch)
+    return pitches
 
 
-def played(pitches: Sequence[float], channels: int = 1, rate: int = _RATE) -> bytes:
+def wav_file(pitches: Sequence[float], channels: int = 1, rate: int = _RATE) -> bytes:
     """Return a WAV file of a melody, 16 bits a sample.
 
     Args:
@@ -84,24 +84,28 @@ def sound(machine: Machine, path: str) -> Sound | None:
             if file.getsampwidth() != 2 or not file.getframerate():
                 return None
             frames = file.readframes(file.getnframes())
-            whole = len(frames) - len(frames) % 2  # a file that was cut off may end within a sample
-            samples = np.frombuffer(frames[:whole], "<i2")[:: file.getnchannels()]
+            length = (
+                len(frames) - len(frames) % 2
+            )  # a file that was cut off may end within a sample
+            samples = np.frombuffer(frames[:length], "<i2")[:: file.getnchannels()]
             return Sound(file.getnchannels(), file.getframerate(), samples)
     except (wave.Error, EOFError, RuntimeError):  # the last for chunks with impossible lengths
         return None
 
 
-def melody_problems(heard: Sound, pitches: Sequence[float]) -> Iterator[str]:
+def melody_problems(recording: Sound, pitches: Sequence[float]) -> Iterator[str]:
     """Yield how a sound differs from a melody that `played` made."""
-    length = len(heard.samples) / heard.rate
+    length = len(recording.samples) / recording.rate
     if abs(length - NOTE * len(pitches)) > NOTE / 4:
         yield f"it is {length:.1f} s long, not {NOTE * len(pitches):g} s"
         return
     for place, pitch in enumerate(pitches):
-        start = int((place + 0.25) * NOTE * heard.rate)
-        found = _pitch(heard.samples[start : start + int(NOTE / 2 * heard.rate)], heard.rate)
-        if abs(found / pitch - 1) > _PITCH_SLACK:
-            yield f"note {place + 1} has {found:.0f} Hz, not {pitch:g} Hz"
+        start = int((place + 0.25) * NOTE * recording.rate)
+        heard_pitch = _pitch(
+            recording.samples[start : start + int(NOTE / 2 * recording.rate)], recording.rate
+        )
+        if abs(heard_pitch / pitch - 1) > _PITCH_SLACK:
+            yield f"note {place + 1} has {heard_pitch:.0f} Hz, not {pitch:g} Hz"
             return
 
 
@@ -122,8 +126,8 @@ def scene(stream: Stream, title: str) -> Image.Image:
 
 def film(scenes: Sequence[Image.Image]) -> bytes:
     """Return an AVI file (motion JPEG, silent) that shows each picture for `SCENE` seconds."""
-    shown = [gimp.encoded(picture, "JPEG", 90) for picture in scenes]
-    frames = [data for data in shown for _ in range(SCENE * _PICTURES_A_SECOND)]
+    jpegs = [gimp.encode(picture, "JPEG", 90) for picture in scenes]
+    frames = [data for data in jpegs for _ in range(SCENE * _FRAMES_PER_SECOND)]
     chunks, index, place = [], [], 4
     for data in frames:
         chunk = _chunk(b"00dc", data)
@@ -147,13 +151,13 @@ def _headers(frames: int, largest: int) -> bytes:
     The fields are those of AVIMAINHEADER, AVISTREAMHEADER and BITMAPINFOHEADER, in their order.
     """
     width, height = FILM_SIZE
-    a_second = largest * _PICTURES_A_SECOND
-    main = (1_000_000 // _PICTURES_A_SECOND, a_second, 0, _HAS_INDEX, frames, 0, 1, largest)
-    stream = (0, 0, 0, 1, _PICTURES_A_SECOND, 0, frames, largest, 0, 0)
+    a_second = largest * _FRAMES_PER_SECOND
+    main = (1_000_000 // _FRAMES_PER_SECOND, a_second, 0, _HAS_INDEX, frames, 0, 1, largest)
+    stream = (0, 0, 0, 1, _FRAMES_PER_SECOND, 0, frames, largest, 0, 0)
     format_ = struct.pack(
         "<3i2H4s5I", 40, width, height, 1, 24, b"MJPG", width * height * 3, *[0] * 4
     )
     header = struct.pack("<4s4s10I4H", b"vids", b"MJPG", *stream, 0, 0, width, height)
     streams = b"strl" + _chunk(b"strh", header) + _chunk(b"strf", format_)
-    whole = _chunk(b"avih", struct.pack("<14I", *main, width, height, *[0] * 4))
-    return _chunk(b"LIST", b"hdrl" + whole + _chunk(b"LIST", streams))
+    main_header = _chunk(b"avih", struct.pack("<14I", *main, width, height, *[0] * 4))
+    return _chunk(b"LIST", b"hdrl" + main_header + _chunk(b"LIST", streams))

@@ -1,4 +1,4 @@
-"""People who register for a course at forms.test: drawn, told, entered, stored and judged."""
+"""Registrations for a course at forms.test: drawing people, filling in the form, judging."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import date, timedelta
@@ -33,12 +33,12 @@ def people(stream: Stream, count: int) -> list[Registration]:
 
 def _person(stream: Stream, first: str, last: str) -> Registration:
     choices = content()
-    born = date(1950, 1, 1) + timedelta(days=stream.integer(0, 20_000))
+    birth_date = date(1950, 1, 1) + timedelta(days=stream.integer(0, 20_000))
     account = "".join(c for c in f"{first[0]}{last}".lower() if c.isascii() and c.isalpha())
     return {
         "name": f"{first} {last}",
         "email": f"{account}{stream.integer(10, 99)}@mail.test",
-        "birth_date": born.isoformat(),
+        "birth_date": birth_date.isoformat(),
         "country": stream.choice(choices["countries"]),
         "course": stream.choice(list(choices["courses"])),
         "level": stream.choice(list(choices["levels"])),
@@ -59,8 +59,8 @@ def level(key: str) -> str:
 
 def day(iso: str) -> str:
     """Return a date as people write it: `4 March 2026`."""
-    then = date.fromisoformat(iso)
-    return f"{then.day} {then:%B %Y}"
+    date_value = date.fromisoformat(iso)
+    return f"{date_value.day} {date_value:%B %Y}"
 
 
 def boxes(entry: Mapping[str, Any]) -> str:
@@ -77,38 +77,38 @@ def store(machine: Machine, *entries: Mapping[str, Any]) -> None:
         ]
 
 
-def stored(machine: Machine) -> list[Registration]:
+def read_registrations(machine: Machine) -> list[Registration]:
     """Return the registrations."""
     return machine.sites.read("forms").get("registrations", [])
 
 
-def differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the fields that are not as wanted; only those that `wanted` has count.
+def differences(actual: Mapping[str, Any], expected: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the fields that differ from the expected ones; only those of `expected` count.
 
     Letter case and spaces in what was typed do not.
     """
-    for key, value in wanted.items():
-        if even(str(found.get(key))) != even(str(value)):
-            yield f"{key} is {found.get(key)!r}, not {value!r}"
+    for key, value in expected.items():
+        if even(str(actual.get(key))) != even(str(value)):
+            yield f"{key} is {actual.get(key)!r}, not {value!r}"
 
 
-def cancelled(machine: Machine) -> list[int]:
+def cancelled_numbers(machine: Machine) -> list[int]:
     """Return the numbers of the registrations that were cancelled."""
-    return [entry["number"] for entry in stored(machine) if entry.get("cancelled")]
+    return [entry["number"] for entry in read_registrations(machine) if entry.get("cancelled")]
 
 
-def unlike(machine: Machine, *wanted: Mapping[str, Any]) -> Iterator[str]:
-    """Yield why the registrations that hold are not these, in whatever order.
+def registration_problems(machine: Machine, *entries: Mapping[str, Any]) -> Iterator[str]:
+    """Yield why the valid registrations are not these, in any order.
 
-    One that was cancelled does not hold. Feedback should not have been sent.
+    A cancelled one is not valid. Feedback should not have been sent.
     """
     if machine.sites.read("forms").get("feedback"):
         yield "feedback was sent"
-    found = [entry for entry in stored(machine) if not entry.get("cancelled")]
-    if len(found) != len(wanted):
-        yield f"{len(found)} registrations hold, not {len(wanted)}"
+    actual = [entry for entry in read_registrations(machine) if not entry.get("cancelled")]
+    if len(actual) != len(entries):
+        yield f"{len(actual)} registrations hold, not {len(entries)}"
         return
-    for entry, expected in zip(_by_name(found), _by_name(wanted), strict=True):
+    for entry, expected in zip(_by_name(actual), _by_name(entries), strict=True):
         yield from differences(entry, expected)
 
 

@@ -15,15 +15,15 @@ _DATE = time.gmtime(1_700_000_000)  # Pillow dates a PDF
 
 
 def sample_file(name: str, text: str = "") -> bytes:
-    """Return the content of a file whose kind its suffix tells: a picture, a PDF or text.
+    """Return the content of a sample file; its suffix decides the kind: a picture, a PDF or text.
 
     Args:
         name: The file's name.
         text: What it says; by default, its first name. A picture only gets a colour from it.
     """
-    said = text or f"This file was first called {name}."
+    line = text or f"This file was first called {name}."
     kind = _PICTURES.get(PurePosixPath(name).suffix.lower())
-    return f"{said}\n".encode() if kind is None else _picture(kind, said)
+    return f"{line}\n".encode() if kind is None else _picture(kind, line)
 
 
 def _picture(kind: str, text: str) -> bytes:
@@ -39,10 +39,10 @@ def _picture(kind: str, text: str) -> bytes:
     return buffer.getvalue()
 
 
-def rearranged(
+def arrangement_problems(
     machine: Machine, moved: Pairs = (), copied: Pairs = (), folders: Iterable[str] = ()
 ) -> Iterator[str]:
-    """Yield what is wrong if files should have been moved and copied, and nothing else done.
+    """Yield what is wrong, where files should have been moved and copied and nothing else changed.
 
     Modes of what was moved, copied or made do not matter.
 
@@ -54,22 +54,22 @@ def rearranged(
     """
     moves = list(moved)
     copies = list(copied)
-    wanted = list(folders)
+    new_folders = list(folders)
     sources = [old for old, _ in moves]
     targets = [new for _, new in (*moves, *copies)]
-    yield from machine.unexpected_changes(*sources, *targets, *wanted)
+    yield from machine.unexpected_changes(*sources, *targets, *new_folders)
     was = machine.before.files
-    now = machine.snapshot().files
+    after = machine.snapshot().files
     for old, new in (*moves, *copies):
-        if new not in now:
+        if new not in after:
             yield f"there is no {new}"
-        elif content(now[new]) != content(was.get(old, "")):
+        elif kind_and_digest(after[new]) != kind_and_digest(was.get(old, "")):
             yield f"{new} is not the file that was {old}"
     for old in sources:
-        if old in now and old not in targets:
+        if old in after and old not in targets:
             yield f"{old} is still there"
-    for name in wanted:
-        if not now.get(name, "").startswith("d"):
+    for name in new_folders:
+        if not after.get(name, "").startswith("d"):
             yield f"there is no folder {name}"
 
 
@@ -86,20 +86,20 @@ def move_files(machine: Machine, pairs: Pairs, command: str = "mv") -> None:
         machine.run(command, old, new)
 
 
-def below(machine: Machine, folder: str) -> list[str]:
-    """Return the paths of the files that were below a folder at first, relative to it."""
+def paths_below(machine: Machine, folder: str) -> list[str]:
+    """Return the paths, relative to a folder, of the files that were in it at the start."""
     start = f"{folder}/"
-    found: list[str] = []
+    paths: list[str] = []
     for path, look in machine.before.files.items():
         if path.startswith(start) and look.startswith("f"):
-            found.append(path.removeprefix(start))
-    return found
+            paths.append(path.removeprefix(start))
+    return paths
 
 
-def content(look: str) -> tuple[str, str]:
+def kind_and_digest(look: str) -> tuple[str, str]:
     """Return kind and digest of a file of a snapshot."""
-    kind, _, rest = look.partition(" ")
-    return kind, rest.partition(" ")[2]
+    kind, _, remainder = look.partition(" ")
+    return kind, remainder.partition(" ")[2]
 
 
 def mode(look: str) -> int:

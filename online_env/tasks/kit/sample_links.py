@@ -35,9 +35,9 @@ def bar(stream: Stream) -> list[tuple[str, list[tuple[str, str]]]]:
     """Return a bookmarks bar: three folders, each with pages, at least one of every site."""
     folders = sample(stream, FOLDERS, 3)
     one_each = [stream.choice([p for p in PAGES if f"//{host}/" in p[1]]) for host in HOSTS]
-    others = [page for page in PAGES if page not in one_each]
-    chosen = [*one_each, *sample(stream, others, 3 * PER_FOLDER - len(one_each))]
-    mixed = sample(stream, chosen, len(chosen))
+    other_pages = [page for page in PAGES if page not in one_each]
+    pages = [*one_each, *sample(stream, other_pages, 3 * PER_FOLDER - len(one_each))]
+    mixed = sample(stream, pages, len(pages))
     return [(name, mixed[n * PER_FOLDER : (n + 1) * PER_FOLDER]) for n, name in enumerate(folders)]
 
 

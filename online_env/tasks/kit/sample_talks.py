@@ -4,7 +4,7 @@ from typing import Any
 
 from hijack_data.rng import Stream
 
-from .word_lists import CITIES, GOODS, sample, shuffled
+from .word_lists import CITIES, GOODS, sample, shuffle
 
 PARTS = {
     "Why {city}": "Friendly people\nA river and two hills\nGood bread",
@@ -31,10 +31,10 @@ def talk(stream: Stream) -> dict[str, Any]:
         "count": stream.integer(3, 9),
         "thing": stream.choice(GOODS),
     }
-    parts = shuffled(stream, list(PARTS))
+    parts = shuffle(stream, list(PARTS))
     spare = parts.pop().format(**words)
-    kept = sample(stream, parts, stream.integer(4, 5))
-    slides = [(title.format(**words), PARTS[title].format(**words)) for title in kept]
+    chosen_parts = sample(stream, parts, stream.integer(4, 5))
+    slides = [(title.format(**words), PARTS[title].format(**words)) for title in chosen_parts]
     file = f"{city.lower()}-{stream.integer(2019, 2025)}.pptx"
     return {
         "file": file,

@@ -31,16 +31,16 @@ def served_page(machine: Machine, host: str, path: str) -> bytes:
         "query_string": b"",
         "headers": [(b"host", host.encode())],
     }
-    sent: list[dict[str, Any]] = []
+    pages: list[dict[str, Any]] = []
 
     async def receive() -> dict[str, Any]:
         return {"type": "http.request", "body": b"", "more_body": False}
 
     async def send(message: dict[str, Any]) -> None:
-        sent.append(message)
+        pages.append(message)
 
     asyncio.run(site.make(machine.sites)(scope, receive, send))
-    return b"".join(message.get("body", b"") for message in sent)
+    return b"".join(message.get("body", b"") for message in pages)
 
 
 def seen_text(page: str, element: str) -> str:

@@ -91,11 +91,11 @@ class SheetTask(OfficeTask):
             cells: The entries by address.
         """
 
-        def change(found: Any) -> None:
+        def change(workbook: Any) -> None:
             for address, entry in cells.items():
-                found.worksheets[0][address] = entry
+                workbook.worksheets[0][address] = entry
 
-        return self.edited(change)
+        return self.edit_document(change)
 
 
 def book(sheets: Mapping[str, Sequence[Sequence[CellValue]]]) -> Any:
@@ -108,10 +108,10 @@ def book(sheets: Mapping[str, Sequence[Sequence[CellValue]]]) -> Any:
     from openpyxl.styles import Font
     from openpyxl.utils import get_column_letter
 
-    made = openpyxl.Workbook()
-    made.remove(made.worksheets[0])
+    workbook = openpyxl.Workbook()
+    workbook.remove(workbook.worksheets[0])
     for name, rows in sheets.items():
-        sheet = made.create_sheet(name)
+        sheet = workbook.create_sheet(name)
         for row in rows:
             sheet.append(list(row))
         for cell in sheet[1]:
@@ -119,7 +119,7 @@ def book(sheets: Mapping[str, Sequence[Sequence[CellValue]]]) -> Any:
         for index, column in enumerate(zip_longest(*rows, fillvalue=""), 1):
             width = max(len(str(value)) for value in column) + 3
             sheet.column_dimensions[get_column_letter(index)].width = max(width, 9)
-    return made
+    return workbook
 
 
 def read_book(data: bytes) -> BookContent:
@@ -158,40 +158,40 @@ def read_book(data: bytes) -> BookContent:
 
 
 def changes(
-    now: BookContent, before: BookContent, but: Collection[str] = (), *, frozen: bool = False
+    after: BookContent, before: BookContent, but: Collection[str] = (), *, frozen: bool = False
 ) -> Iterator[str]:
     """Yield the cells and sheets that differ, except for some.
 
     Args:
-        now: The workbook as it is.
+        after: The workbook as it is.
         before: The workbook as it was made.
         but: Addresses of cells of the first sheet of `before`, or `sheet!address`, that may differ,
             and names of sheets that may be there, at any place, or differ.
         frozen: Whether rows may be frozen.
     """
-    kept = tuple(name for name in now.sheets if name not in but)
-    wanted = tuple(name for name in before.sheets if name not in but)
-    if kept != wanted:
-        yield f"the sheets are {', '.join(now.sheets)}"
-    if kept[:1] != wanted[:1]:
+    sheet_names = tuple(name for name in after.sheets if name not in but)
+    expected_names = tuple(name for name in before.sheets if name not in but)
+    if sheet_names != expected_names:
+        yield f"the sheets are {', '.join(after.sheets)}"
+    if sheet_names[:1] != expected_names[:1]:
         return
-    for place in sorted({*now.cells, *before.cells}):
+    for place in sorted({*after.cells, *before.cells}):
         if not _is_excepted(place, before.sheets[0], but):
-            yield from _difference(place, now.cells.get(place), before.cells.get(place))
-    for name in (name for name in before.sheets if name in now.sheets and name not in but):
-        if now.hidden.get(name) != before.hidden[name]:
-            yield f"hidden in {name}: {now.hidden.get(name)}, not {before.hidden[name]}"
-        if now.merged.get(name) != before.merged[name]:
+            yield from _difference(place, after.cells.get(place), before.cells.get(place))
+    for name in (name for name in before.sheets if name in after.sheets and name not in but):
+        if after.hidden.get(name) != before.hidden[name]:
+            yield f"hidden in {name}: {after.hidden.get(name)}, not {before.hidden[name]}"
+        if after.merged.get(name) != before.merged[name]:
             yield f"cells of {name} were merged or taken apart"
-        if not frozen and now.frozen.get(name) != before.frozen[name]:
+        if not frozen and after.frozen.get(name) != before.frozen[name]:
             yield f"rows or columns of {name} are frozen"
 
 
-def is_number(found: CellValue, wanted: float) -> bool:
+def is_number(actual: CellValue, expected: float) -> bool:
     """Return whether a stored value is a number, and the one that is wanted."""
-    if isinstance(found, bool) or not isinstance(found, (int, float)):
+    if isinstance(actual, bool) or not isinstance(actual, (int, float)):
         return False
-    return abs(found - wanted) <= _EXACT * max(1.0, abs(wanted))
+    return abs(actual - expected) <= _EXACT * max(1.0, abs(expected))
 
 
 def uses(entry: CellValue, *addresses: str) -> bool:
@@ -226,7 +226,7 @@ def with_values(data: bytes, values: Mapping[str, float]) -> bytes:
         for name in source.namelist():
             part = source.read(name)
             if name == "xl/worksheets/sheet1.xml":
-                part = _stored(part, values)
+                part = _with_cached_values(part, values)
             target.writestr(name, part)
     return result.getvalue()
 
@@ -251,7 +251,7 @@ def show_sheet(hand: Hand, name: str) -> None:
     hand.find("table", f"Sheet {name}", app=APP)
 
 
-def shown(hand: Hand) -> dict[str, str]:
+def visible_cells(hand: Hand) -> dict[str, str]:
     """Wait for cells that hold something, and return their texts by address.
 
     Empty cells, and cells out of sight, are left out.
@@ -272,8 +272,8 @@ def read_cells(hand: Hand, addresses: Sequence[str]) -> list[str]:
     """
     for address in (addresses[-1], addresses[0]):
         hand.wait(f"cell {address}", lambda node, name=address: _is_filled(node, name))
-    found = shown(hand)
-    return [found.get(address, "") for address in addresses]
+    cells = visible_cells(hand)
+    return [cells.get(address, "") for address in addresses]
 
 
 def _is_filled(node: TreeNode, address: str) -> bool:
@@ -296,17 +296,17 @@ def _array_formulas(sheet: Any) -> dict[str, str]:
     """Return the formulas that were entered for several cells at once, by each of the cells."""
     from openpyxl.utils.cell import range_boundaries
 
-    found: dict[str, str] = {}
+    formulas: dict[str, str] = {}
     for address, area in sheet.array_formulae.items():
-        text = found[address] = sheet[address].value.text
+        text = formulas[address] = sheet[address].value.text
         if ":" not in area:
             continue
         bounds: Any = range_boundaries(area)
         left, top, right, bottom = bounds
         for (row, column), cell in sheet._cells.items():  # the area may be a whole column
             if top <= row <= bottom and left <= column <= right:
-                found[cell.coordinate] = text
-    return found
+                formulas[cell.coordinate] = text
+    return formulas
 
 
 def _marks(cell: Any) -> tuple[str, ...]:
@@ -353,19 +353,19 @@ def _is_excepted(place: tuple[str, str], first: str, but: Collection[str]) -> bo
 
 
 def _difference(
-    place: tuple[str, str], now: SheetCell | None, before: SheetCell | None
+    place: tuple[str, str], after: SheetCell | None, before: SheetCell | None
 ) -> Iterator[str]:
-    where = f"{place[1]} of {place[0]}"
-    found = None if now is None else now.entry
-    wanted = None if before is None else before.entry
-    if not _same(found, wanted):
-        yield f"{where} is {found!r}, not {wanted!r}"
+    location = f"{place[1]} of {place[0]}"
+    actual = None if after is None else after.entry
+    expected = None if before is None else before.entry
+    if not _same(actual, expected):
+        yield f"{location} is {actual!r}, not {expected!r}"
         return
-    if now is None or before is None:
+    if after is None or before is None:
         return
-    is_same_format = now.number_format == before.number_format or _is_text(found)
-    if not is_same_format or now.marks != before.marks:
-        yield f"{where} looks otherwise than before"
+    is_same_format = after.number_format == before.number_format or _is_text(actual)
+    if not is_same_format or after.marks != before.marks:
+        yield f"{location} looks otherwise than before"
 
 
 def _is_text(entry: CellValue) -> bool:
@@ -373,19 +373,19 @@ def _is_text(entry: CellValue) -> bool:
     return isinstance(entry, str) and not entry.startswith("=")
 
 
-def _same(found: CellValue, wanted: CellValue) -> bool:
-    if isinstance(wanted, (int, float)) and not isinstance(wanted, bool):
-        return is_number(found, wanted)
-    return found == wanted
+def _same(actual: CellValue, expected: CellValue) -> bool:
+    if isinstance(expected, (int, float)) and not isinstance(expected, bool):
+        return is_number(actual, expected)
+    return actual == expected
 
 
-def _stored(part: bytes, values: Mapping[str, float]) -> bytes:
+def _with_cached_values(part: bytes, values: Mapping[str, float]) -> bytes:
     """Return the XML of a sheet with values beside its formulas."""
     ElementTree.register_namespace("", _MAIN)
     root = ElementTree.fromstring(part)
     for cell in root.iter(f"{{{_MAIN}}}c"):
         value = values.get(cell.get("r", ""))
-        found = cell.find(f"{{{_MAIN}}}v")
-        if value is not None and found is not None:
-            found.text = repr(value)
+        value_element = cell.find(f"{{{_MAIN}}}v")
+        if value is not None and value_element is not None:
+            value_element.text = repr(value)
     return ElementTree.tostring(root)

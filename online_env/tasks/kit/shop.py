@@ -12,7 +12,7 @@ from ..base import Task
 from ..hand import BUTTONS, Hand
 from ..machine import Machine
 from . import browser
-from .assignment import fewest_problems
+from .assignment import best_assignment_problems
 from .word_lists import FIRST_NAMES, LAST_NAMES, even, sample
 
 HOME = "http://shop.test/"
@@ -98,8 +98,8 @@ def in_category(category: str) -> list[str]:
 
 def goods(stream: Stream, count: int, category: str = "") -> list[SimpleNamespace]:
     """Draw different products of a category, or of all, as `product` returns them."""
-    known = [p["id"] for p in site.products().values() if category in ("", p["category"])]
-    return [product(ident) for ident in sample(stream, known, count)]
+    identifiers = [p["id"] for p in site.products().values() if category in ("", p["category"])]
+    return [product(ident) for ident in sample(stream, identifiers, count)]
 
 
 def product(ident: str) -> SimpleNamespace:
@@ -107,9 +107,9 @@ def product(ident: str) -> SimpleNamespace:
     return SimpleNamespace(**site.products()[ident])
 
 
-def grams(known: SimpleNamespace) -> int:
+def grams(item: SimpleNamespace) -> int:
     """Return what a product weighs, 0 if its page does not say."""
-    number, _, unit = known.details.get("Weight", "0 g").partition(" ")
+    number, _, unit = item.details.get("Weight", "0 g").partition(" ")
     return round(float(number) * {"g": 1, "kg": 1000}[unit])
 
 
@@ -133,23 +133,23 @@ def order(
     message: str = "",
 ) -> None:
     """Store an order, as the site does, which empties the cart."""
-    bought = [
+    order_lines = [
         {"product": ident, "quantity": n, "cents": n * product(ident).cents}
         for ident, n in lines.items()
     ]
-    sum_cents = sum(line["cents"] for line in bought)
+    sum_cents = sum(line["cents"] for line in order_lines)
     with machine.sites.update("shop") as state:
         orders = state.setdefault("orders", [])
-        placed = {key: person[key] for key in ADDRESS} | {
+        new_order = {key: person[key] for key in ADDRESS} | {
             "delivery": delivery,
             "payment": payment,
             "message": message,
             "gift": gift,
-            "lines": bought,
+            "lines": order_lines,
             "total_cents": sum_cents + site.content()["delivery"][delivery]["cents"],
             "number": f"AP-{site.FIRST_ORDER + len(orders)}",
         }
-        orders.append(placed)
+        orders.append(new_order)
         state["cart"] = {}
 
 
@@ -161,7 +161,7 @@ def problems(
     cart: Mapping[str, int] | None = None,
     orders: Sequence[Mapping[str, Any]] = (),
 ) -> Iterator[str]:
-    """Yield in what the shop differs from before, but for what was asked.
+    """Yield how the shop differs from the expected one: as before, apart from the arguments.
 
     Args:
         machine: It knows the state from before.
@@ -170,32 +170,38 @@ def problems(
             each field that matters. An order without `gift` and `message` has none of either.
     """
     before = machine.before.sites["shop"]
-    now = machine.sites.read("shop")
-    due = before.get("cart", {}) if cart is None else cart
-    if now.get("cart", {}) != due:
-        yield f"the cart holds {now.get('cart', {})}"
+    after = machine.sites.read("shop")
+    expected_cart = before.get("cart", {}) if cart is None else cart
+    if after.get("cart", {}) != expected_cart:
+        yield f"the cart holds {after.get('cart', {})}"
     old = before.get("orders", [])
-    placed = now.get("orders", [])
-    if placed[: len(old)] != old:
+    orders_after = after.get("orders", [])
+    if orders_after[: len(old)] != old:
         yield "an order from before was changed"
-    new = placed[len(old) :]
+    new = orders_after[len(old) :]
     if len(new) != len(orders):
         yield f"{len(new)} new orders, not {len(orders)}"
         return
-    plain = {"gift": False, "message": ""}
-    said = [[list(_differences(found, {**plain, **due})) for due in orders] for found in new]
-    yield from fewest_problems(said)
+    defaults = {"gift": False, "message": ""}
+    problem_table = [
+        [
+            list(_differences(problems_found, {**defaults, **expected_cart}))
+            for expected_cart in orders
+        ]
+        for problems_found in new
+    ]
+    yield from best_assignment_problems(problem_table)
 
 
-def _differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> Iterator[str]:
-    """Yield in what an order differs."""
-    for key, value in wanted.items():
+def _differences(actual: Mapping[str, Any], expected: Mapping[str, Any]) -> Iterator[str]:
+    """Yield how an order differs from the expected one."""
+    for key, value in expected.items():
         if key == "lines":
-            bought = {line["product"]: line["quantity"] for line in found["lines"]}
-            if bought != value:
-                yield f"{bought} was ordered"
-        elif even(str(found[key])) != even(str(value)):
-            yield f"{key} of the order is {found[key]!r}"
+            quantities = {line["product"]: line["quantity"] for line in actual["lines"]}
+            if quantities != value:
+                yield f"{quantities} was ordered"
+        elif even(str(actual[key])) != even(str(value)):
+            yield f"{key} of the order is {actual[key]!r}"
 
 
 # On the screen
@@ -236,7 +242,7 @@ def change(hand: Hand, name: str, quantity: int) -> None:
 def remove(hand: Hand, name: str) -> None:
     """Take a product out of the cart that is open, if an earlier try has not."""
     button = f"Remove {name}"
-    if not browser.has(hand, BUTTONS, button):
+    if not browser.shows_text(hand, BUTTONS, button):
         return
     hand.click_on("push-button", button, app=browser.APP, scroll=True)
     hand.wait_until_gone("push-button", button, app=browser.APP)
@@ -267,7 +273,7 @@ def empty_cart(hand: Hand) -> None:
     if hand.see("link", "Cart 0", app=browser.APP) is not None:
         return
     browser.visit(hand, CART, "Your cart")
-    anything = re.compile("Remove ")
-    while browser.has(hand, BUTTONS, anything):
-        hand.click_on(BUTTONS, anything, app=browser.APP)
+    remove_button = re.compile("Remove ")
+    while browser.shows_text(hand, BUTTONS, remove_button):
+        hand.click_on(BUTTONS, remove_button, app=browser.APP)
         hand.find("heading", "Your cart", app=browser.APP)

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..hand import Hand
 from ..tree_nodes import TreeNode
-from .office import APP, OfficeTask, plain
+from .office import APP, OfficeTask, straighten_quotes
 
 PLACE_ICON = (89, 71)  # width and height in pixels of what LibreOffice 7.4 shows at an empty place
 
@@ -21,7 +21,7 @@ class SlideContent:
         texts: The other texts on it.
         notes: What the speaker reads.
         background: The colour of its own background, such as `FFFF00`; "" if it has none.
-        drawn: How many pictures, tables, lines and other shapes without a text were put on it.
+        shapes: The number of pictures, tables, lines and other shapes without a text on it.
         marks: Which of `bold`, `italic` and `underlined` parts of its texts were made.
         hidden: Whether it is left out when the slides are shown.
     """
@@ -30,7 +30,7 @@ class SlideContent:
     texts: tuple[str, ...] = ()
     notes: str = ""
     background: str = ""
-    drawn: int = 0
+    shapes: int = 0
     marks: tuple[str, ...] = ()
     hidden: bool = False
 
@@ -55,27 +55,27 @@ def presentation(slides: Sequence[tuple[str, str]]) -> Any:
     """Return a presentation of python-pptx; each slide has a title and a text."""
     import pptx
 
-    made = pptx.Presentation()
+    new_presentation = pptx.Presentation()
     for title, text in slides:
-        add_slide(made, title, text)
-    return made
+        add_slide(new_presentation, title, text)
+    return new_presentation
 
 
-def add_slide(made: Any, title: str, text: str = "") -> None:
+def add_slide(presentation_file: Any, title: str, text: str = "") -> None:
     """Add a slide at the end of a presentation of python-pptx."""
-    slide = made.slides.add_slide(made.slide_layouts[1])
+    slide = presentation_file.slides.add_slide(presentation_file.slide_layouts[1])
     slide.shapes.title.text = title
     slide.placeholders[1].text = text
 
 
-def order_slides(made: Any, order: Sequence[int]) -> None:
+def order_slides(presentation_file: Any, order: Sequence[int]) -> None:
     """Put the slides of a presentation of python-pptx in another order, or leave some out.
 
     Args:
-        made: The presentation.
+        presentation_file: The presentation.
         order: The present indices, from 0, in the new order.
     """
-    listed = made.slides._sldIdLst
+    listed = presentation_file.slides._sldIdLst
     entries = list(listed)
     for entry in entries:
         listed.remove(entry)
@@ -96,26 +96,26 @@ def read_slides(data: bytes) -> tuple[SlideContent, ...]:
 
 
 def slide_changes(
-    now: Sequence[SlideContent], wanted: Sequence[SlideContent], but: Collection[str] = ()
+    after: Sequence[SlideContent], expected: Sequence[SlideContent], but: Collection[str] = ()
 ) -> Iterator[str]:
     """Yield what differs between the slides as they are and as they should be.
 
     Args:
-        now: The slides as they are.
-        wanted: The slides as they should be.
+        after: The slides as they are.
+        expected: The slides as they should be.
         but: Attributes of `SlideContent` that may differ.
     """
-    titles = [slide.title for slide in now]
-    if "title" not in but and titles != [slide.title for slide in wanted]:
-        yield f"the slides are {titles!r}, not {[slide.title for slide in wanted]!r}"
+    titles = [slide.title for slide in after]
+    if "title" not in but and titles != [slide.title for slide in expected]:
+        yield f"the slides are {titles!r}, not {[slide.title for slide in expected]!r}"
         return
-    if len(now) != len(wanted):
-        yield f"there are {len(now)} slides, not {len(wanted)}"
+    if len(after) != len(expected):
+        yield f"there are {len(after)} slides, not {len(expected)}"
         return
-    for number, (found, right) in enumerate(zip(now, wanted, strict=True), 1):
-        for name in ("texts", "notes", "background", "drawn", "marks", "hidden"):
-            if name not in but and getattr(found, name) != getattr(right, name):
-                yield f"the {name} of slide {number} are {getattr(found, name)!r}"
+    for number, (slide_after, expected_slide) in enumerate(zip(after, expected, strict=True), 1):
+        for name in ("texts", "notes", "background", "shapes", "marks", "hidden"):
+            if name not in but and getattr(slide_after, name) != getattr(expected_slide, name):
+                yield f"the {name} of slide {number} are {getattr(slide_after, name)!r}"
 
 
 def show_slide(hand: Hand, number: int, title: str, *, of: int) -> None:
@@ -155,15 +155,15 @@ def _has_text(role: str, text: str) -> Any:
 
 def _slide(slide: Any) -> SlideContent:
     title = slide.shapes.title
-    others = [s for s in slide.shapes if title is None or s.shape_id != title.shape_id]
-    texts = [_text(shape) for shape in others]
+    other_shapes = [s for s in slide.shapes if title is None or s.shape_id != title.shape_id]
+    texts = [_text(shape) for shape in other_shapes]
     notes = slide.notes_slide.notes_text_frame if slide.has_notes_slide else None
     return SlideContent(
         title="" if title is None else _text(title),
         texts=tuple(text for text in texts if text),
-        notes="" if notes is None else plain(notes.text).strip(),
+        notes="" if notes is None else straighten_quotes(notes.text).strip(),
         background=_background(slide),
-        drawn=sum(_is_drawn(shape) for shape in others),
+        shapes=sum(_is_drawn(shape) for shape in other_shapes),
         marks=_marks(slide),
         hidden=slide._element.get("show") in ("0", "false"),
     )
@@ -185,7 +185,7 @@ def _is_drawn(shape: Any) -> bool:
 
 def _text(shape: Any) -> str:
     """Return the text of a shape; "" if it has none, as a picture."""
-    return plain(shape.text_frame.text).strip() if shape.has_text_frame else ""
+    return straighten_quotes(shape.text_frame.text).strip() if shape.has_text_frame else ""
 
 
 def _marks(slide: Any) -> tuple[str, ...]:

@@ -15,22 +15,22 @@ from ..tree_nodes import TreeNode
 _UNDOS = 30
 
 
-def text_problems(machine: Machine, path: str, wanted: str) -> Iterator[str]:
+def text_problems(machine: Machine, path: str, expected_text: str) -> Iterator[str]:
     """Yield how a text file differs from what it should hold.
 
     Line ends and the line feed at the end of the last line do not matter.
     """
-    found = machine.text(path)
-    if found is None:
+    actual = machine.text(path)
+    if actual is None:
         yield f"there is no file {path}"
         return
-    lines = found.removesuffix("\n").split("\n")
-    expected = wanted.removesuffix("\n").split("\n")
+    lines = actual.removesuffix("\n").split("\n")
+    expected = expected_text.removesuffix("\n").split("\n")
     if len(lines) != len(expected):
         yield f"{path} has {len(lines)} lines, not {len(expected)}"
-    for number, (line, right) in enumerate(zip(lines, expected, strict=False), start=1):
-        if line != right:
-            yield f"line {number} of {path} is {line[:80]!r}, not {right[:80]!r}"
+    for number, (line, expected_line) in enumerate(zip(lines, expected, strict=False), start=1):
+        if line != expected_line:
+            yield f"line {number} of {path} is {line[:80]!r}, not {expected_line[:80]!r}"
             return
 
 

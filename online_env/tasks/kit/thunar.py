@@ -10,7 +10,7 @@ from ..hand import PAUSE, Hand
 APP = "thunar"
 ROWS = ("table-cell", "list-item")
 TRIES = 3
-LISTING = 1.0  # seconds until a folder is surely listed
+LISTING_S = 1.0  # until a folder is surely listed
 
 
 def go(hand: Hand, folder: str) -> None:
@@ -37,12 +37,12 @@ def as_list(hand: Hand) -> None:
 
 def present(hand: Hand, *names: str) -> list[str]:
     """Return those of some names that the folder shows; if any lacks, look for a second."""
-    deadline = time.monotonic() + LISTING
+    deadline = time.monotonic() + LISTING_S
     while True:
-        shown = {node.name for node in hand.look() if node.box and node.role in ROWS}
-        found = [name for name in names if name in shown]
-        if len(found) == len(names) or time.monotonic() > deadline:
-            return found
+        visible_names = {node.name for node in hand.look() if node.box and node.role in ROWS}
+        present_names = [name for name in names if name in visible_names]
+        if len(present_names) == len(names) or time.monotonic() > deadline:
+            return present_names
         time.sleep(PAUSE)
 
 
@@ -71,18 +71,18 @@ def select(hand: Hand, *names: str) -> None:
 def reload(hand: Hand) -> None:
     """Load the folder again, so that the accessibility tree has the names that the rows have."""
     hand.press("ctrl", "r")
-    time.sleep(LISTING)
+    time.sleep(LISTING_S)
 
 
 def _are_selected(hand: Hand, names: Sequence[str]) -> bool:
-    """Return whether the status bar tells so, within a second."""
-    wanted = f'"{names[0]}" ' if len(names) == 1 else f"Selection: {len(names)} "
-    deadline = time.monotonic() + LISTING
+    """Return whether the status bar shows within a second that these files are selected."""
+    status = f'"{names[0]}" ' if len(names) == 1 else f"Selection: {len(names)} "
+    deadline = time.monotonic() + LISTING_S
     while time.monotonic() < deadline:
-        seen = hand.look()
-        bars = [node for node in seen if node.role == "statusbar" and node.box]
-        rows = {node.name for node in seen if node.role in ROWS and "selected" in node.states}
-        if rows.issuperset(names) and any(bar.name.startswith(wanted) for bar in bars):
+        nodes = hand.look()
+        bars = [node for node in nodes if node.role == "statusbar" and node.box]
+        rows = {node.name for node in nodes if node.role in ROWS and "selected" in node.states}
+        if rows.issuperset(names) and any(bar.name.startswith(status) for bar in bars):
             return True
         time.sleep(PAUSE)
     return False

@@ -9,27 +9,29 @@ _FILES = ".local/share/Trash/files"
 _INFO = ".local/share/Trash/info"
 
 
-def throw_away(machine: Machine, path: str, data: bytes, when: str = "2024-05-06T07:08:09") -> None:
+def move_to_trash(
+    machine: Machine, path: str, data: bytes, deletion_date: str = "2024-05-06T07:08:09"
+) -> None:
     """Put a file into the trash that was at a path, relative to the home folder."""
     name = PurePosixPath(path).name
-    info = f"[Trash Info]\nPath={quote(machine.path(path))}\nDeletionDate={when}\n"
+    info = f"[Trash Info]\nPath={quote(machine.path(path))}\nDeletionDate={deletion_date}\n"
     machine.write(f"{_INFO}/{name}.trashinfo", info)
     # What watches the trash reads it as soon as the file is there, and never again.
     machine.write(f"{_FILES}/{name}", data)
 
 
-def thrown_away(machine: Machine) -> dict[str, bytes]:
-    """Return what is in the trash: content by path, relative to the home folder, of old.
+def trashed_files(machine: Machine) -> dict[str, bytes]:
+    """Return the content of the trash by the former paths, relative to the home folder.
 
     A folder has no content, and is left out.
     """
-    found: dict[str, bytes] = {}
+    files: dict[str, bytes] = {}
     for name in machine.names(_INFO) or ():
         info = machine.text(f"{_INFO}/{name}") or ""
         data = machine.read(f"{_FILES}/{name.removesuffix('.trashinfo')}")
         if data is not None:
-            found[_place(info).removeprefix(f"{machine.home}/")] = data
-    return found
+            files[_place(info).removeprefix(f"{machine.home}/")] = data
+    return files
 
 
 def take_out(machine: Machine, path: str) -> None:
@@ -40,7 +42,7 @@ def take_out(machine: Machine, path: str) -> None:
 
 
 def _place(info: str) -> str:
-    """Return where a thing of the trash was, or "" if that is not told."""
+    """Return the former path of a file in the trash, or "" if it is not recorded."""
     for line in info.splitlines():
         key, _, value = line.partition("=")
         if key == "Path":

@@ -42,35 +42,35 @@ def _lines(values: Mapping[str, str]) -> str:
 
 def settings(machine: Machine) -> dict[str, str]:
     """Return the settings that differ from VLC's own."""
-    found: dict[str, str] = {}
+    values: dict[str, str] = {}
     for line in (machine.text(_RC) or "").splitlines():
         key, equals, value = line.partition("=")
         if equals and not line.startswith(("#", "[")):
-            found[key] = value
-    return found
+            values[key] = value
+    return values
 
 
 def store(machine: Machine, values: Mapping[str, str]) -> None:
-    """Write settings into VLC's file, as `wrong_results` and `right_result` results do."""
+    """Write settings into VLC's file, for the results of `wrong_results`."""
     lines = (machine.text(_RC) or "").splitlines()
-    kept = [line for line in lines if line.partition("=")[0] not in values]
-    machine.write(_RC, "\n".join(kept) + f"\n[core]\n{_lines(values)}")
+    lines_kept = [line for line in lines if line.partition("=")[0] not in values]
+    machine.write(_RC, "\n".join(lines_kept) + f"\n[core]\n{_lines(values)}")
 
 
-def setting_problems(machine: Machine, wanted: Mapping[str, str]) -> Iterator[str]:
+def setting_problems(machine: Machine, expected: Mapping[str, str]) -> Iterator[str]:
     """Yield settings that are not as they should be, and others that were changed.
 
     Args:
         machine: Where VLC is.
-        wanted: Settings that should have been made, by name.
+        expected: Settings that should have been made, by name.
     """
-    now = settings(machine)
+    after = settings(machine)
     before = {key: value for part in _FIRST.values() for key, value in part.items()}
-    for key, value in wanted.items():
-        if now.get(key, "").strip().rstrip("/") != value:
-            yield f"{key} is {now.get(key, 'as VLC has it')}, not {value}"
-    for key in sorted({*now, *before} - {*wanted}):
-        value = now.get(key, "")
+    for key, value in expected.items():
+        if after.get(key, "").strip().rstrip("/") != value:
+            yield f"{key} is {after.get(key, 'as VLC has it')}, not {value}"
+    for key in sorted({*after, *before} - {*expected}):
+        value = after.get(key, "")
         if value != before.get(key) and not _SAID_ANYWAY.fullmatch(f"{key}={value}"):
             yield f"{key} was changed to {value or 'what VLC has'}"
 
@@ -84,22 +84,22 @@ def playlist(machine: Machine, path: str) -> list[str] | None:
     if text is None:
         return None
     if text.lstrip().startswith("<"):
-        named = _of_xspf(text)
+        entries = _read_xspf(text)
     else:
-        named = [line.strip() for line in text.splitlines() if line.strip()[:1] not in ("", "#")]
+        entries = [line.strip() for line in text.splitlines() if line.strip()[:1] not in ("", "#")]
     folder = PurePosixPath(machine.path(path)).parent
-    return [_place(folder, name) for name in named]
+    return [_place(folder, name) for name in entries]
 
 
-def _of_xspf(text: str) -> list[str]:
+def _read_xspf(text: str) -> list[str]:
     try:
         root = ET.fromstring(text)
     except ET.ParseError:
         return []
-    return [_plain((node.text or "").strip()) for node in root.iter(f"{_XSPF}location")]
+    return [_local_path((node.text or "").strip()) for node in root.iter(f"{_XSPF}location")]
 
 
-def _plain(address: str) -> str:
+def _local_path(address: str) -> str:
     """Return a path in the place of the address of a file."""
     try:
         parts = urlsplit(address)
@@ -109,7 +109,7 @@ def _plain(address: str) -> str:
 
 
 def _place(folder: PurePosixPath, name: str) -> str:
-    name = _plain(name) if name.startswith("file:") else name
+    name = _local_path(name) if name.startswith("file:") else name
     return name if _ADDRESS.match(name) else normpath(folder / name)
 
 
@@ -159,8 +159,8 @@ def pause_at(hand: Hand, seconds: int) -> None:
     hand.press("ctrl", "t")
     hand.find("dialog", "Go to Time", VLC)
     hand.find("spin-box", app=VLC, state="focused")
-    minutes, rest = divmod(seconds, 60)
-    hand.type(f"00{minutes:02}{rest:02}\n")
+    minutes, remainder = divmod(seconds, 60)
+    hand.type(f"00{minutes:02}{remainder:02}\n")
     hand.wait_until_gone("dialog", "Go to Time", VLC)
     hand.press("e")  # the next picture, and no further
 
@@ -182,11 +182,12 @@ def preferences(hand: Hand, page: str) -> None:
 
 def choose(hand: Hand, label: Name, option: str) -> None:
     """Choose an option of the drop-down list that stands beside a label."""
-    wanted = hand.find("label", label, VLC)
-    hand.click(hand.wait(f"list beside {label}", lambda node: _is_beside(node, wanted)))
+    label_node = hand.find("label", label, VLC)
+    hand.click(hand.wait(f"list beside {label}", lambda node: _is_beside(node, label_node)))
     hand.type(f"{option}\n")
     hand.wait(
-        f"{option} beside {label}", lambda node: node.name == option and _is_beside(node, wanted)
+        f"{option} beside {label}",
+        lambda node: node.name == option and _is_beside(node, label_node),
     )
 
 

@@ -104,6 +104,6 @@ def sample(stream: Stream, options: Sequence[T], count: int) -> list[T]:
     return [left.pop(stream.integer(0, len(left) - 1)) for _ in range(count)]
 
 
-def shuffled(stream: Stream, items: Sequence[T]) -> list[T]:
+def shuffle(stream: Stream, items: Sequence[T]) -> list[T]:
     """Return all items in random order."""
     return sample(stream, items, len(items))

@@ -7,16 +7,16 @@ a new task, and nothing else has to be told.
 from pathlib import Path
 
 
-def listed() -> dict[str, str]:
+def class_references() -> dict[str, str]:
     """Return where the class of each task is, as `module:Class`, by the name of the task."""
     root = Path(__file__).parent
-    found: dict[str, str] = {}
+    references: dict[str, str] = {}
     for path in sorted(root.glob("*/*.py")):
         if path.stem.startswith("_"):
             continue
         module = f"{__name__}.{path.parent.name}.{path.stem}"
-        found[path.stem] = f"{module}:{class_name(path.stem)}"
-    return found
+        references[path.stem] = f"{module}:{class_name(path.stem)}"
+    return references
 
 
 def class_name(name: str) -> str:

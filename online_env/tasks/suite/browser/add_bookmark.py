@@ -24,8 +24,8 @@ class AddBookmark(Task):
 
     def draw(self, stream):
         entries = bar(stream)
-        used = {url for _, children in entries for _, url in children}
-        url = stream.choice([url for _, url in PAGES if url not in used])
+        urls = {url for _, children in entries for _, url in children}
+        url = stream.choice([url for _, url in PAGES if url not in urls])
         folder = entries[stream.integer(0, 2)][0]
         return {"entries": entries, "url": url, "folder": folder, "new": stream.choice(NAMES)}
 
@@ -34,9 +34,9 @@ class AddBookmark(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        yield from chromium.wrong_bookmarks(machine, self.added(self.values.folder))
+        yield from chromium.wrong_bookmarks(machine, self.bookmarks_after(self.values.folder))
 
-    def added(self, folder, name=""):
+    def bookmarks_after(self, folder, name=""):
         entry = (name or self.values.new, self.values.url)
         return [(n, [*v, entry] if n == folder else v) for n, v in self.values.entries]
 
@@ -66,16 +66,16 @@ class AddBookmark(Task):
         ]
 
     def wrong_results(self):
-        write, drawn = chromium.write_bookmarks, self.values
-        other = next(name for name, _ in drawn.entries if name != drawn.folder)
+        write, values = chromium.write_bookmarks, self.values
+        other_folder = next(name for name, _ in values.entries if name != values.folder)
         return {
-            "in another folder": lambda m: write(m, self.added(other)),
-            "in no folder": lambda m: write(m, [*drawn.entries, (drawn.new, drawn.url)]),
-            "another name": lambda m: write(m, self.added(drawn.folder, "Page")),
+            "in another folder": lambda m: write(m, self.bookmarks_after(other_folder)),
+            "in no folder": lambda m: write(m, [*values.entries, (values.new, values.url)]),
+            "another name": lambda m: write(m, self.bookmarks_after(values.folder, "Page")),
             "in a new folder as well": lambda m: write(
-                m, [*self.added(drawn.folder), ("New", [(drawn.new, drawn.url)])]
+                m, [*self.bookmarks_after(values.folder), ("New", [(values.new, values.url)])]
             ),
         }
 
     def right_result(self, machine):
-        chromium.write_bookmarks(machine, self.added(self.values.folder)[::-1])
+        chromium.write_bookmarks(machine, self.bookmarks_after(self.values.folder)[::-1])

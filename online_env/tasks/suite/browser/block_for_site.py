@@ -31,9 +31,9 @@ class BlockForSite(Task):
     )
 
     def draw(self, stream):
-        what, kind, title = stream.choice(KINDS)
-        host, other = sample(stream, HOSTS, 2)
-        return {"what": what, "kind": kind, "title": title, "host": host, "other": other}
+        permission, kind, title = stream.choice(KINDS)
+        host, other_host = sample(stream, HOSTS, 2)
+        return {"what": permission, "kind": kind, "title": title, "host": host, "other": other_host}
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
@@ -52,16 +52,16 @@ class BlockForSite(Task):
             yield f"{self.values.kind} is blocked for all sites"
 
     def oracle(self, hand):
-        drawn = self.values
-        page = f"chrome://settings/content/{drawn.kind}"
-        visit(hand, page, f"Settings - {drawn.title}")
+        values = self.values
+        page = f"chrome://settings/content/{values.kind}"
+        visit(hand, page, f"Settings - {values.title}")
         hand.find("push-button", "Add site to not-allowed list", scroll=True)
-        if hand.see("static", re.compile(rf"(http://)?{re.escape(drawn.host)}")):
+        if hand.see("static", re.compile(rf"(http://)?{re.escape(values.host)}")):
             return
         hand.button("Add site to not-allowed list")
-        enter(hand, "Site", drawn.host)
+        enter(hand, "Site", values.host)
         hand.button("Add")
-        hand.find("static", re.compile(rf"(http://)?{re.escape(drawn.host)}"))
+        hand.find("static", re.compile(rf"(http://)?{re.escape(values.host)}"))
 
     def plan(self):
         return [
@@ -77,12 +77,12 @@ class BlockForSite(Task):
         ]
 
     def wrong_results(self):
-        kind, host, other = self.values.kind, self.values.host, self.values.other
+        kind, host, other_host = self.values.kind, self.values.host, self.values.other
         general = f"profile.default_content_setting_values.{kind}"
         exception = f"profile.content_settings.exceptions.{kind}"
         neighbour = next(name for _, name, _ in KINDS if name != kind)
         return {
-            "another site": lambda m: chromium.block(m, kind, other),
+            "another site": lambda m: chromium.block(m, kind, other_host),
             "not this scheme": lambda m: chromium.block(m, kind, f"https://{host}:443"),
             "something else as well": lambda m: [
                 chromium.block(m, kind, host),
@@ -92,7 +92,7 @@ class BlockForSite(Task):
                 chromium.block(m, kind, host),
                 chromium.block(m, "cookies", host),
             ],
-            "one site more": lambda m: chromium.block(m, kind, host, other),
+            "one site more": lambda m: chromium.block(m, kind, host, other_host),
             "all sites": lambda m: chromium.change_setting(m, general, chromium.BLOCKED),
             "allowed": lambda m: chromium.change_setting(
                 m, exception, {f"{host},*": {"setting": 1}}

@@ -24,17 +24,17 @@ class ChooseSearchEngine(Task):
     )
 
     def draw(self, stream):
-        shown = bool(stream.integer(0, 1))
+        home_button = bool(stream.integer(0, 1))
         engine = stream.choice(ENGINES)
-        return {"engine": engine, "shown": shown, "what": "show" if shown else "hide"}
+        return {"engine": engine, "shown": home_button, "what": "show" if home_button else "hide"}
 
     def prepare(self, machine):
         chromium.change_setting(machine, "browser.show_home_button", not self.values.shown)
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        wanted = {KEY: self.values.engine, "browser.show_home_button": self.values.shown}
-        yield from chromium.wrong_settings(machine, wanted)
+        expected = {KEY: self.values.engine, "browser.show_home_button": self.values.shown}
+        yield from chromium.wrong_settings(machine, expected)
         if not chromium.setting(machine, BUILT_IN):
             yield "the default search engine is not one of Chromium's own"
 
@@ -50,20 +50,20 @@ class ChooseSearchEngine(Task):
             hand.click(button)
 
     def wrong_results(self):
-        def put(engine, shown, number=1):
+        def put(engine, home_button, number=1):
             def change(machine):
                 chromium.change_setting(machine, BUILT_IN, number)
                 chromium.change_setting(machine, KEY, engine)
-                chromium.change_setting(machine, "browser.show_home_button", shown)
+                chromium.change_setting(machine, "browser.show_home_button", home_button)
 
             return change
 
-        engine, shown = self.values.engine, self.values.shown
+        engine, home_button = self.values.engine, self.values.shown
         return {
-            "only the engine": put(engine, not shown),
-            "only the button": put("Lumen", shown),
-            "another engine": put("Mojeek", shown),
-            "another engine under that name": put(engine, shown, 0),
+            "only the engine": put(engine, not home_button),
+            "only the button": put("Lumen", home_button),
+            "another engine": put("Mojeek", home_button),
+            "another engine under that name": put(engine, home_button, 0),
         }
 
     def right_result(self, machine):

@@ -65,9 +65,9 @@ class DeleteBookmarks(Task):
     def wrong_results(self):
         write, entries, host = chromium.write_bookmarks, self.values.entries, self.values.host
         left = without(entries, host)
-        other = next(name for name in HOSTS if name != host)
+        other_host = next(name for name in HOSTS if name != host)
         return {
-            "another site": lambda m: write(m, without(entries, other)),
+            "another site": lambda m: write(m, without(entries, other_host)),
             "one is left": lambda m: write(m, [*left, self.going()[0]]),
             "with their folders": lambda m: write(m, left[1:]),
             "all": lambda m: write(m, []),

@@ -34,11 +34,11 @@ class EnlargeText(Task):
     def problems(self, machine):
         yield from machine.unexpected_changes()
         size = SIZES[self.values.size]
-        wanted = math.log(self.values.zoom / 100, ZOOM_BASE)
+        expected = math.log(self.values.zoom / 100, ZOOM_BASE)
         yield from chromium.wrong_settings(machine, {SIZE: size})
         zoom = (chromium.setting(machine, ZOOM) or {}).get("x", 0.0)
-        if abs(zoom - wanted) >= 0.01:
-            yield f"the level of the zoom is {zoom}, not {wanted:.3f}"
+        if abs(zoom - expected) >= 0.01:
+            yield f"the level of the zoom is {zoom}, not {expected:.3f}"
 
     def oracle(self, hand):
         visit(hand, "chrome://settings/appearance", "Settings - Appearance")

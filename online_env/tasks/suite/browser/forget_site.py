@@ -25,21 +25,21 @@ class ForgetSite(Task):
 
     def draw(self, stream):
         pages = [(url, title) for title, url in sample(stream, PAGES, 10)]
-        return {"pages": pages, "host": stream.choice(sorted(hosts_of(pages)))}
+        return {"pages": pages, "host": stream.choice(sorted(page_hosts(pages)))}
 
     def prepare(self, machine):
         chromium.write_history(machine, self.values.pages)
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        kept = {
-            url for url, _ in self.values.pages if self.values.host not in hosts_of([(url, "")])
+        urls_to_keep = {
+            url for url, _ in self.values.pages if self.values.host not in page_hosts([(url, "")])
         }
-        found = chromium.history(machine)
-        left = sorted(url for url in found if f"//{self.values.host}" in url)
-        if left:
-            yield f"the history still has {left}"
-        for url in sorted(kept - found):
+        urls = chromium.history(machine)
+        urls_left = sorted(url for url in urls if f"//{self.values.host}" in url)
+        if urls_left:
+            yield f"the history still has {urls_left}"
+        for url in sorted(urls_to_keep - urls):
             yield f"{url} is gone from the history"
 
     def oracle(self, hand):
@@ -77,11 +77,11 @@ class ForgetSite(Task):
 
     def wrong_results(self):
         write, pages, host = chromium.write_history, self.values.pages, self.values.host
-        kept = [page for page in pages if f"//{host}/" not in page[0]]
+        pages_kept = [page for page in pages if f"//{host}/" not in page[0]]
         return {
-            "one page is left": lambda m: write(m, [*kept, (f"http://{host}/left", "Left")]),
+            "one page is left": lambda m: write(m, [*pages_kept, (f"http://{host}/left", "Left")]),
             "all": lambda m: write(m, []),
-            "one page too many": lambda m: write(m, kept[1:]),
+            "one page too many": lambda m: write(m, pages_kept[1:]),
         }
 
     def right_result(self, machine):
@@ -90,6 +90,6 @@ class ForgetSite(Task):
         )
 
 
-def hosts_of(pages):
+def page_hosts(pages):
     """Return the sites of pages."""
     return {host for host in HOSTS if any(f"//{host}/" in url for url, _ in pages)}

@@ -34,9 +34,9 @@ class RenameBookmark(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        yield from chromium.wrong_bookmarks(machine, self.renamed())
+        yield from chromium.wrong_bookmarks(machine, self.bookmarks_after())
 
-    def renamed(self, new=""):
+    def bookmarks_after(self, new=""):
         """Return the bookmarks as they should be, or with another new name."""
         names = {self.values.url: new or self.values.new}
         return [
@@ -55,15 +55,15 @@ class RenameBookmark(Task):
         hand.find("push-button", f"More actions for {self.values.new}")
 
     def wrong_results(self):
-        drawn, write = self.values, chromium.write_bookmarks
-        added = [*drawn.entries, (drawn.new, drawn.url)]
-        as_folder = [(drawn.new if n == drawn.folder else n, v) for n, v in drawn.entries]
+        values, write = self.values, chromium.write_bookmarks
+        with_copy = [*values.entries, (values.new, values.url)]
+        as_folder = [(values.new if n == values.folder else n, v) for n, v in values.entries]
         return {
-            "added, not renamed": lambda m: write(m, added),
+            "added, not renamed": lambda m: write(m, with_copy),
             "the folder": lambda m: write(m, as_folder),
-            "another name": lambda m: write(m, self.renamed(new=drawn.new + "!")),
-            "all others removed": lambda m: write(m, self.renamed()[:1]),
+            "another name": lambda m: write(m, self.bookmarks_after(new=values.new + "!")),
+            "all others removed": lambda m: write(m, self.bookmarks_after()[:1]),
         }
 
     def right_result(self, machine):
-        chromium.write_bookmarks(machine, self.renamed()[::-1])
+        chromium.write_bookmarks(machine, self.bookmarks_after()[::-1])

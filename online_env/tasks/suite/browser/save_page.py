@@ -48,7 +48,7 @@ class SavePage(Task):
         if text is None:
             yield f"there is no file {path}"
             return
-        served = self.served(machine)
+        served = self.page_source(machine)
         for element in ("title", "article"):
             if seen_text(text, element) != seen_text(served, element):
                 yield f"the {element} in {path} is not that of {self.values.url}"
@@ -72,17 +72,19 @@ class SavePage(Task):
 
     def wrong_results(self):
         path, title = self.values.path, f"<title>{self.values.title} - Openfolio</title>"
-        other = next(slug for slug in articles("wiki") if slug not in self.values.place)
+        other_slug = next(slug for slug in articles("wiki") if slug not in self.values.place)
 
         def put(change):
-            return lambda m: m.write(path, change(self.served(m)))
+            return lambda m: m.write(path, change(self.page_source(m)))
 
         return {
-            "in another folder": lambda m: m.write(f"Music/{self.values.file}", self.served(m)),
+            "in another folder": lambda m: m.write(
+                f"Music/{self.values.file}", self.page_source(m)
+            ),
             "the text alone": put(lambda page: seen_text(page, "article")),
-            "another page": lambda m: m.write(path, self.served(m, f"/wiki/{other}")),
+            "another page": lambda m: m.write(path, self.page_source(m, f"/wiki/{other_slug}")),
             "the form to edit it": lambda m: m.write(
-                path, self.served(m, self.values.place.replace("wiki", "edit", 1))
+                path, self.page_source(m, self.values.place.replace("wiki", "edit", 1))
             ),
             "cut off at the end": put(lambda page: page.rstrip().removesuffix("</html>")),
             "half of it": put(lambda page: f"{page[: len(page) // 2]}</html>"),
@@ -90,10 +92,10 @@ class SavePage(Task):
         }
 
     def right_result(self, machine):
-        page = re.sub(r"\s+", "\n", self.served(machine)).replace('src="/', 'src="./x_files/')
+        page = re.sub(r"\s+", "\n", self.page_source(machine)).replace('src="/', 'src="./x_files/')
         machine.write(self.values.path, f"<!-- saved from {self.values.url} -->\n{page}\n")
         machine.write(f"{self.values.path.removesuffix('.html')}_files/base.css", "body {}")
 
-    def served(self, machine, place=""):
+    def page_source(self, machine, place=""):
         """Return a page of the wiki, by default the article's, as the site sends it."""
         return served_page(machine, "wiki.test", place or self.values.place).decode()

@@ -64,12 +64,12 @@ class SetStartupPages(Task):
 
             return change
 
-        wanted, given = self.values.urls, chromium.GIVEN_PAGES
+        pages, startup_mode = self.values.urls, chromium.GIVEN_PAGES
         return {
-            "added to the old one": put(given, "http://search.test/", *wanted),
-            "another page": put(given, "http://example.test/"),
-            "a new tab": put(5, *wanted),
-            "as the home page": lambda m: chromium.change_setting(m, "homepage", wanted[0]),
+            "added to the old one": put(startup_mode, "http://search.test/", *pages),
+            "another page": put(startup_mode, "http://example.test/"),
+            "a new tab": put(5, *pages),
+            "as the home page": lambda m: chromium.change_setting(m, "homepage", pages[0]),
         }
 
     def right_result(self, machine):

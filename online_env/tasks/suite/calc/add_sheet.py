@@ -35,17 +35,17 @@ class AddSheet(SheetTask):
         path = f"Documents/{file}"
         return {"file": file, "path": path, "rows": rows, "new": months[2], "text": text}
 
-    def made(self):
+    def initial_document(self):
         return book(self.values.rows)
 
-    def judge(self, now, before):
+    def judge(self, after, before):
         new, text = self.values.new, self.values.text
-        yield from changes(now, before, {new})
-        if now.sheets != (*before.sheets, new):
-            yield f"the sheets are {', '.join(now.sheets)}"
+        yield from changes(after, before, {new})
+        if after.sheets != (*before.sheets, new):
+            yield f"the sheets are {', '.join(after.sheets)}"
             return
-        if now.values(new) != {"A1": text}:
-            yield f"the sheet {new} holds {now.values(new)!r}"
+        if after.values(new) != {"A1": text}:
+            yield f"the sheet {new} holds {after.values(new)!r}"
 
     def oracle(self, hand):
         if hand.see("page-tab", self.values.new, app="soffice") is None:
@@ -87,9 +87,9 @@ class AddSheet(SheetTask):
     def with_sheet(self, name, cells, index):
         """Return what adds a sheet."""
 
-        def change(found):
-            sheet = found.create_sheet(name, index)
+        def change(workbook):
+            sheet = workbook.create_sheet(name, index)
             for address, value in cells.items():
                 sheet[address] = value
 
-        return self.edited(change)
+        return self.edit_document(change)

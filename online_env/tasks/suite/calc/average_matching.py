@@ -27,10 +27,10 @@ class AverageMatching(SheetTask):
         group = stream.choice(CLASSES)
         rows = []
         for number in range(stream.integer(16, 28)):
-            own = group if number in (0, 3, 9) else stream.choice(CLASSES)
+            row_group = group if number in (0, 3, 9) else stream.choice(CLASSES)
             first = stream.choice(FIRST_NAMES)
-            rows.append((first, stream.choice(LAST_NAMES), own, stream.integer(12, 100)))
-        points = [count for *_, found, count in rows if found == group]
+            rows.append((first, stream.choice(LAST_NAMES), row_group, stream.integer(12, 100)))
+        points = [count for *_, row_group, count in rows if row_group == group]
         return {
             "path": f"Documents/points-{stream.integer(2019, 2025)}.xlsx",
             "rows": rows,
@@ -40,16 +40,16 @@ class AverageMatching(SheetTask):
             "formula": f'=AVERAGEIF(C2:C{len(rows) + 1};"{group}";D2:D{len(rows) + 1})',
         }
 
-    def made(self):
+    def initial_document(self):
         return book({"Points": [("First name", "Last name", "Class", "Points"), *self.values.rows]})
 
-    def judge(self, now, before):
+    def judge(self, after, before):
         cell, average = self.values.cell, self.values.average
-        yield from changes(now, before, {cell})
-        found = now.value(cell)
-        is_near = isinstance(found, (int, float)) and abs(found - average) <= 0.0051
+        yield from changes(after, before, {cell})
+        actual = after.value(cell)
+        is_near = isinstance(actual, (int, float)) and abs(actual - average) <= 0.0051
         if not is_near:
-            yield f"{cell} is {found!r}, not {average:.2f}"
+            yield f"{cell} is {actual!r}, not {average:.2f}"
 
     def oracle(self, hand):
         enter(hand, self.values.cell, self.values.formula)

@@ -3,8 +3,8 @@
 import re
 
 from online_env.tasks.kit.office import dump, save
-from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to, read_book, shown
-from online_env.tasks.kit.word_lists import FIRST_NAMES, GOODS, LAST_NAMES, shuffled
+from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to, read_book, visible_cells
+from online_env.tasks.kit.word_lists import FIRST_NAMES, GOODS, LAST_NAMES, shuffle
 from online_env.tasks.plan_words import quoted
 
 HEADER = ("Order", "Customer", "Article", "State")
@@ -27,25 +27,25 @@ class DeleteRows(SheetTask):
 
     def draw(self, stream):
         state = stream.choice(STATES)
-        others = [name for name in STATES if name != state]
+        other_states = [name for name in STATES if name != state]
         states = [state] * stream.integer(2, 4)
-        states += [stream.choice(others) for _ in range(stream.integer(8, 12))]
+        states += [stream.choice(other_states) for _ in range(stream.integer(8, 12))]
         rows = [
-            (number, stream.choice(FIRST_NAMES) + " " + stream.choice(LAST_NAMES), *rest)
-            for number, rest in enumerate(
-                ((stream.choice(GOODS), state) for state in shuffled(stream, states)),
+            (number, stream.choice(FIRST_NAMES) + " " + stream.choice(LAST_NAMES), *cells)
+            for number, cells in enumerate(
+                ((stream.choice(GOODS), state) for state in shuffle(stream, states)),
                 stream.integer(100, 900),
             )
         ]
         file = f"orders-{stream.integer(1, 52)}.xlsx"
         return {"file": file, "path": f"Documents/{file}", "state": state, "rows": rows}
 
-    def made(self):
+    def initial_document(self):
         return book({"Orders": [HEADER, *self.values.rows]})
 
-    def judge(self, now, before):
+    def judge(self, after, before):
         left = [row for row in self.values.rows if row[3] != self.values.state]
-        yield from changes(now, read_book(dump(book({"Orders": [HEADER, *left]}))))
+        yield from changes(after, read_book(dump(book({"Orders": [HEADER, *left]}))))
 
     def oracle(self, hand):
         for number in reversed(matching(hand, self.values.state)):
@@ -68,11 +68,11 @@ class DeleteRows(SheetTask):
     def wrong_results(self):
         rows, state = self.values.rows, self.values.state
         numbers = [number for number, row in enumerate(rows, 2) if row[3] == state]
-        other = next(number for number, row in enumerate(rows, 2) if row[3] != state)
+        other_row = next(number for number, row in enumerate(rows, 2) if row[3] != state)
         return {
             "one is left": self.without(numbers[1:]),
-            "one too many": self.without(sorted([*numbers, other])),
-            "hidden": self.edited(lambda found: hide(found, numbers)),
+            "one too many": self.without(sorted([*numbers, other_row])),
+            "hidden": self.edit_document(lambda workbook: hide(workbook, numbers)),
             "emptied": self.put({f"{c}{n}": None for c in "ABCD" for n in numbers}),
         }
 
@@ -83,20 +83,20 @@ class DeleteRows(SheetTask):
     def without(self, numbers):
         """Return what deletes rows."""
 
-        def change(found):
+        def change(workbook):
             for number in reversed(numbers):
-                found.active.delete_rows(number)
+                workbook.active.delete_rows(number)
 
-        return self.edited(change)
+        return self.edit_document(change)
 
 
 def matching(hand, state):
     """Return the numbers of the rows in sight that have the state."""
-    cells = shown(hand)
+    cells = visible_cells(hand)
     return sorted(int(a[1:]) for a in cells if re.fullmatch(r"D\d+", a) and cells[a] == state)
 
 
-def hide(found, numbers):
+def hide(workbook, numbers):
     """Hide rows."""
     for number in numbers:
-        found.active.row_dimensions[number].hidden = True
+        workbook.active.row_dimensions[number].hidden = True

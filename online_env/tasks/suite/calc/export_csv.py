@@ -50,11 +50,11 @@ class ExportCsv(SheetTask):
             "rows": rows,
         }
 
-    def made(self):
+    def initial_document(self):
         return book({"Groups": [HEADER, *self.values.rows]})
 
-    def judge(self, now, before):
-        yield from changes(now, before)
+    def judge(self, after, before):
+        yield from changes(after, before)
 
     def problems(self, machine):
         yield from super().problems(machine)
@@ -62,9 +62,11 @@ class ExportCsv(SheetTask):
         if text is None:
             yield f"there is no file {self.values.csv}"
             return
-        found = list(csv.reader(text.splitlines()))  # which also reads what is no text
-        wanted = [list(map(str, row)) for row in (HEADER, *self.values.rows)]
-        if [plain(row) for row in found if row] != [plain(row) for row in wanted]:
+        actual = list(csv.reader(text.splitlines()))  # which also reads what is no text
+        expected = [list(map(str, row)) for row in (HEADER, *self.values.rows)]
+        if [normalize_row(row) for row in actual if row] != [
+            normalize_row(row) for row in expected
+        ]:
             yield f"{self.values.csv} begins with {text[:200]!r}"
 
     def oracle(self, hand):
@@ -105,16 +107,18 @@ class ExportCsv(SheetTask):
         self.right_result(machine)
         self.put({"A2": "Nobody"})(machine)
 
-    def lines(self, comma, less=0, quoted=False):
+    def lines(self, comma, rows_omitted=0, quoted=False):
         """Return the text of the file."""
         text = io.StringIO()
         rows = [HEADER, *self.values.rows]
         quoting = csv.QUOTE_ALL if quoted else csv.QUOTE_MINIMAL
-        csv.writer(text, delimiter=comma, quoting=quoting).writerows(rows[: len(rows) - less])
+        csv.writer(text, delimiter=comma, quoting=quoting).writerows(
+            rows[: len(rows) - rows_omitted]
+        )
         return text.getvalue()
 
 
-def plain(row):
+def normalize_row(row):
     """Return a row with its numbers in one form."""
     return [f"{float(text):g}" if NUMBER.fullmatch(text) else text for text in row]
 

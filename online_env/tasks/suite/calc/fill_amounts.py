@@ -39,7 +39,7 @@ class FillAmounts(SheetTask):
         path = f"Documents/{column.lower()}-{stream.integer(100, 999)}.xlsx"
         return {"path": path, "left": left, "right": right, "column": column, "rows": rows}
 
-    def made(self):
+    def initial_document(self):
         header = ("Article", self.values.left, self.values.right, self.values.column)
         return book({"Sheet1": [header, *self.values.rows]})
 
@@ -47,13 +47,13 @@ class FillAmounts(SheetTask):
         """Return the values by address."""
         return {f"D{n}": row[1] * row[2] for n, row in enumerate(self.values.rows, 2)}
 
-    def judge(self, now, before):
+    def judge(self, after, before):
         amounts = self.amounts()
-        yield from changes(now, before, set(amounts))
+        yield from changes(after, before, set(amounts))
         for address, amount in amounts.items():
-            if not is_number(now.value(address), amount):
-                yield f"{address} is {now.value(address)!r}, not {amount:.2f}"
-            if not uses(now.entry(address), f"B{address[1:]}", f"C{address[1:]}"):
+            if not is_number(after.value(address), amount):
+                yield f"{address} is {after.value(address)!r}, not {amount:.2f}"
+            if not uses(after.entry(address), f"B{address[1:]}", f"C{address[1:]}"):
                 yield f"{address} holds no formula with columns B and C of its row"
 
     def oracle(self, hand):
@@ -80,30 +80,30 @@ class FillAmounts(SheetTask):
         last = f"D{len(self.values.rows) + 1}"
         return {
             "numbers": self.put(amounts),
-            "the last row is missing": self.filled({last: None}),
-            "a sum below it": self.filled({f"D{len(self.values.rows) + 2}": 1}),
-            "typed numbers in formulas": self.filled(self.typed()),
-            "the first row's formula in all": self.filled(dict.fromkeys(amounts, "=B2*C2")),
+            "the last row is missing": self.with_formulas({last: None}),
+            "a sum below it": self.with_formulas({f"D{len(self.values.rows) + 2}": 1}),
+            "typed numbers in formulas": self.with_formulas(self.constant_formulas()),
+            "the first row's formula in all": self.with_formulas(dict.fromkeys(amounts, "=B2*C2")),
         }
 
     def right_result(self, machine):
-        self.filled({})(machine)
+        self.with_formulas({})(machine)
 
-    def typed(self):
+    def constant_formulas(self):
         """Return formulas that take no cells."""
         return {f"D{n}": f"={row[1]}*{row[2]}" for n, row in enumerate(self.values.rows, 2)}
 
-    def filled(self, but):
+    def with_formulas(self, but):
         """Return what enters the formulas with their values, except for some entries."""
         amounts = self.amounts()
         formulas = {f"D{n}": f"=C{n}*B{n}" for n in range(2, len(amounts) + 2)}
 
         def outcome(machine):
-            found = self.load(machine.read(self.values.path))
+            workbook = self.load(machine.read(self.values.path))
             for address, entry in {**formulas, **but}.items():
-                found.active[address] = entry
+                workbook.active[address] = entry
             first = amounts["D2"]
             values = {a: first if but.get(a) == "=B2*C2" else amounts[a] for a in amounts}
-            machine.write(self.values.path, with_values(dump(found), values))
+            machine.write(self.values.path, with_values(dump(workbook), values))
 
         return outcome

@@ -32,43 +32,43 @@ class FixFormula(SheetTask):
     def draw(self, stream):
         items = sample(stream, GOODS, stream.integer(7, 10))
         rows = [(i, stream.integer(3, 60), stream.integer(11, 4000) / 100) for i in items]
-        wrong = stream.integer(3, len(rows))
+        wrong_row = stream.integer(3, len(rows))
         formulas = {
-            "add": f"=B{wrong}+C{wrong}",
-            "row above": f"=B{wrong}*C{wrong - 1}",
-            "row below": f"=B{wrong + 1}*C{wrong}",
-            "squared": f"=B{wrong}*B{wrong}",
+            "add": f"=B{wrong_row}+C{wrong_row}",
+            "row above": f"=B{wrong_row}*C{wrong_row - 1}",
+            "row below": f"=B{wrong_row + 1}*C{wrong_row}",
+            "squared": f"=B{wrong_row}*B{wrong_row}",
         }
         file = f"order-{stream.integer(100, 999)}.xlsx"
         return {
             "file": file,
             "path": f"Documents/{file}",
             "rows": rows,
-            "wrong": wrong,
-            "cell": f"D{wrong}",
-            "item": items[wrong - 2],
+            "wrong": wrong_row,
+            "cell": f"D{wrong_row}",
+            "item": items[wrong_row - 2],
             "formula": formulas[stream.choice(list(formulas))],
         }
 
-    def made(self):
+    def initial_document(self):
         lines = [
             (item, pieces, price, f"=B{number}*C{number}")
             for number, (item, pieces, price) in enumerate(self.values.rows, 2)
         ]
-        made = book({"Order": [("Item", "Pieces", "Price", "Amount"), *lines]})
-        made.active[self.values.cell] = self.values.formula
-        return made
+        workbook = book({"Order": [("Item", "Pieces", "Price", "Amount"), *lines]})
+        workbook.active[self.values.cell] = self.values.formula
+        return workbook
 
-    def judge(self, now, before):
+    def judge(self, after, before):
         cell, number = self.values.cell, self.values.wrong
-        yield from changes(now, before, {cell})
-        if not uses(now.entry(cell), f"B{number}", f"C{number}"):
-            yield f"{cell} holds {now.entry(cell)!r}, and no formula with its pieces and price"
-        if now.entry(cell) == self.values.formula:
+        yield from changes(after, before, {cell})
+        if not uses(after.entry(cell), f"B{number}", f"C{number}"):
+            yield f"{cell} holds {after.entry(cell)!r}, and no formula with its pieces and price"
+        if after.entry(cell) == self.values.formula:
             yield f"{cell} still holds {self.values.formula}"
         _, pieces, price = self.values.rows[number - 2]
-        if not is_number(now.value(cell), pieces * price):
-            yield f"{cell} is {now.value(cell)!r}, not {pieces * price:.2f}"
+        if not is_number(after.value(cell), pieces * price):
+            yield f"{cell} is {after.value(cell)!r}, not {pieces * price:.2f}"
 
     def oracle(self, hand):
         number = self.values.wrong
@@ -86,18 +86,18 @@ class FixFormula(SheetTask):
     def wrong_results(self):
         number = self.values.wrong
         _, pieces, price = self.values.rows[number - 2]
-        other = f"D{number - 1}"
+        other_cell = f"D{number - 1}"
         return {
             "a number": self.put({self.values.cell: pieces * price}),
-            "another formula": self.put({other: f"=C{number - 1}*B{number - 1}"}),
-            "the price changed": self.fixed({f"C{number}": price + 1}),
-            "typed numbers in the formula": self.fixed({self.values.cell: f"={pieces}*{price}"}),
+            "another formula": self.put({other_cell: f"=C{number - 1}*B{number - 1}"}),
+            "the price changed": self.with_fix({f"C{number}": price + 1}),
+            "typed numbers in the formula": self.with_fix({self.values.cell: f"={pieces}*{price}"}),
         }
 
     def right_result(self, machine):
-        self.fixed({})(machine)
+        self.with_fix({})(machine)
 
-    def fixed(self, but):
+    def with_fix(self, but):
         """Return what puts the formula right with its value, except for some entries."""
         number = self.values.wrong
         _, pieces, price = self.values.rows[number - 2]

@@ -32,22 +32,24 @@ class FormatPercent(SheetTask):
         file = f"cities-{stream.integer(2010, 2025)}.xlsx"
         return {"file": file, "path": f"Documents/{file}", "column": column, "rows": rows}
 
-    def made(self):
+    def initial_document(self):
         return book({"Cities": [("City", "Voters", self.values.column), *self.values.rows]})
 
     def cells(self):
         """Return the addresses of the numbers."""
         return [f"C{number}" for number in range(2, len(self.values.rows) + 2)]
 
-    def judge(self, now, before):
+    def judge(self, after, before):
         cells = dict(before.cells)
         for address in self.cells():
             place = (before.sheets[0], address)
-            found = now.cells.get(place, before.cells[place]).number_format
-            cells[place] = replace(cells[place], number_format=found)
-            if "%" not in re.sub(r'"[^"]*"|\\.', "", found):  # a quoted sign is only a letter
-                yield f"{address} has the format {found}"
-        yield from changes(now, replace(before, cells=cells))
+            number_format = after.cells.get(place, before.cells[place]).number_format
+            cells[place] = replace(cells[place], number_format=number_format)
+            if "%" not in re.sub(
+                r'"[^"]*"|\\.', "", number_format
+            ):  # a quoted sign is only a letter
+                yield f"{address} has the format {number_format}"
+        yield from changes(after, replace(before, cells=cells))
 
     def oracle(self, hand):
         cells = self.cells()
@@ -71,19 +73,19 @@ class FormatPercent(SheetTask):
         return {
             "texts": self.put(texts),
             "a hundred times as much": self.put(hundredfold),
-            "a sign behind the old number": self.shown(cells, '0.00"%"'),
-            "one is missing": self.shown(cells[:-1]),
-            "the voters as well": self.shown([*cells, "B2"]),
+            "a sign behind the old number": self.with_format(cells, '0.00"%"'),
+            "one is missing": self.with_format(cells[:-1]),
+            "the voters as well": self.with_format([*cells, "B2"]),
         }
 
     def right_result(self, machine):
-        self.shown(["C1", *self.cells()], "0%")(machine)  # the whole column is as good
+        self.with_format(["C1", *self.cells()], "0%")(machine)  # the whole column is as good
 
-    def shown(self, addresses, look="0.0%"):
+    def with_format(self, addresses, look="0.0%"):
         """Return what gives cells a format."""
 
-        def change(found):
+        def change(workbook):
             for address in addresses:
-                found.active[address].number_format = look
+                workbook.active[address].number_format = look
 
-        return self.edited(change)
+        return self.edit_document(change)

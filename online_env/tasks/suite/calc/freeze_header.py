@@ -35,12 +35,12 @@ class FreezeHeader(SheetTask):
         part = stream.choice(list(PARTS))
         return {"file": file, "path": f"Documents/{file}", "rows": rows, "part": part}
 
-    def made(self):
+    def initial_document(self):
         return book({"Days": [("Member", *MONTHS), *self.values.rows]})
 
-    def judge(self, now, before):
-        wanted = PARTS[self.values.part]
-        yield from changes(now, replace(before, frozen={"Days": wanted}))
+    def judge(self, after, before):
+        expected = PARTS[self.values.part]
+        yield from changes(after, replace(before, frozen={"Days": expected}))
 
     def oracle(self, hand):
         go_to(hand, PARTS[self.values.part])
@@ -58,27 +58,27 @@ class FreezeHeader(SheetTask):
         ]
 
     def wrong_results(self):
-        wanted = PARTS[self.values.part]
-        others = [place for place in PARTS.values() if place != wanted]
+        expected = PARTS[self.values.part]
+        other_places = [place for place in PARTS.values() if place != expected]
         return {
-            "another part": self.frozen(others[0]),
-            "yet another part": self.frozen(others[1]),
-            "a row too many": self.frozen("A3"),
-            "split, not frozen": self.frozen(wanted, state="split"),
-            "frozen further down": self.frozen(wanted, start="C9"),
+            "another part": self.with_frozen_pane(other_places[0]),
+            "yet another part": self.with_frozen_pane(other_places[1]),
+            "a row too many": self.with_frozen_pane("A3"),
+            "split, not frozen": self.with_frozen_pane(expected, state="split"),
+            "frozen further down": self.with_frozen_pane(expected, start="C9"),
         }
 
     def right_result(self, machine):
-        self.frozen(PARTS[self.values.part], scrolled="C30")(machine)
+        self.with_frozen_pane(PARTS[self.values.part], scrolled="C30")(machine)
 
-    def frozen(self, place, state="frozen", start="A1", scrolled=""):
+    def with_frozen_pane(self, place, state="frozen", start="A1", scrolled=""):
         """Return what freezes all above and left of a cell, where a view begins and scrolls to."""
 
-        def change(found):
-            view = found.active.sheet_view
-            found.active.freeze_panes = place
+        def change(workbook):
+            view = workbook.active.sheet_view
+            workbook.active.freeze_panes = place
             view.topLeftCell = start
             view.pane.state = state
             view.pane.topLeftCell = scrolled or place
 
-        return self.edited(change)
+        return self.edit_document(change)

@@ -3,7 +3,7 @@
 from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.office import dump, menu, save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to, read_book
-from online_env.tasks.kit.word_lists import CITIES, GOODS, sample, shuffled
+from online_env.tasks.kit.word_lists import CITIES, GOODS, sample, shuffle
 from online_env.tasks.plan_words import quoted
 
 HEADER = ("Article", "Made in", "Pieces", "Price")
@@ -35,25 +35,25 @@ class SortTable(SheetTask):
         index = stream.choice((0, 2, 3))
         rising = bool(stream.integer(0, 1))
         low, high = ("A", "Z") if index == 0 else ("the smallest", "the largest")
-        wanted = sorted(rows, key=lambda row: row[index], reverse=not rising)
-        while rows in (wanted, wanted[::-1]):
-            rows = shuffled(stream, rows)
+        expected = sorted(rows, key=lambda row: row[index], reverse=not rising)
+        while rows in (expected, expected[::-1]):
+            rows = shuffle(stream, rows)
         return {
             "path": f"Documents/stock-{stream.choice(CITIES)}.xlsx",
             "rows": rows,
-            "wanted": wanted,
+            "wanted": expected,
             "column": HEADER[index],
             "letter": LETTERS[index],
             "rising": rising,
             "order": f"from {low} to {high}" if rising else f"from {high} to {low}",
         }
 
-    def made(self):
+    def initial_document(self):
         return book({"Stock": [HEADER, *self.values.rows]})
 
-    def judge(self, now, before):
-        wanted = book({"Stock": [HEADER, *self.values.wanted]})
-        yield from changes(now, read_book(dump(wanted)))
+    def judge(self, after, before):
+        expected = book({"Stock": [HEADER, *self.values.wanted]})
+        yield from changes(after, read_book(dump(expected)))
 
     def oracle(self, hand):
         go_to(hand, f"{self.values.letter}1")
@@ -71,16 +71,16 @@ class SortTable(SheetTask):
         ]
 
     def wrong_results(self):
-        wanted, rows = self.values.wanted, self.values.rows
+        expected, rows = self.values.wanted, self.values.rows
         index = HEADER.index(self.values.column)
         torn = [
-            (*row[:index], other[index], *row[index + 1 :])
-            for row, other in zip(rows, wanted, strict=True)
+            (*row[:index], sorted_row[index], *row[index + 1 :])
+            for row, sorted_row in zip(rows, expected, strict=True)
         ]
         return {
-            "the other way round": self.fill(wanted[::-1]),
+            "the other way round": self.fill(expected[::-1]),
             "the column alone": self.fill(torn),
-            "a row is missing": self.fill([*wanted[:-1], (None,) * 4]),
+            "a row is missing": self.fill([*expected[:-1], (None,) * 4]),
         }
 
     def right_result(self, machine):

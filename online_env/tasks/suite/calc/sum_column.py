@@ -41,16 +41,16 @@ class SumColumn(SheetTask):
             "total": round(sum(row[3] for row in rows), 2),
         }
 
-    def made(self):
+    def initial_document(self):
         return book(
             {"Expenses": [("Nr", "Person", "Purpose", self.values.column), *self.values.rows]}
         )
 
-    def judge(self, now, before):
-        yield from changes(now, before, {self.values.cell})
-        found = now.value(self.values.cell)
-        if not is_number(found, self.values.total):
-            yield f"{self.values.cell} is {found!r}, not {self.values.total}"
+    def judge(self, after, before):
+        yield from changes(after, before, {self.values.cell})
+        actual = after.value(self.values.cell)
+        if not is_number(actual, self.values.total):
+            yield f"{self.values.cell} is {actual!r}, not {self.values.total}"
 
     def oracle(self, hand):
         enter(hand, self.values.cell, self.values.formula)

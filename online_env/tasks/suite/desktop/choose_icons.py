@@ -32,8 +32,8 @@ class ChooseIcons(Task):
     def draw(self, stream):
         icons = stream.choice(list(ICONS))
         style = stream.choice(("Greybird", DARK))
-        wanted = {"Net/IconThemeName": ICONS[icons], "Net/ThemeName": style}
-        return {"icons": icons, "style": style, "wanted": wanted}
+        expected = {"Net/IconThemeName": ICONS[icons], "Net/ThemeName": style}
+        return {"icons": icons, "style": style, "wanted": expected}
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
@@ -57,10 +57,10 @@ class ChooseIcons(Task):
 
     def wrong_results(self):
         icons, style = self.values.wanted.values()
-        other = next(name for name in ICONS.values() if name != icons)
+        other_theme = next(name for name in ICONS.values() if name != icons)
         opposite = DARK if style == "Greybird" else "Greybird"
         return {
-            "other icons": lambda m: look(m, other, style),
+            "other icons": lambda m: look(m, other_theme, style),
             "only the icons": lambda m: look(m, icons, opposite),
             "only the style": lambda m: look(m, "elementary-xfce", style),
         }

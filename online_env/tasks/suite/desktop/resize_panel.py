@@ -27,8 +27,8 @@ class ResizePanel(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        wanted = {f"{PANEL}/size": str(self.values.size), f"{PANEL}/nrows": str(self.values.rows)}
-        yield from desktop_settings.setting_problems(machine, "xfce4-panel", wanted)
+        expected = {f"{PANEL}/size": str(self.values.size), f"{PANEL}/nrows": str(self.values.rows)}
+        yield from desktop_settings.setting_problems(machine, "xfce4-panel", expected)
 
     def oracle(self, hand):
         desktop_settings.set_number(hand, "Row size (pixels):", self.values.size, APP)

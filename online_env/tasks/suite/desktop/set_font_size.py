@@ -29,11 +29,11 @@ class SetFontSize(Task):
     )
 
     def draw(self, stream):
-        which = stream.choice(list(FONTS))
-        key, button, family = FONTS[which]
+        font_key = stream.choice(list(FONTS))
+        key, button, family = FONTS[font_key]
         size = stream.choice((8, 9, 11, 12, 13, 14, 15, 16))
-        wanted = {**TEN, key: f"{family} {size}"}
-        return {"which": which, "key": key, "button": button, "size": size, "wanted": wanted}
+        expected = {**TEN, key: f"{family} {size}"}
+        return {"which": font_key, "key": key, "button": button, "size": size, "wanted": expected}
 
     def prepare(self, machine):
         for key, font in TEN.items():
@@ -67,7 +67,7 @@ class SetFontSize(Task):
 
     def wrong_results(self):
         key = self.values.key
-        other = next(name for name in TEN if name != key)
+        other_setting = next(name for name in TEN if name != key)
         family = TEN[key].removesuffix(" 10")
         size = self.values.size
         return {
@@ -78,7 +78,7 @@ class SetFontSize(Task):
                 m, "xsettings", key, f"DejaVu Serif {size}"
             ),
             "the other font": lambda m: desktop_settings.store(
-                m, "xsettings", other, TEN[other].replace("10", str(size))
+                m, "xsettings", other_setting, TEN[other_setting].replace("10", str(size))
             ),
         }
 

@@ -40,15 +40,15 @@ class SetWallpaper(Task):
     def prepare(self, machine):
         for name in self.values.files:
             picture = gimp.drawing(Stream(self.seed, name), 320, 180)
-            machine.write(f"{self.values.place}/{name}", gimp.encoded(picture))
+            machine.write(f"{self.values.place}/{name}", gimp.encode(picture))
 
     def initial_app(self, machine):
         return "thunar", machine.path(self.values.place)
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        wanted = {PLACE: machine.path(f"{self.values.place}/{self.values.file}")}
-        yield from desktop_settings.setting_problems(machine, "xfce4-desktop", wanted)
+        expected = {PLACE: machine.path(f"{self.values.place}/{self.values.file}")}
+        yield from desktop_settings.setting_problems(machine, "xfce4-desktop", expected)
         if desktop_settings.setting(machine, "xfce4-desktop", STYLE) == NO_PICTURE:
             yield "the background shows no picture, but a colour"
 
@@ -69,10 +69,10 @@ class SetWallpaper(Task):
     def wrong_results(self):
         place = self.values.place
         file = self.values.file
-        other = next(name for name in self.values.files if name != file)
+        other_file = next(name for name in self.values.files if name != file)
         copy = "Pictures/wallpaper.png"
         return {
-            "another picture": lambda m: show(m, f"{place}/{other}"),
+            "another picture": lambda m: show(m, f"{place}/{other_file}"),
             "only copied": lambda m: m.run("cp", f"{place}/{file}", copy),
             "set, but not shown": lambda m: (
                 show(m, f"{place}/{file}"),

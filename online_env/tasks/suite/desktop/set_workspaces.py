@@ -27,8 +27,8 @@ class SetWorkspaces(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        wanted = {"general/workspace_count": str(self.values.count)}
-        yield from desktop_settings.setting_problems(machine, "xfwm4", wanted)
+        expected = {"general/workspace_count": str(self.values.count)}
+        yield from desktop_settings.setting_problems(machine, "xfwm4", expected)
         names = desktop_settings.setting(machine, "xfwm4", "general/workspace_names")
         if not self.are_right(names):
             yield f"the workspaces are named {names}"

@@ -28,12 +28,12 @@ class SizeDesktopIcons(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        wanted = {
+        expected = {
             "desktop-icons/icon-size": str(self.values.size),
             "desktop-icons/use-custom-font-size": "true",
             "desktop-icons/font-size": str(self.values.font),
         }
-        yield from desktop_settings.setting_problems(machine, "xfce4-desktop", wanted)
+        yield from desktop_settings.setting_problems(machine, "xfce4-desktop", expected)
 
     def oracle(self, hand):
         desktop_settings.choose_tab(hand, "Icons", APP)

@@ -47,7 +47,7 @@ class CommentOutFunction(Task):
         }
 
     def prepare(self, machine):
-        machine.write(self.values.path, joined(self.values.lines))
+        machine.write(self.values.path, join_lines(self.values.lines))
 
     def initial_app(self, machine):
         return APP, machine.path(self.values.path)
@@ -55,11 +55,11 @@ class CommentOutFunction(Task):
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.path)
         start, end, lines = self.values.start, self.values.end, self.values.lines
-        found = (machine.text(self.values.path) or "").rstrip("\n").split("\n")
-        if len(found) != len(lines):
-            yield f"{self.values.path} has {len(found)} lines, not {len(lines)}"
+        actual = (machine.text(self.values.path) or "").rstrip("\n").split("\n")
+        if len(actual) != len(lines):
+            yield f"{self.values.path} has {len(actual)} lines, not {len(lines)}"
             return
-        for index, (line, old) in enumerate(zip(found, lines, strict=True)):
+        for index, (line, old) in enumerate(zip(actual, lines, strict=True)):
             inside = start <= index < end
             if inside and not is_commented(line, old):
                 yield f"line {index + 1} is not made a comment: {line!r}"
@@ -67,18 +67,18 @@ class CommentOutFunction(Task):
                 yield f"line {index + 1} was changed: {line!r}"
 
     def oracle(self, hand):
-        drawn = self.values
-        text_editor.begin(hand, drawn.path, joined(drawn.lines), APP)
-        text_editor.go_to_line(hand, drawn.path, drawn.start + 1, APP)
+        values = self.values
+        text_editor.begin(hand, values.path, join_lines(values.lines), APP)
+        text_editor.go_to_line(hand, values.path, values.start + 1, APP)
         hand.press("home")
-        for _ in range(drawn.start, drawn.end):
+        for _ in range(values.start, values.end):
             hand.press("shift", "down")
         hand.press("ctrl", "e")
         hand.wait(
             "commented function",
-            lambda node: node.role == "text" and f"# ~ def {drawn.function}" in node.text,
+            lambda node: node.role == "text" and f"# ~ def {values.function}" in node.text,
         )
-        text_editor.save(hand, drawn.path, APP)
+        text_editor.save(hand, values.path, APP)
 
     def plan(self):
         start, end = self.values.start, self.values.end
@@ -95,16 +95,16 @@ class CommentOutFunction(Task):
     def wrong_results(self):
         path, lines = self.values.path, self.values.lines
         start, end = self.values.start, self.values.end
-        first = marked(lines, start, start + 1)
+        first = comment_lines(lines, start, start + 1)
         return {
-            "only its first line": lambda m: m.write(path, joined(first)),
-            "deleted": lambda m: m.write(path, joined([*lines[:start], *lines[end:]])),
-            "all lines": lambda m: m.write(path, joined(marked(lines, 0, len(lines)))),
-            "as a string": lambda m: m.write(path, quoted(lines, start, end)),
+            "only its first line": lambda m: m.write(path, join_lines(first)),
+            "deleted": lambda m: m.write(path, join_lines([*lines[:start], *lines[end:]])),
+            "all lines": lambda m: m.write(path, join_lines(comment_lines(lines, 0, len(lines)))),
+            "as a string": lambda m: m.write(path, triple_quote_lines(lines, start, end)),
         }
 
     def right_result(self, machine):
-        lines = marked(self.values.lines, self.values.start, self.values.end)
+        lines = comment_lines(self.values.lines, self.values.start, self.values.end)
         machine.write(self.values.path, "\n".join(lines))
 
 
@@ -131,17 +131,17 @@ def is_commented(line: str, old: str) -> bool:
     return line.strip().startswith("#") and re.sub(r"^\s*#+\s*~?", "", line).split() == old.split()
 
 
-def marked(lines, start, end) -> list[str]:
+def comment_lines(lines, start, end) -> list[str]:
     """Return the lines, some of which begin with a number sign."""
     commented = [f"# {line}" if line else line for line in lines[start:end]]
     return [*lines[:start], *commented, *lines[end:]]
 
 
-def quoted(lines, start, end) -> str:
+def triple_quote_lines(lines, start, end) -> str:
     """Return the text with some lines in quotes."""
-    return joined([*lines[:start], '"""', *lines[start:end], '"""', *lines[end:]])
+    return join_lines([*lines[:start], '"""', *lines[start:end], '"""', *lines[end:]])
 
 
-def joined(lines) -> str:
+def join_lines(lines) -> str:
     """Return the text of a file."""
     return "\n".join(lines) + "\n"

@@ -47,7 +47,7 @@ class ConvertLineEnds(Task):
     def prepare(self, machine):
         for system, end in ENDS.items():
             if system != self.values.system:
-                machine.write(self.values.path, ended(self.values.lines, end))
+                machine.write(self.values.path, with_line_ends(self.values.lines, end))
 
     def initial_app(self, machine):
         return APP, machine.path(self.values.path)
@@ -55,13 +55,13 @@ class ConvertLineEnds(Task):
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.path)
         yield from text_editor.text_problems(
-            machine, self.values.path, ended(self.values.lines, "\n")
+            machine, self.values.path, with_line_ends(self.values.lines, "\n")
         )
         data = machine.read(self.values.path) or b""
-        wanted = ENDS[self.values.system].encode()
-        wrong = {end for end in re.findall(rb"\r\n|\n|\r", data) if end != wanted}
-        if wrong:
-            yield f"{self.values.path} has lines that end with {sorted(wrong)}"
+        expected = ENDS[self.values.system].encode()
+        wrong_ends = {end for end in re.findall(rb"\r\n|\n|\r", data) if end != expected}
+        if wrong_ends:
+            yield f"{self.values.path} has lines that end with {sorted(wrong_ends)}"
 
     def oracle(self, hand):
         text_editor.bring(hand, self.values.path, APP)
@@ -84,10 +84,10 @@ class ConvertLineEnds(Task):
         path, lines = self.values.path, self.values.lines
         end = ENDS[self.values.system]
         return {
-            "in a copy": lambda m: m.write(f"{path}.txt", ended(lines, end)),
-            "as on old Macs": lambda m: m.write(path, ended(lines, "\r")),
-            "both one after the other": lambda m: m.write(path, ended(lines, "\n\r\n")),
-            "a line is gone": lambda m: m.write(path, ended(lines[1:], end)),
+            "in a copy": lambda m: m.write(f"{path}.txt", with_line_ends(lines, end)),
+            "as on old Macs": lambda m: m.write(path, with_line_ends(lines, "\r")),
+            "both one after the other": lambda m: m.write(path, with_line_ends(lines, "\n\r\n")),
+            "a line is gone": lambda m: m.write(path, with_line_ends(lines[1:], end)),
         }
 
     def right_result(self, machine):
@@ -95,6 +95,6 @@ class ConvertLineEnds(Task):
         machine.write(self.values.path, end.join(self.values.lines))
 
 
-def ended(lines, end) -> str:
+def with_line_ends(lines, end) -> str:
     """Return a text whose lines all have an end."""
     return "".join(f"{line}{end}" for line in lines)

@@ -4,7 +4,7 @@ import re
 
 from online_env.tasks import Task
 from online_env.tasks.kit import text_editor
-from online_env.tasks.kit.word_lists import sample, shuffled
+from online_env.tasks.kit.word_lists import sample, shuffle
 from online_env.tasks.plan_words import quoted
 
 APP = "geany"
@@ -35,15 +35,15 @@ class FixSetting(Task):
     def draw(self, stream):
         sections = {}
         for section in sample(stream, SECTIONS, 4):
-            keys = shuffled(stream, list(KEYS))
+            keys = shuffle(stream, list(KEYS))
             sections[section] = {key: stream.integer(*KEYS[key]) for key in keys}
         section = stream.choice(list(sections))
         key = stream.choice(list(KEYS))
         old = sections[section][key]
         value = old + stream.integer(1, 9)
-        text = written(sections)
+        text = format_sections(sections)
         sections[section][key] = value
-        wanted = written(sections)
+        expected = format_sections(sections)
         name = f"{stream.choice(('server', 'station', 'relay', 'node'))}.conf"
         return {
             "file": name,
@@ -53,8 +53,8 @@ class FixSetting(Task):
             "old": old,
             "value": value,
             "text": text,
-            "wanted": wanted,
-            "number": changed_line(text, wanted),
+            "wanted": expected,
+            "number": changed_line_number(text, expected),
         }
 
     def prepare(self, machine):
@@ -65,50 +65,52 @@ class FixSetting(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.path)
-        found = machine.text(self.values.path) or ""
-        if settings(found) != settings(self.values.wanted):
-            yield f"{self.values.path} holds {found[:600]!r}"
+        text = machine.text(self.values.path) or ""
+        if settings(text) != settings(self.values.wanted):
+            yield f"{self.values.path} holds {text[:600]!r}"
 
     def oracle(self, hand):
-        drawn = self.values
-        text_editor.begin(hand, drawn.path, drawn.text, APP)
-        line = f"{drawn.key} = {drawn.value}"
-        text_editor.rewrite_line(hand, drawn.path, drawn.number, line, APP)
-        text_editor.wait_for_text(hand, drawn.wanted, APP)
-        text_editor.save(hand, drawn.path, APP)
+        values = self.values
+        text_editor.begin(hand, values.path, values.text, APP)
+        line = f"{values.key} = {values.value}"
+        text_editor.rewrite_line(hand, values.path, values.number, line, APP)
+        text_editor.wait_for_text(hand, values.wanted, APP)
+        text_editor.save(hand, values.path, APP)
 
     def plan(self):
-        drawn = self.values
+        values = self.values
         return [
             'window "Geany"',
             "press ctrl+home",
-            f"press down {drawn.number - 1} times",
+            f"press down {values.number - 1} times",
             "press home",
             "press shift+end",
-            f"type {quoted(f'{drawn.key} = {drawn.value}')}",
+            f"type {quoted(f'{values.key} = {values.value}')}",
             "press ctrl+s",
             "wait",
         ]
 
     def wrong_results(self):
-        path, text, wanted = self.values.path, self.values.text, self.values.wanted
+        path, text, expected = self.values.path, self.values.text, self.values.wanted
         line = f"{self.values.key} = {self.values.value}"
-        spaced = re.sub(r"(port = \d)", r"\1 ", wanted, count=1)
+        spaced = re.sub(r"(port = \d)", r"\1 ", expected, count=1)
         lines = text.splitlines()
-        others = [f"{line}\n" if old.startswith(self.values.key) else f"{old}\n" for old in lines]
+        changed_lines = [
+            f"{line}\n" if old.startswith(self.values.key) else f"{old}\n" for old in lines
+        ]
         return {
-            "in all sections": lambda m: m.write(path, "".join(others)),
+            "in all sections": lambda m: m.write(path, "".join(changed_lines)),
             "at the end": lambda m: m.write(path, f"{text}{line}\n"),
-            "commented out": lambda m: m.write(path, wanted.replace(line, f"# {line}")),
+            "commented out": lambda m: m.write(path, expected.replace(line, f"# {line}")),
             "a blank in the number": lambda m: m.write(path, spaced),
-            "in another folder": lambda m: m.write(self.values.file, wanted),
+            "in another folder": lambda m: m.write(self.values.file, expected),
         }
 
     def right_result(self, machine):
         machine.write(self.values.path, self.values.wanted.replace(" = ", "=") + "\n")
 
 
-def written(sections) -> str:
+def format_sections(sections) -> str:
     """Return the text of a configuration."""
     blocks = []
     for name, pairs in sections.items():
@@ -123,7 +125,7 @@ def settings(text: str) -> list[str]:
     return [re.sub(r"\s*=\s*", "=", line) for line in lines if line]
 
 
-def changed_line(text: str, wanted: str) -> int:
+def changed_line_number(text: str, expected: str) -> int:
     """Return the number of the first line that differs."""
-    pairs = zip(text.splitlines(), wanted.splitlines(), strict=True)
+    pairs = zip(text.splitlines(), expected.splitlines(), strict=True)
     return next(number for number, (old, new) in enumerate(pairs, start=1) if old != new)

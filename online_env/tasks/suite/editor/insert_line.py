@@ -43,8 +43,8 @@ class InsertLine(Task):
             "line": line,
             "above": lines[at],
             "number": at + 1,
-            "text": joined(lines),
-            "wanted": joined([*lines[: at + 1], line, *lines[at + 1 :]]),
+            "text": join_lines(lines),
+            "wanted": join_lines([*lines[: at + 1], line, *lines[at + 1 :]]),
         }
 
     def prepare(self, machine):
@@ -58,13 +58,13 @@ class InsertLine(Task):
         yield from text_editor.text_problems(machine, self.values.path, self.values.wanted)
 
     def oracle(self, hand):
-        drawn = self.values
-        text_editor.begin(hand, drawn.path, drawn.text, APP)
-        text_editor.go_to_line(hand, drawn.path, drawn.number, APP)
+        values = self.values
+        text_editor.begin(hand, values.path, values.text, APP)
+        text_editor.go_to_line(hand, values.path, values.number, APP)
         hand.press("end")
-        hand.type(f"\n{drawn.line}")
-        text_editor.wait_for_text(hand, drawn.wanted, APP)
-        text_editor.save(hand, drawn.path, APP)
+        hand.type(f"\n{values.line}")
+        text_editor.wait_for_text(hand, values.wanted, APP)
+        text_editor.save(hand, values.path, APP)
 
     def plan(self):
         return [
@@ -93,6 +93,6 @@ class InsertLine(Task):
         machine.write(self.values.path, self.values.wanted.rstrip("\n"))
 
 
-def joined(lines) -> str:
+def join_lines(lines) -> str:
     """Return the text of a file."""
     return "\n".join(lines) + "\n"

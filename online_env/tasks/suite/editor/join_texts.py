@@ -28,13 +28,13 @@ class JoinTexts(Task):
 
     def draw(self, stream):
         kind = stream.choice(KINDS)
-        one, two = sample(stream, ("east", "north", "south", "west"), 2)
+        first_side, two = sample(stream, ("east", "north", "south", "west"), 2)
         names = sample(stream, LAST_NAMES, 10)
         lines = [f"{name}, {stream.choice(CITIES)}" for name in names]
         cut = stream.integer(3, 7)
         place = stream.choice(PLACES)
         return {
-            "first": f"{kind}-{one}.txt",
+            "first": f"{kind}-{first_side}.txt",
             "second": f"{kind}-{two}.txt",
             "new": f"all {kind}.txt",
             "place": place,
@@ -53,11 +53,11 @@ class JoinTexts(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.path)
-        found = machine.text(self.values.path)
-        if found is None:
+        text = machine.text(self.values.path)
+        if text is None:
             yield f"there is no file {self.values.path}"
-        elif lines(found) != lines("".join(self.values.texts)):
-            yield f"{self.values.path} holds {found[:300]!r}"
+        elif lines(text) != lines("".join(self.values.texts)):
+            yield f"{self.values.path} holds {text[:300]!r}"
 
     def oracle(self, hand):
         first, second = self.values.texts

@@ -48,23 +48,23 @@ class ReplaceWord(Task):
 
     def draw(self, stream):
         old = stream.choice(list(WORDS))
-        other, new = WORDS[old]
+        similar_word, new = WORDS[old]
         cities = sample(stream, CITIES, len(SENTENCES))
         lines = [
-            sentence.format(old=old, other=other, city=city)
+            sentence.format(old=old, other=similar_word, city=city)
             for sentence, city in zip(sample(stream, SENTENCES, 8), cities, strict=True)
         ]
         text = "\n".join(lines) + "\n"
         name = f"notice-{stream.integer(10, 99)}.txt"
-        wanted = re.sub(rf"\b{old}\b", new, text)
+        expected = re.sub(rf"\b{old}\b", new, text)
         return {
             "file": name,
             "path": f"Documents/{name}",
             "old": old,
             "new": new,
-            "other": other,
+            "other": similar_word,
             "text": text,
-            "wanted": wanted,
+            "wanted": expected,
         }
 
     def prepare(self, machine):
@@ -78,20 +78,20 @@ class ReplaceWord(Task):
         yield from text_editor.text_problems(machine, self.values.path, self.values.wanted)
 
     def oracle(self, hand):
-        drawn = self.values
-        text_editor.begin(hand, drawn.path, drawn.text, APP)
+        values = self.values
+        text_editor.begin(hand, values.path, values.text, APP)
         hand.press("ctrl", "r")
         hand.find("dialog", "Find and Replace", APP)
-        _fill(hand, 0, drawn.old)
-        _fill(hand, 1, drawn.new)
+        _fill(hand, 0, values.old)
+        _fill(hand, 1, values.new)
         for box in ("Match whole word", "Replace all in:"):
             if hand.see("check-box", box, APP, "checked") is None:
                 hand.click_on("check-box", box, APP)
                 hand.find("check-box", box, APP, "checked")
         hand.button(re.compile("Replace"), APP)
-        text_editor.wait_for_text(hand, drawn.wanted, APP)
+        text_editor.wait_for_text(hand, values.wanted, APP)
         hand.button("Close", APP)
-        text_editor.save(hand, drawn.path, APP)
+        text_editor.save(hand, values.path, APP)
 
     def plan(self):
         return [

@@ -47,15 +47,15 @@ class TickItems(Task):
             )
         ]
         order = sample(stream, range(len(items)), 5)
-        before, done = set(order[:2]), sorted(order[2:])
+        before, to_tick = set(order[:2]), sorted(order[2:])
         name = f"todo-{stream.integer(1, 52)}.txt"
         return {
             "file": name,
             "path": f"Documents/{name}",
-            "items": "\n".join(items[index] for index in done),
-            "done": done,
-            "lines": listed(items, {*before, *done}),
-            "text": "\n".join(listed(items, before)) + "\n",
+            "items": "\n".join(items[index] for index in to_tick),
+            "done": to_tick,
+            "lines": list_lines(items, {*before, *to_tick}),
+            "text": "\n".join(list_lines(items, before)) + "\n",
             "open": [index for index in range(len(items)) if index not in order],
         }
 
@@ -67,21 +67,21 @@ class TickItems(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.path)
-        found = (machine.text(self.values.path) or "").splitlines()
-        plain = [re.sub(r"^\[ *[xX] *\]", "[x]", line.rstrip()) for line in found]
-        if plain != self.values.lines:
-            yield f"{self.values.path} holds {found}"
+        lines = (machine.text(self.values.path) or "").splitlines()
+        normalized = [re.sub(r"^\[ *[xX] *\]", "[x]", line.rstrip()) for line in lines]
+        if normalized != self.values.lines:
+            yield f"{self.values.path} holds {lines}"
 
     def oracle(self, hand):
-        drawn = self.values
-        text_editor.begin(hand, drawn.path, drawn.text, APP)
-        for index in drawn.done:
-            text_editor.go_to_line(hand, drawn.path, index + 1, APP)
+        values = self.values
+        text_editor.begin(hand, values.path, values.text, APP)
+        for index in values.done:
+            text_editor.go_to_line(hand, values.path, index + 1, APP)
             hand.press("right")
             hand.press("delete")
             hand.type("x")
-        text_editor.wait_for_text(hand, "\n".join(drawn.lines) + "\n", APP)
-        text_editor.save(hand, drawn.path, APP)
+        text_editor.wait_for_text(hand, "\n".join(values.lines) + "\n", APP)
+        text_editor.save(hand, values.path, APP)
 
     def plan(self):
         steps = ['window "Mousepad"', "press ctrl+home"]
@@ -95,14 +95,14 @@ class TickItems(Task):
 
     def wrong_results(self):
         path, lines, text = self.values.path, self.values.lines, self.values.text
-        less = list(lines)
-        less[self.values.done[0]] = less[self.values.done[0]].replace("[x]", "[ ]")
-        more = list(lines)
-        more[self.values.open[0]] = more[self.values.open[0]].replace("[ ]", "[x]")
+        one_missing = list(lines)
+        one_missing[self.values.done[0]] = one_missing[self.values.done[0]].replace("[x]", "[ ]")
+        one_too_many = list(lines)
+        one_too_many[self.values.open[0]] = one_too_many[self.values.open[0]].replace("[ ]", "[x]")
         short = [line for index, line in enumerate(lines) if index not in self.values.done]
         return {
-            "one is missing": lambda m: m.write(path, "\n".join(less)),
-            "one too many": lambda m: m.write(path, "\n".join(more)),
+            "one is missing": lambda m: m.write(path, "\n".join(one_missing)),
+            "one too many": lambda m: m.write(path, "\n".join(one_too_many)),
             "taken off the list": lambda m: m.write(path, "\n".join(short)),
             "all of them": lambda m: m.write(path, text.replace("[ ]", "[x]")),
         }
@@ -111,6 +111,6 @@ class TickItems(Task):
         machine.write(self.values.path, "\n".join(self.values.lines).replace("[x]", "[X]"))
 
 
-def listed(items, ticked) -> list[str]:
+def list_lines(items, ticked) -> list[str]:
     """Return the lines of a list of which some items are ticked."""
     return [f"[{'x' if index in ticked else ' '}] {item}" for index, item in enumerate(items)]

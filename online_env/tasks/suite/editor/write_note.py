@@ -43,11 +43,11 @@ class WriteNote(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.path)
-        found = machine.text(self.values.path)
-        if found is None:
+        text = machine.text(self.values.path)
+        if text is None:
             yield f"there is no file {self.values.path}"
-        elif found.removesuffix("\n") != self.values.text:
-            yield f"{self.values.path} holds {found[:200]!r}"
+        elif text.removesuffix("\n") != self.values.text:
+            yield f"{self.values.path} holds {text[:200]!r}"
 
     def oracle(self, hand):
         hand.click_on("text", app="mousepad")

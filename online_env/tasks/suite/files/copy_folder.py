@@ -2,7 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps, thunar
-from online_env.tasks.kit.sample_files import below, rearranged, sample_file
+from online_env.tasks.kit.sample_files import arrangement_problems, paths_below, sample_file
 from online_env.tasks.kit.word_lists import MONTHS, TOPICS, sample
 from online_env.tasks.plan_words import quoted
 
@@ -50,9 +50,9 @@ class CopyFolder(Task):
 
     def problems(self, machine):
         place, target = self.values.place, self.values.target
-        paths = below(machine, place)
+        paths = paths_below(machine, place)
         copies = [(f"{place}/{path}", f"{target}/{path}") for path in paths]
-        yield from rearranged(machine, copied=copies)
+        yield from arrangement_problems(machine, copied=copies)
 
     def oracle(self, hand):
         project = self.values.project

@@ -2,7 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps, thunar
-from online_env.tasks.kit.sample_files import move_files, rearranged, sample_file
+from online_env.tasks.kit.sample_files import arrangement_problems, move_files, sample_file
 from online_env.tasks.kit.word_lists import LAST_NAMES, sample
 from online_env.tasks.plan_words import quoted
 
@@ -49,38 +49,40 @@ class CopyTemplate(Task):
 
     def copies(self, template=""):
         """Return the paths of a template and of its copies."""
-        drawn = self.values
-        start = f"Documents/Forms/{template or drawn.template}"
-        return [(start, f"Documents/{drawn.folder}/{name}") for name in (drawn.a, drawn.b, drawn.c)]
+        values = self.values
+        start = f"Documents/Forms/{template or values.template}"
+        return [
+            (start, f"Documents/{values.folder}/{name}") for name in (values.a, values.b, values.c)
+        ]
 
     def problems(self, machine):
-        yield from rearranged(machine, copied=self.copies())
+        yield from arrangement_problems(machine, copied=self.copies())
 
     def oracle(self, hand):
-        drawn = self.values
+        values = self.values
         thunar.go(hand, "Documents/Forms")
-        thunar.select(hand, drawn.template)
+        thunar.select(hand, values.template)
         hand.press("ctrl", "c")
-        thunar.go(hand, f"Documents/{drawn.folder}")
-        for name in (drawn.a, drawn.b, drawn.c):
+        thunar.go(hand, f"Documents/{values.folder}")
+        for name in (values.a, values.b, values.c):
             if thunar.present(hand, name):
                 continue
-            if not thunar.present(hand, drawn.template):
-                thunar.paste(hand, drawn.template)
-            thunar.rename(hand, drawn.template, name)
+            if not thunar.present(hand, values.template):
+                thunar.paste(hand, values.template)
+            thunar.rename(hand, values.template, name)
 
     def plan(self):
-        drawn = self.values
+        values = self.values
         steps = [
             'window "Thunar"',
-            f"click {quoted(drawn.template)}",
+            f"click {quoted(values.template)}",
             "press ctrl+c",
             'click "Documents" near "Places"',
-            f"double-click {quoted(drawn.folder)}",
+            f"double-click {quoted(values.folder)}",
             'wait for "list.txt"',
         ]
-        for name in (drawn.a, drawn.b, drawn.c):
-            steps += ["press ctrl+v", *plan_steps.rename(drawn.template, name)]
+        for name in (values.a, values.b, values.c):
+            steps += ["press ctrl+v", *plan_steps.rename(values.template, name)]
         return steps
 
     def wrong_results(self):

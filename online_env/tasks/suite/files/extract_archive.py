@@ -26,56 +26,56 @@ class ExtractArchive(Task):
     )
 
     def draw(self, stream):
-        city, other = sample(stream, CITIES, 2)
+        city, other_city = sample(stream, CITIES, 2)
         first, second = (f"{topic}.txt" for topic in sample(stream, TOPICS, 2))
         folder = f"{city} {stream.integer(2019, 2025)}"
         return {
             "archive": f"{city.lower()}-{stream.integer(10, 99)}.zip",
-            "other": f"{other.lower()}.zip",
+            "other": f"{other_city.lower()}.zip",
             "folder": folder,
             "target": stream.choice(TARGETS),
             "files": [f"{folder}/{first}", f"{folder}/{second}", f"{folder}/more/map.png"],
         }
 
     def prepare(self, machine):
-        drawn = self.values
-        inside = {path: sample_file(path) for path in drawn.files}
-        machine.write(f"Downloads/{drawn.archive}", make_zip(inside))
-        machine.write(f"Downloads/{drawn.other}", make_zip({"tickets.txt": b"Row 7\n"}))
+        values = self.values
+        inside = {path: sample_file(path) for path in values.files}
+        machine.write(f"Downloads/{values.archive}", make_zip(inside))
+        machine.write(f"Downloads/{values.other}", make_zip({"tickets.txt": b"Row 7\n"}))
 
     def initial_app(self, machine):
         return "thunar", machine.path("Downloads")
 
     def problems(self, machine):
-        wanted = {f"{self.values.target}/{path}": sample_file(path) for path in self.values.files}
-        yield from machine.unexpected_changes(*wanted)
-        for path, data in wanted.items():
+        expected = {f"{self.values.target}/{path}": sample_file(path) for path in self.values.files}
+        yield from machine.unexpected_changes(*expected)
+        for path, data in expected.items():
             if machine.read(path) != data:
                 yield f"{path} is not there as it is in the archive"
 
     def oracle(self, hand):
-        drawn = self.values
-        thunar.go(hand, drawn.target)
-        if thunar.present(hand, drawn.folder):
+        values = self.values
+        thunar.go(hand, values.target)
+        if thunar.present(hand, values.folder):
             return
         thunar.go(hand, "Downloads")
-        if not thunar.present(hand, drawn.folder):
-            archive = hand.find(thunar.ROWS, drawn.archive, app="thunar")
+        if not thunar.present(hand, values.folder):
+            archive = hand.find(thunar.ROWS, values.archive, app="thunar")
             hand.context_menu(archive, "Extract Here", app="thunar")
-            hand.find(thunar.ROWS, drawn.folder, app="thunar")
-        thunar.move(hand, [drawn.folder], drawn.target)
+            hand.find(thunar.ROWS, values.folder, app="thunar")
+        thunar.move(hand, [values.folder], values.target)
 
     def plan(self):
-        drawn = self.values
+        values = self.values
         return [
             'window "Thunar"',
-            f"right-click {quoted(drawn.archive)}",
+            f"right-click {quoted(values.archive)}",
             'click "Extract Here"',
-            f"click {quoted(drawn.folder)}",
+            f"click {quoted(values.folder)}",
             "press ctrl+x",
-            *plan_steps.go(drawn.target),
+            *plan_steps.go(values.target),
             "press ctrl+v",
-            f"wait for {quoted(drawn.folder)}",
+            f"wait for {quoted(values.folder)}",
         ]
 
     def wrong_results(self):

@@ -2,8 +2,8 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps, thunar
-from online_env.tasks.kit.sample_files import move_files, rearranged, sample_file
-from online_env.tasks.kit.word_lists import sample, shuffled
+from online_env.tasks.kit.sample_files import arrangement_problems, move_files, sample_file
+from online_env.tasks.kit.word_lists import sample, shuffle
 
 COMPANIES = ("Alder", "Birke & Co", "Calder", "Dunmore", "Elmhurst", "Fjord Power", "Gable")
 KINDS = ("invoice", "reminder", "receipt")
@@ -29,7 +29,7 @@ class FileInvoices(Task):
         files = {company: letters(stream, company) for company in companies}
         company = companies[0]
         names = [name for group in files.values() for name in group]
-        return {"company": company, "files": files, "all": shuffled(stream, names)}
+        return {"company": company, "files": files, "all": shuffle(stream, names)}
 
     def prepare(self, machine):
         for name in self.values.all:
@@ -45,7 +45,7 @@ class FileInvoices(Task):
         return [(f"Documents/Inbox/{name}", f"{folder}/{name}") for name in names]
 
     def problems(self, machine):
-        yield from rearranged(machine, self.moves(self.values.company))
+        yield from arrangement_problems(machine, self.moves(self.values.company))
 
     def oracle(self, hand):
         company = self.values.company
@@ -66,14 +66,14 @@ class FileInvoices(Task):
 
     def wrong_results(self):
         moves = self.moves(self.values.company)
-        other = self.moves(list(self.values.files)[1])
+        other_moves = self.moves(list(self.values.files)[1])
         inbox = [
             (old, f"{old.replace('Inbox', f'Inbox/{self.values.company}')}") for old, _ in moves
         ]
         return {
             "one is left": lambda m: move_files(m, moves[:-1]),
-            "one of another company, too": lambda m: move_files(m, [*moves, other[0]]),
-            "another company": lambda m: move_files(m, other),
+            "one of another company, too": lambda m: move_files(m, [*moves, other_moves[0]]),
+            "another company": lambda m: move_files(m, other_moves),
             "a folder in the inbox": lambda m: move_files(m, inbox),
         }
 

@@ -2,7 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps, thunar
-from online_env.tasks.kit.sample_files import rearranged
+from online_env.tasks.kit.sample_files import arrangement_problems
 from online_env.tasks.kit.word_lists import CITIES, sample
 
 PARTS = ("Drawings", "Letters", "Photos", "Offers", "Notes", "Contracts", "Plans")
@@ -45,40 +45,40 @@ class MakeFolderTree(Task):
         return "thunar", machine.path("Documents")
 
     def problems(self, machine):
-        yield from rearranged(machine, folders=self.values.folders)
+        yield from arrangement_problems(machine, folders=self.values.folders)
 
     def oracle(self, hand):
-        drawn = self.values
+        values = self.values
         thunar.go(hand, "Documents")
-        thunar.make_folder(hand, drawn.top)
-        thunar.enter(hand, drawn.top)
-        for name in (drawn.a, drawn.b, drawn.c):
+        thunar.make_folder(hand, values.top)
+        thunar.enter(hand, values.top)
+        for name in (values.a, values.b, values.c):
             thunar.make_folder(hand, name)
-        thunar.enter(hand, drawn.b)
-        for name in (drawn.year, drawn.next):
+        thunar.enter(hand, values.b)
+        for name in (values.year, values.next):
             thunar.make_folder(hand, str(name))
 
     def plan(self):
-        drawn = self.values
+        values = self.values
         steps = [
             'window "Thunar"',
-            *plan_steps.make_folder(drawn.top),
-            *plan_steps.go(f"Documents/{drawn.top}"),
+            *plan_steps.make_folder(values.top),
+            *plan_steps.go(f"Documents/{values.top}"),
         ]
-        for name in (drawn.a, drawn.b, drawn.c):
+        for name in (values.a, values.b, values.c):
             steps += plan_steps.make_folder(name)
-        steps += plan_steps.go(f"Documents/{drawn.top}/{drawn.b}")
-        for name in (drawn.year, drawn.next):
+        steps += plan_steps.go(f"Documents/{values.top}/{values.b}")
+        for name in (values.year, values.next):
             steps += plan_steps.make_folder(str(name))
         return steps
 
     def wrong_results(self):
-        drawn = self.values
-        folders = drawn.folders
-        other = folders[-1].replace(f"/{drawn.b}/", f"/{drawn.c}/")
+        values = self.values
+        folders = values.folders
+        other_folder = folders[-1].replace(f"/{values.b}/", f"/{values.c}/")
         return {
             "the years are missing": lambda m: m.run("mkdir", "-p", *folders[:-2]),
-            "a year is elsewhere": lambda m: m.run("mkdir", "-p", *folders[:-1], other),
+            "a year is elsewhere": lambda m: m.run("mkdir", "-p", *folders[:-1], other_folder),
             "one too many": lambda m: m.run("mkdir", "-p", *folders, f"{folders[0]}/New Folder"),
             "a file in the place of one": lambda m: half_file(m, folders),
         }

@@ -4,9 +4,9 @@ from pathlib import PurePosixPath
 
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps, thunar
-from online_env.tasks.kit.archives import make_zip, unpacked
+from online_env.tasks.kit.archives import make_zip, unpack
 from online_env.tasks.kit.sample_files import sample_file
-from online_env.tasks.kit.word_lists import LAST_NAMES, TOPICS, sample, shuffled
+from online_env.tasks.kit.word_lists import LAST_NAMES, TOPICS, sample, shuffle
 from online_env.tasks.plan_words import quoted
 
 NAMES = tuple(name for name in LAST_NAMES if name.isascii() and name.isalpha())
@@ -41,7 +41,7 @@ class MakeZip(Task):
             "a": names[0],
             "b": names[1],
             "c": names[2],
-            "all": shuffled(stream, names),
+            "all": shuffle(stream, names),
         }
 
     def prepare(self, machine):
@@ -57,10 +57,10 @@ class MakeZip(Task):
         if data is None or data[:2] != b"PK":
             yield f"there is no ZIP archive {self.values.path}"
             return
-        found = unpacked(data) or {}
-        inside = {PurePosixPath(path).name: found[path] for path in found}
-        if inside != self.files(self.values.packed) or len(inside) != len(found):
-            yield f"the archive holds {sorted(found)}"
+        files = unpack(data) or {}
+        inside = {PurePosixPath(path).name: files[path] for path in files}
+        if inside != self.files(self.values.packed) or len(inside) != len(files):
+            yield f"the archive holds {sorted(files)}"
 
     def files(self, names):
         """Return contents by name."""
@@ -77,7 +77,7 @@ class MakeZip(Task):
         hand.context_menu(row, "Create Archive...", app="thunar")
         hand.find("file-chooser", "Create a new archive", app="xarchiver")
         hand.replace(self.values.archive)
-        hand.click(below(hand, "Archive type:"))
+        hand.click(combo_box_beside(hand, "Archive type:"))
         hand.find("menu-item", "apk", app="xarchiver")
         hand.press("end")  # the list of types is longer than the screen
         hand.click_on("menu-item", "zip", app="xarchiver")
@@ -89,20 +89,20 @@ class MakeZip(Task):
                 return
 
     def plan(self):
-        drawn = self.values
+        values = self.values
         return [
             'window "Thunar"',
-            *plan_steps.choose(drawn.packed),
-            f"right-click {quoted(drawn.packed[-1])}",
+            *plan_steps.choose(values.packed),
+            f"right-click {quoted(values.packed[-1])}",
             'click "Create Archive"',
             'wait for "Archive type:"',
             "press ctrl+a",
-            f"type {quoted(drawn.archive)}",
+            f"type {quoted(values.archive)}",
             'click below "Archive type:"',
             "press end",
             'click "zip"',
             'click "Create" near "Cancel"',
-            f"wait for {quoted(drawn.archive)}",
+            f"wait for {quoted(values.archive)}",
         ]
 
     def wrong_results(self):
@@ -122,7 +122,7 @@ class MakeZip(Task):
         machine.write(self.values.path, make_zip(self.files(reversed(self.values.packed))))
 
 
-def below(hand, label):
+def combo_box_beside(hand, label):
     """Return the combo box that stands right of a label."""
     _, top, right, _ = hand.find("label", label, app="xarchiver").box
     boxes = [node for node in hand.look() if node.role == "combo-box" and node.box]

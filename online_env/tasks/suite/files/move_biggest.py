@@ -2,8 +2,8 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps, thunar
-from online_env.tasks.kit.sample_files import move_files, rearranged
-from online_env.tasks.kit.word_lists import CITIES, TOPICS, sample, shuffled
+from online_env.tasks.kit.sample_files import arrangement_problems, move_files
+from online_env.tasks.kit.word_lists import CITIES, TOPICS, sample, shuffle
 
 PLACES = (("Videos", "Downloads"), ("Downloads", "Videos"), ("Documents/Recordings", "Music"))
 KILO = 1024
@@ -27,7 +27,7 @@ class MoveBiggest(Task):
         sizes += [stream.integer(2_000, 3_000), stream.integer(1_300, 1_900), 990, 9]
         words = sample(stream, [*CITIES, *TOPICS], len(sizes))
         names = [f"{word}.{stream.choice(('mp4', 'mkv', 'wav', 'zip'))}" for word in words]
-        files = dict(shuffled(stream, list(zip(names, sizes, strict=True))))
+        files = dict(shuffle(stream, list(zip(names, sizes, strict=True))))
         order = sorted(files, key=files.__getitem__)
         return {
             "place": place,
@@ -49,7 +49,7 @@ class MoveBiggest(Task):
         return f"{self.values.place}/{name}", f"{self.values.target}/{name}"
 
     def problems(self, machine):
-        yield from rearranged(machine, [self.move(self.values.biggest)])
+        yield from arrangement_problems(machine, [self.move(self.values.biggest)])
 
     def oracle(self, hand):
         thunar.go(hand, self.values.place)

@@ -59,10 +59,10 @@ class RenameFile(Task):
 
     def wrong_results(self):
         place, new = self.values.place, self.values.new
-        old, other = self.values.names[:2]
+        old, other_name = self.values.names[:2]
         return {
             "a copy": lambda m: m.run("cp", f"{place}/{old}", f"{place}/{new}"),
-            "another file": lambda m: m.run("mv", f"{place}/{other}", f"{place}/{new}"),
+            "another file": lambda m: m.run("mv", f"{place}/{other_name}", f"{place}/{new}"),
             "in another folder": lambda m: m.run("mv", f"{place}/{old}", f"Documents/{new}"),
         }
 

@@ -4,7 +4,7 @@ import re
 
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps, thunar
-from online_env.tasks.kit.sample_files import move_files, rearranged, sample_file
+from online_env.tasks.kit.sample_files import arrangement_problems, move_files, sample_file
 from online_env.tasks.kit.word_lists import CITIES
 
 EVENTS = ("Wedding", "Hike", "Birthday", "Harvest", "Regatta")
@@ -56,7 +56,7 @@ class RenamePhotos(Task):
         return [(f"{place}/{old}", f"{place}/{new}") for old, new in pairs or self.values.pairs]
 
     def problems(self, machine):
-        yield from rearranged(machine, self.moves())
+        yield from arrangement_problems(machine, self.moves())
 
     def oracle(self, hand):
         thunar.go(hand, self.values.place)

@@ -2,8 +2,8 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps, thunar
-from online_env.tasks.kit.sample_files import move_files, rearranged, sample_file
-from online_env.tasks.kit.word_lists import CITIES, GOODS, TOPICS, sample, shuffled
+from online_env.tasks.kit.sample_files import arrangement_problems, move_files, sample_file
+from online_env.tasks.kit.word_lists import CITIES, GOODS, TOPICS, sample, shuffle
 
 PLACE = "Downloads"
 ENDS = (".png", ".jpg", ".jpg")
@@ -30,14 +30,14 @@ class SortDownloads(Task):
         pictures = [f"{town.lower()}{end}" for town, end in zip(towns, ENDS, strict=True)]
         topics = sample(stream, TOPICS, 4)
         papers = [f"{topic} {stream.integer(2, 9)}.pdf" for topic in topics[:2]]
-        others = [f"{topics[2]}.txt", f"pdf {topics[3]}.csv", f"{stream.choice(GOODS)}-png.md"]
+        other_files = [f"{topics[2]}.txt", f"pdf {topics[3]}.csv", f"{stream.choice(GOODS)}-png.md"]
         folders = stream.choice((("Images", "Papers"), ("Photos", "PDFs"), ("Seen", "To read")))
         return {
             "files": {folders[0]: pictures, folders[1]: papers},
-            "others": others,
+            "others": other_files,
             "pictures": folders[0],
             "papers": folders[1],
-            "all": shuffled(stream, [*pictures, *papers, *others]),
+            "all": shuffle(stream, [*pictures, *papers, *other_files]),
         }
 
     def prepare(self, machine):
@@ -53,7 +53,7 @@ class SortDownloads(Task):
             yield from ((f"{PLACE}/{name}", f"{PLACE}/{folder}/{name}") for name in names)
 
     def problems(self, machine):
-        yield from rearranged(machine, self.moves())
+        yield from arrangement_problems(machine, self.moves())
 
     def oracle(self, hand):
         thunar.go(hand, PLACE)
@@ -81,8 +81,8 @@ class SortDownloads(Task):
 
     def wrong_results(self):
         moves = list(self.moves())
-        other = self.values.others[1]
-        extra = (f"{PLACE}/{other}", f"{PLACE}/{self.values.papers}/{other}")
+        other_file = self.values.others[1]
+        extra = (f"{PLACE}/{other_file}", f"{PLACE}/{self.values.papers}/{other_file}")
         swapped = [(old, f"{PLACE}/{self.values.papers}/{old[10:]}") for old, _ in moves]
         return {
             "one is left": lambda m: move_files(m, moves[1:]),

@@ -3,7 +3,7 @@
 from online_env.tasks import Task
 from online_env.tasks.kit import thunar
 from online_env.tasks.kit.sample_files import sample_file
-from online_env.tasks.kit.trash import take_out, throw_away, thrown_away
+from online_env.tasks.kit.trash import move_to_trash, take_out, trashed_files
 from online_env.tasks.kit.word_lists import TOPICS, sample
 from online_env.tasks.plan_words import quoted
 
@@ -41,38 +41,38 @@ class TrashAndRestore(Task):
         for name in self.values.kept:
             machine.write(f"{self.values.place}/{name}", sample_file(name))
         for name in self.values.trash:
-            throw_away(machine, f"{self.values.place}/{name}", sample_file(name))
+            move_to_trash(machine, f"{self.values.place}/{name}", sample_file(name))
 
     def initial_app(self, machine):
         return "thunar", machine.path(self.values.place)
 
     def problems(self, machine):
         place = self.values.place
-        out, back = f"{place}/{self.values.out}", f"{place}/{self.values.back}"
-        yield from machine.unexpected_changes(out, back)
+        out, restored = f"{place}/{self.values.out}", f"{place}/{self.values.back}"
+        yield from machine.unexpected_changes(out, restored)
         if machine.exists(out):
             yield f"{out} is still there"
-        if machine.read(back) != sample_file(self.values.back):
-            yield f"{back} is not there as it was"
-        wanted = {f"{place}/{name}" for name in [self.values.out, *self.values.trash[1:]]}
-        found = set(thrown_away(machine))
-        if found != wanted:
-            yield f"the trash holds {sorted(found)}, not {sorted(wanted)}"
+        if machine.read(restored) != sample_file(self.values.back):
+            yield f"{restored} is not there as it was"
+        expected = {f"{place}/{name}" for name in [self.values.out, *self.values.trash[1:]]}
+        trash = set(trashed_files(machine))
+        if trash != expected:
+            yield f"the trash holds {sorted(trash)}, not {sorted(expected)}"
 
     def oracle(self, hand):
-        out, back = self.values.out, self.values.back
+        out, restored = self.values.out, self.values.back
         thunar.go(hand, self.values.place)
         if thunar.present(hand, out):
             thunar.select(hand, out)
             hand.press("delete")
             hand.wait_until_gone(thunar.ROWS, out, app="thunar")
-        if thunar.present(hand, back):
+        if thunar.present(hand, restored):
             return
         hand.click_on("table-cell", "Trash", app="thunar")
         hand.find("frame", "Trash - Thunar", app="thunar")
         thunar.as_list(hand)
-        hand.context_menu(hand.find(thunar.ROWS, back, app="thunar"), "Restore", app="thunar")
-        hand.wait_until_gone(thunar.ROWS, back, app="thunar")
+        hand.context_menu(hand.find(thunar.ROWS, restored, app="thunar"), "Restore", app="thunar")
+        hand.wait_until_gone(thunar.ROWS, restored, app="thunar")
 
     def plan(self):
         return [
@@ -87,16 +87,19 @@ class TrashAndRestore(Task):
         ]
 
     def wrong_results(self):
-        place, out, back = self.values.place, self.values.out, self.values.back
-        other = self.values.trash[1]
+        place, out, restored = self.values.place, self.values.out, self.values.back
+        other_file = self.values.trash[1]
         return {
-            "deleted for good": lambda m: (m.run("rm", f"{place}/{out}"), restore(m, place, back)),
+            "deleted for good": lambda m: (
+                m.run("rm", f"{place}/{out}"),
+                restore(m, place, restored),
+            ),
             "nothing restored": lambda m: trash(m, place, out),
-            "another one restored": lambda m: (trash(m, place, out), restore(m, place, other)),
+            "another one restored": lambda m: (trash(m, place, out), restore(m, place, other_file)),
             "restored to Documents": lambda m: (
                 trash(m, place, out),
-                restore(m, place, back),
-                m.run("mv", f"{place}/{back}", "Documents"),
+                restore(m, place, restored),
+                m.run("mv", f"{place}/{restored}", "Documents"),
             ),
         }
 
@@ -107,7 +110,7 @@ class TrashAndRestore(Task):
 
 def trash(machine, place, name):
     """Move a file to the trash."""
-    throw_away(machine, f"{place}/{name}", machine.read(f"{place}/{name}"))
+    move_to_trash(machine, f"{place}/{name}", machine.read(f"{place}/{name}"))
     machine.run("rm", f"{place}/{name}")
 
 

@@ -27,11 +27,11 @@ class CancelRegistration(Task):
         first, second = registrations.people(stream, 2)
         again = {**first, "course": "chess" if first["course"] != "chess" else "pottery"}
         everybody = [first, second, again]
-        which = stream.choice((0, 2))
+        index = stream.choice((0, 2))
         return {
             "everybody": everybody,
-            "which": which,
-            "number": FIRST_NUMBER + which,
+            "which": index,
+            "number": FIRST_NUMBER + index,
             "name": first["name"],
             "email": first["email"],
         }
@@ -44,11 +44,13 @@ class CancelRegistration(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        kept = [entry for n, entry in enumerate(self.values.everybody) if n != self.values.which]
-        yield from registrations.unlike(machine, *kept)
-        gone = registrations.cancelled(machine)
-        if gone != [self.values.number]:
-            yield f"registrations {gone} were cancelled"
+        remaining = [
+            entry for n, entry in enumerate(self.values.everybody) if n != self.values.which
+        ]
+        yield from registrations.registration_problems(machine, *remaining)
+        cancelled = registrations.cancelled_numbers(machine)
+        if cancelled != [self.values.number]:
+            yield f"registrations {cancelled} were cancelled"
 
     def oracle(self, hand):
         visit(hand, f"{registrations.SITE}/find", "Your registration")
@@ -76,8 +78,8 @@ class CancelRegistration(Task):
     def wrong_results(self):
         def cancel(machine, *numbers):
             entries = enumerate(self.values.everybody)
-            kept = [{**e, "cancelled": True} if n in numbers else e for n, e in entries]
-            registrations.store(machine, *kept)
+            entries_after = [{**e, "cancelled": True} if n in numbers else e for n, e in entries]
+            registrations.store(machine, *entries_after)
 
         return {
             "the other course": lambda m: cancel(m, 2 - self.values.which),
@@ -87,8 +89,8 @@ class CancelRegistration(Task):
         }
 
     def right_result(self, machine):
-        kept = [
+        entries_after = [
             {"cancelled": number == self.values.which, **entry}
             for number, entry in enumerate(self.values.everybody)
         ]
-        registrations.store(machine, *kept)
+        registrations.store(machine, *entries_after)

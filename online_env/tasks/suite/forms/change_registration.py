@@ -28,18 +28,18 @@ class ChangeRegistration(Task):
 
     def draw(self, stream):
         everybody = registrations.people(stream, 3)
-        which = stream.integer(0, 2)
-        courses = [key for key in content()["courses"] if key != everybody[which]["course"]]
-        levels = [key for key in content()["levels"] if key != everybody[which]["level"]]
+        index = stream.integer(0, 2)
+        courses = [key for key in content()["courses"] if key != everybody[index]["course"]]
+        levels = [key for key in content()["levels"] if key != everybody[index]["level"]]
         new = {"course": sample(stream, courses, 1)[0], "level": sample(stream, levels, 1)[0]}
-        wanted = [{**entry, **new} if n == which else entry for n, entry in enumerate(everybody)]
+        expected = [{**entry, **new} if n == index else entry for n, entry in enumerate(everybody)]
         return {
             "everybody": everybody,
-            "wanted": wanted,
-            "which": which,
-            "number": FIRST_NUMBER + which,
-            "name": everybody[which]["name"],
-            "email": everybody[which]["email"],
+            "wanted": expected,
+            "which": index,
+            "number": FIRST_NUMBER + index,
+            "name": everybody[index]["name"],
+            "email": everybody[index]["email"],
             "course": registrations.course(new["course"]),
             "level": registrations.level(new["level"]),
         }
@@ -52,8 +52,8 @@ class ChangeRegistration(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        yield from registrations.unlike(machine, *self.values.wanted)
-        if registrations.cancelled(machine):
+        yield from registrations.registration_problems(machine, *self.values.wanted)
+        if registrations.cancelled_numbers(machine):
             yield "a registration was cancelled"
 
     def oracle(self, hand):
@@ -84,21 +84,21 @@ class ChangeRegistration(Task):
         ]
 
     def wrong_results(self):
-        drawn, store = self.values, registrations.store
-        old, new = drawn.everybody[drawn.which], drawn.wanted[drawn.which]
-        other = (drawn.which + 1) % 3
-        spoilt = [new if n == other else entry for n, entry in enumerate(drawn.everybody)]
+        values, store = self.values, registrations.store
+        old, new = values.everybody[values.which], values.wanted[values.which]
+        other_index = (values.which + 1) % 3
+        spoilt = [new if n == other_index else entry for n, entry in enumerate(values.everybody)]
         half = [
-            {**entry, "level": old["level"]} if entry is new else entry for entry in drawn.wanted
+            {**entry, "level": old["level"]} if entry is new else entry for entry in values.wanted
         ]
-        again = [{**entry, "cancelled": entry is old} for entry in drawn.everybody]
+        again = [{**entry, "cancelled": entry is old} for entry in values.everybody]
         return {
-            "registered once more": lambda m: store(m, *drawn.everybody, new),
+            "registered once more": lambda m: store(m, *values.everybody, new),
             "cancelled, and registered once more": lambda m: store(m, *again, new),
             "the level is as before": lambda m: store(m, *half),
             "somebody else": lambda m: store(m, *spoilt),
             "cancelled": lambda m: store(
-                m, *[{**entry, "cancelled": entry is new} for entry in drawn.wanted]
+                m, *[{**entry, "cancelled": entry is new} for entry in values.wanted]
             ),
         }
 

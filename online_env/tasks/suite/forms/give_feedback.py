@@ -56,10 +56,10 @@ class GiveFeedback(Task):
         state = machine.sites.read("forms")
         if state.get("registrations"):
             yield "somebody was registered for a course"
-        sent = state.get("feedback", [])
-        if len(sent) != 1:
-            yield f"feedback was sent {len(sent)} times"
-        for entry in sent:
+        feedback = state.get("feedback", [])
+        if len(feedback) != 1:
+            yield f"feedback was sent {len(feedback)} times"
+        for entry in feedback:
             yield from differences(entry, self.values.wanted)
 
     def oracle(self, hand):
@@ -90,20 +90,22 @@ class GiveFeedback(Task):
         ]
 
     def wrong_results(self):
-        wanted = self.values.wanted
+        feedback = self.values.wanted
         return {
-            "no comment": lambda m: send(m, {**wanted, "comment": ""}),
-            "quoting is turned round": lambda m: send(m, {**wanted, "quote": not wanted["quote"]}),
-            "sent twice": lambda m: send(m, wanted, wanted),
-            "another course": lambda m: send(m, {**wanted, "course": "none"}),
+            "no comment": lambda m: send(m, {**feedback, "comment": ""}),
+            "quoting is turned round": lambda m: send(
+                m, {**feedback, "quote": not feedback["quote"]}
+            ),
+            "sent twice": lambda m: send(m, feedback, feedback),
+            "another course": lambda m: send(m, {**feedback, "course": "none"}),
         }
 
     def right_result(self, machine):
-        wanted = dict(reversed(self.values.wanted.items()))
-        send(machine, {**wanted, "comment": wanted["comment"].replace(" ", "  ")})
+        feedback = dict(reversed(self.values.wanted.items()))
+        send(machine, {**feedback, "comment": feedback["comment"].replace(" ", "  ")})
 
 
-def send(machine, *sent):
+def send(machine, *entries):
     """Store feedback as the site does."""
     with machine.sites.update("forms") as state:
-        state["feedback"] = list(sent)
+        state["feedback"] = list(entries)

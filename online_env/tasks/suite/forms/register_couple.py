@@ -30,15 +30,15 @@ class RegisterCouple(Task):
     def draw(self, stream):
         first, second = registrations.people(stream, 2)
         shared = {key: first[key] for key in ("course", "level", "country")}
-        wanted = [{**entry, **shared, "interests": [], "notes": ""} for entry in (first, second)]
-        told = [
+        expected = [{**entry, **shared, "interests": [], "notes": ""} for entry in (first, second)]
+        lines = [
             f"{entry['name']}, born on {registrations.day(entry['birth_date'])}, {entry['email']}"
-            for entry in wanted
+            for entry in expected
         ]
         return {
-            "wanted": wanted,
-            "one": told[0],
-            "two": told[1],
+            "wanted": expected,
+            "one": lines[0],
+            "two": lines[1],
             "address": ADDRESS,
             "country": shared["country"],
             "course": registrations.course(shared["course"]),
@@ -50,7 +50,7 @@ class RegisterCouple(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        yield from registrations.unlike(machine, *self.values.wanted)
+        yield from registrations.registration_problems(machine, *self.values.wanted)
 
     def oracle(self, hand):
         first, second = self.values.wanted

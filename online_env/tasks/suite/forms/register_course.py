@@ -29,16 +29,16 @@ class RegisterCourse(Task):
     )
 
     def draw(self, stream):
-        wanted = registrations.people(stream, 1)[0]
-        wanted["interests"] = wanted["interests"] or ["newsletter"]
+        entry = registrations.people(stream, 1)[0]
+        entry["interests"] = entry["interests"] or ["newsletter"]
         return {
-            **wanted,
-            "wanted": wanted,
+            **entry,
+            "wanted": entry,
             "address": ADDRESS,
-            "born": registrations.day(wanted["birth_date"]),
-            "course": registrations.course(wanted["course"]),
-            "level": registrations.level(wanted["level"]),
-            "boxes": registrations.boxes(wanted),
+            "born": registrations.day(entry["birth_date"]),
+            "course": registrations.course(entry["course"]),
+            "level": registrations.level(entry["level"]),
+            "boxes": registrations.boxes(entry),
         }
 
     def initial_app(self, machine):
@@ -46,7 +46,7 @@ class RegisterCourse(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        yield from registrations.unlike(machine, self.values.wanted)
+        yield from registrations.registration_problems(machine, self.values.wanted)
 
     def oracle(self, hand):
         visit(hand, ADDRESS, "Course registration")
@@ -56,16 +56,16 @@ class RegisterCourse(Task):
         return ['window "Chromium"', *plan_steps.register(self.values.wanted)]
 
     def wrong_results(self):
-        wanted, store = self.values.wanted, registrations.store
+        entry, store = self.values.wanted, registrations.store
         return {
-            "another name": lambda m: store(m, {**wanted, "name": "Somebody Else"}),
-            "no notes": lambda m: store(m, {**wanted, "notes": ""}),
-            "sent twice": lambda m: store(m, wanted, wanted),
-            "cancelled after that": lambda m: store(m, {**wanted, "cancelled": True}),
-            "another course": lambda m: store(m, {**wanted, "course": "none"}),
+            "another name": lambda m: store(m, {**entry, "name": "Somebody Else"}),
+            "no notes": lambda m: store(m, {**entry, "notes": ""}),
+            "sent twice": lambda m: store(m, entry, entry),
+            "cancelled after that": lambda m: store(m, {**entry, "cancelled": True}),
+            "another course": lambda m: store(m, {**entry, "course": "none"}),
         }
 
     def right_result(self, machine):
-        wrong = {**self.values.wanted, "notes": "", "cancelled": True}
-        right = {**self.values.wanted, "email": self.values.email.upper()}
-        registrations.store(machine, wrong, right)
+        cancelled_entry = {**self.values.wanted, "notes": "", "cancelled": True}
+        valid_entry = {**self.values.wanted, "email": self.values.email.upper()}
+        registrations.store(machine, cancelled_entry, valid_entry)

@@ -5,7 +5,7 @@ from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps, registrations
 from online_env.tasks.kit.notes import read_file
 from online_env.tasks.kit.pages import visit
-from online_env.tasks.kit.word_lists import sample, shuffled
+from online_env.tasks.kit.word_lists import sample, shuffle
 
 ADDRESS = f"{registrations.SITE}/register"
 BUSY = ("Choir", "Night shift", "Football practice", "Visit to my parents", "Council meeting")
@@ -36,25 +36,26 @@ class RegisterFreeEvening(Task):
         fits = stream.integer(1, 2)
         busy = [content()["courses"][key]["when"].split(",")[0] for key in courses[:fits]]
         lines = [
-            f"{day}: {what}" for day, what in zip(busy, sample(stream, BUSY, fits), strict=True)
+            f"{day}: {activity}"
+            for day, activity in zip(busy, sample(stream, BUSY, fits), strict=True)
         ]
         entry = registrations.people(stream, 1)[0]
-        wanted = {**entry, "course": courses[fits], "interests": [], "notes": ""}
+        valid_entry = {**entry, "course": courses[fits], "interests": [], "notes": ""}
         names = [f'"{registrations.course(key)}"' for key in courses]
-        told = (
-            f"{wanted['name']}, {wanted['email']}, born on"
-            f" {registrations.day(wanted['birth_date'])}, country {wanted['country']}, level"
-            f" {registrations.level(wanted['level'])}"
+        instructions = (
+            f"{valid_entry['name']}, {valid_entry['email']}, born on"
+            f" {registrations.day(valid_entry['birth_date'])}, country {valid_entry['country']},"
+            f" level {registrations.level(valid_entry['level'])}"
         )
         return {
-            "wanted": wanted,
+            "wanted": valid_entry,
             "courses": courses,
-            "lines": shuffled(stream, [*lines, "Fridays: Cinema"]),
+            "lines": shuffle(stream, [*lines, "Fridays: Cinema"]),
             "path": f"Documents/busy-{stream.integer(10, 99)}.txt",
             "first": names[0],
             "second": names[1],
             "third": names[2],
-            "told": told,
+            "told": instructions,
             "address": ADDRESS,
         }
 
@@ -66,7 +67,7 @@ class RegisterFreeEvening(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        yield from registrations.unlike(machine, self.values.wanted)
+        yield from registrations.registration_problems(machine, self.values.wanted)
 
     def oracle(self, hand):
         read_file(hand, self.values.path)
@@ -84,13 +85,13 @@ class RegisterFreeEvening(Task):
         ]
 
     def wrong_results(self):
-        wanted, store = self.values.wanted, registrations.store
-        first = {**wanted, "course": self.values.courses[0]}
+        valid_entry, store = self.values.wanted, registrations.store
+        first = {**valid_entry, "course": self.values.courses[0]}
         return {
             "the first, though busy": lambda m: store(m, first),
-            "both": lambda m: store(m, first, wanted),
-            "another level": lambda m: store(m, {**wanted, "level": "none"}),
-            "cancelled after that": lambda m: store(m, {**wanted, "cancelled": True}),
+            "both": lambda m: store(m, first, valid_entry),
+            "another level": lambda m: store(m, {**valid_entry, "level": "none"}),
+            "cancelled after that": lambda m: store(m, {**valid_entry, "cancelled": True}),
         }
 
     def right_result(self, machine):

@@ -4,7 +4,7 @@ from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps, registrations
 from online_env.tasks.kit.notes import read_file
 from online_env.tasks.kit.pages import visit
-from online_env.tasks.kit.word_lists import shuffled
+from online_env.tasks.kit.word_lists import shuffle
 
 ADDRESS = f"{registrations.SITE}/register"
 
@@ -27,22 +27,22 @@ class RegisterFromFile(Task):
     )
 
     def draw(self, stream):
-        wanted = registrations.people(stream, 1)[0]
-        lines = shuffled(
+        entry = registrations.people(stream, 1)[0]
+        lines = shuffle(
             stream,
             [
-                f"Name: {wanted['name']}",
-                f"E-mail: {wanted['email']}",
-                f"Born: {registrations.day(wanted['birth_date'])}",
-                f"Country: {wanted['country']}",
-                f"Course: {registrations.course(wanted['course'])}",
-                f"Level: {registrations.level(wanted['level'])}",
-                f"To tick under Also: {registrations.boxes(wanted)}",
-                f"Notes for the teacher: {wanted['notes']}",
+                f"Name: {entry['name']}",
+                f"E-mail: {entry['email']}",
+                f"Born: {registrations.day(entry['birth_date'])}",
+                f"Country: {entry['country']}",
+                f"Course: {registrations.course(entry['course'])}",
+                f"Level: {registrations.level(entry['level'])}",
+                f"To tick under Also: {registrations.boxes(entry)}",
+                f"Notes for the teacher: {entry['notes']}",
             ],
         )
         file = f"{stream.choice(('course', 'registration', 'form'))}-{stream.integer(10, 99)}.txt"
-        return {"wanted": wanted, "lines": lines, "file": file, "address": ADDRESS}
+        return {"wanted": entry, "lines": lines, "file": file, "address": ADDRESS}
 
     def prepare(self, machine):
         machine.write(f"Desktop/{self.values.file}", "\n".join(self.values.lines) + "\n")
@@ -52,7 +52,7 @@ class RegisterFromFile(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        yield from registrations.unlike(machine, self.values.wanted)
+        yield from registrations.registration_problems(machine, self.values.wanted)
 
     def oracle(self, hand):
         read_file(hand, f"Desktop/{self.values.file}")
@@ -70,13 +70,13 @@ class RegisterFromFile(Task):
         ]
 
     def wrong_results(self):
-        wanted, store = self.values.wanted, registrations.store
-        extra = sorted({"newsletter", "volunteer", "carpool"} ^ set(wanted["interests"]))
+        entry, store = self.values.wanted, registrations.store
+        extra = sorted({"newsletter", "volunteer", "carpool"} ^ set(entry["interests"]))
         return {
-            "other boxes": lambda m: store(m, {**wanted, "interests": extra}),
-            "no notes": lambda m: store(m, {**wanted, "notes": ""}),
-            "another day of birth": lambda m: store(m, {**wanted, "birth_date": "2001-01-01"}),
-            "sent twice": lambda m: store(m, wanted, wanted),
+            "other boxes": lambda m: store(m, {**entry, "interests": extra}),
+            "no notes": lambda m: store(m, {**entry, "notes": ""}),
+            "another day of birth": lambda m: store(m, {**entry, "birth_date": "2001-01-01"}),
+            "sent twice": lambda m: store(m, entry, entry),
         }
 
     def right_result(self, machine):

@@ -44,34 +44,34 @@ class CropPicture(gimp.PictureTask):
         yield from gimp.picture_problems(machine, self.values.path, self.cut(self.values.box))
 
     def oracle(self, hand):
-        drawn = self.values
+        values = self.values
         gimp.undo_all(hand)
         gimp.gimp_command(hand, "canvas size")
         hand.find("dialog", "Set Image Canvas Size", "gimp")
-        gimp.set_canvas(hand, drawn.width, drawn.height, -drawn.left, -drawn.top)
-        hand.find("frame", gimp.size_title(drawn.width, drawn.height), "gimp")
-        gimp.gimp_export(hand, drawn.path)
+        gimp.set_canvas(hand, values.width, values.height, -values.left, -values.top)
+        hand.find("frame", gimp.size_title(values.width, values.height), "gimp")
+        gimp.gimp_export(hand, values.path)
 
     def wrong_results(self):
         path, size = self.values.path, (self.values.width, self.values.height)
         left, top, right, bottom = self.values.box
-        cut = gimp.encoded(self.cut(self.values.box))
+        cut = gimp.encode(self.cut(self.values.box))
         whole_width = self.cut((0, top, self.values.size[0], bottom))
         shift = 2 if left == 0 else -2
         beside = self.cut((left + shift, top, right + shift, bottom))
         return {
-            "a little beside": lambda m: m.write(path, gimp.encoded(beside)),
+            "a little beside": lambda m: m.write(path, gimp.encode(beside)),
             "with a dab of the brush": lambda m: m.write(
-                path, gimp.encoded(gimp.dabbed(self.cut(self.values.box)))
+                path, gimp.encode(gimp.with_dab(self.cut(self.values.box)))
             ),
-            "only the height": lambda m: m.write(path, gimp.encoded(whole_width)),
-            "scaled": lambda m: m.write(path, gimp.encoded(self.picture().resize(size))),
+            "only the height": lambda m: m.write(path, gimp.encode(whole_width)),
+            "scaled": lambda m: m.write(path, gimp.encode(self.picture().resize(size))),
             "in a copy": lambda m: m.write("Pictures/cut.png", cut),
         }
 
     def right_result(self, machine):
         cut = self.cut(self.values.box).convert("RGBA")
-        machine.write(self.values.path, gimp.encoded(cut))
+        machine.write(self.values.path, gimp.encode(cut))
 
     def cut(self, box) -> Image.Image:
         """Return a part of it."""

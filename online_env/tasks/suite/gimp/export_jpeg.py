@@ -29,13 +29,13 @@ class ExportJpeg(gimp.PictureTask):
         }
 
     def problems(self, machine):
-        drawn = self.values
-        yield from machine.unexpected_changes(drawn.result)
-        wanted = self.picture()
-        yield from gimp.picture_problems(machine, drawn.result, wanted, "JPEG", slack=10)
-        found = gimp.opened(machine, drawn.result)
-        if found is not None and not gimp.has_quality(found, drawn.quality):
-            yield f"{drawn.result} has not the quality {drawn.quality}"
+        values = self.values
+        yield from machine.unexpected_changes(values.result)
+        expected = self.picture()
+        yield from gimp.picture_problems(machine, values.result, expected, "JPEG", slack=10)
+        picture = gimp.read_picture(machine, values.result)
+        if picture is not None and not gimp.has_quality(picture, values.quality):
+            yield f"{values.result} has not the quality {values.quality}"
 
     def oracle(self, hand):
         gimp.undo_all(hand)
@@ -59,20 +59,20 @@ class ExportJpeg(gimp.PictureTask):
 
     def wrong_results(self):
         path, result, picture = self.values.path, self.values.result, self.picture()
-        good = gimp.encoded(picture, "JPEG", 90)
-        better = gimp.encoded(picture, "JPEG", self.values.quality + 1)
+        good = gimp.encode(picture, "JPEG", 90)
+        better = gimp.encode(picture, "JPEG", self.values.quality + 1)
         small = picture.resize((picture.width // 2, picture.height // 2))
-        half = gimp.encoded(small, "JPEG", self.values.quality)
+        half = gimp.encode(small, "JPEG", self.values.quality)
         return {
             "the quality that it offers": lambda m: m.write(result, good),
             "nearly the quality": lambda m: m.write(result, better),
             "with a dab of the brush": lambda m: m.write(
-                result, gimp.encoded(gimp.dabbed(picture), "JPEG", self.values.quality)
+                result, gimp.encode(gimp.with_dab(picture), "JPEG", self.values.quality)
             ),
             "half the size": lambda m: m.write(result, half),
             "a PNG file with that name": lambda m: m.run("cp", path, result),
         }
 
     def right_result(self, machine):
-        data = gimp.encoded(self.picture(), "JPEG", self.values.quality)
+        data = gimp.encode(self.picture(), "JPEG", self.values.quality)
         machine.write(self.values.result, data)

@@ -49,16 +49,16 @@ class GreyPicture(gimp.PictureTask):
         grey = picture.convert("L")
         pale = Image.blend(picture, grey.convert("RGB"), 0.8)
         return {
-            "the old file": lambda m: m.write(path, gimp.encoded(grey)),
-            "pale colours": lambda m: m.write(result, gimp.encoded(pale)),
+            "the old file": lambda m: m.write(path, gimp.encode(grey)),
+            "pale colours": lambda m: m.write(result, gimp.encode(pale)),
             "with a dab of the brush": lambda m: m.write(
-                result, gimp.encoded(gimp.dabbed(grey).convert("L"))
+                result, gimp.encode(gimp.with_dab(grey).convert("L"))
             ),
             "only copied": lambda m: m.run("cp", path, result),
-            "all black": lambda m: m.write(result, gimp.encoded(grey.point(lambda _: 0))),
+            "all black": lambda m: m.write(result, gimp.encode(grey.point(lambda _: 0))),
         }
 
     def right_result(self, machine):
         red, green, blue = self.picture().split()
         value = ImageChops.lighter(ImageChops.lighter(red, green), blue)  # as a way of GIMP has it
-        machine.write(self.values.result, gimp.encoded(value.convert("RGB")))
+        machine.write(self.values.result, gimp.encode(value.convert("RGB")))

@@ -48,8 +48,8 @@ class MirrorPicture(gimp.PictureTask):
 
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.result)
-        wanted = self.picture().transpose(self.values.method)
-        yield from gimp.picture_problems(machine, self.values.result, wanted)
+        expected = self.picture().transpose(self.values.method)
+        yield from gimp.picture_problems(machine, self.values.result, expected)
 
     def oracle(self, hand):
         gimp.undo_all(hand)
@@ -66,19 +66,19 @@ class MirrorPicture(gimp.PictureTask):
     def wrong_results(self):
         path, result, picture = self.values.path, self.values.result, self.picture()
         turned = picture.transpose(self.values.method)
-        others = [method for _, method in WAYS.values() if method != self.values.method]
-        other = picture.transpose(others[0])
+        other_methods = [method for _, method in WAYS.values() if method != self.values.method]
+        other_picture = picture.transpose(other_methods[0])
         quarter = picture.transpose(Image.Transpose.ROTATE_90)
         spotted = turned.copy()
         ImageDraw.Draw(spotted).ellipse((90, 90, 110, 110), "black")
         return {
-            "the old file": lambda m: m.write(path, gimp.encoded(turned)),
-            "another way": lambda m: m.write(result, gimp.encoded(other)),
-            "by 90 degrees": lambda m: m.write(result, gimp.encoded(quarter)),
-            "with a dab of the brush": lambda m: m.write(result, gimp.encoded(spotted)),
+            "the old file": lambda m: m.write(path, gimp.encode(turned)),
+            "another way": lambda m: m.write(result, gimp.encode(other_picture)),
+            "by 90 degrees": lambda m: m.write(result, gimp.encode(quarter)),
+            "with a dab of the brush": lambda m: m.write(result, gimp.encode(spotted)),
             "only copied": lambda m: m.run("cp", path, result),
         }
 
     def right_result(self, machine):
         turned = self.picture().transpose(self.values.method)
-        machine.write(self.values.result, gimp.encoded(turned.convert("RGBA")))
+        machine.write(self.values.result, gimp.encode(turned.convert("RGBA")))

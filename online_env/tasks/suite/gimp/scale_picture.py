@@ -36,19 +36,21 @@ class ScalePicture(gimp.PictureTask):
 
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.result)
-        yield from gimp.picture_problems(machine, self.values.result, self.scaled(), slack=8)
+        yield from gimp.picture_problems(
+            machine, self.values.result, self.expected_picture(), slack=8
+        )
 
     def oracle(self, hand):
-        drawn = self.values
+        values = self.values
         gimp.undo_all(hand)
         gimp.gimp_command(hand, "scale image")
         hand.find("dialog", "Scale Image", "gimp")
         hand.find("spin-button", app="gimp", state="focused")
-        hand.replace(str(drawn.width))
+        hand.replace(str(values.width))
         hand.press("tab")  # the height follows
         hand.button("Scale", "gimp")
         hand.wait_until_gone("dialog", "Scale Image", "gimp")
-        gimp.gimp_export(hand, drawn.result)
+        gimp.gimp_export(hand, values.result)
 
     def plan(self):
         return [
@@ -63,25 +65,25 @@ class ScalePicture(gimp.PictureTask):
         ]
 
     def wrong_results(self):
-        drawn = self.values
-        scaled = gimp.encoded(self.scaled())
-        squeezed = gimp.encoded(self.picture().resize((drawn.width, drawn.height - 20)))
-        cut = gimp.encoded(self.picture().crop((0, 0, drawn.width, drawn.height)))
+        values = self.values
+        scaled = gimp.encode(self.expected_picture())
+        squeezed = gimp.encode(self.picture().resize((values.width, values.height - 20)))
+        cut = gimp.encode(self.picture().crop((0, 0, values.width, values.height)))
         return {
-            "the old file": lambda m: m.write(drawn.path, scaled),
-            "out of proportion": lambda m: m.write(drawn.result, squeezed),
-            "cut, not scaled": lambda m: m.write(drawn.result, cut),
+            "the old file": lambda m: m.write(values.path, scaled),
+            "out of proportion": lambda m: m.write(values.result, squeezed),
+            "cut, not scaled": lambda m: m.write(values.result, cut),
             "with a dab of the brush": lambda m: m.write(
-                drawn.result, gimp.encoded(gimp.dabbed(self.scaled()))
+                values.result, gimp.encode(gimp.with_dab(self.expected_picture()))
             ),
-            "not scaled": lambda m: m.run("cp", drawn.path, drawn.result),
+            "not scaled": lambda m: m.run("cp", values.path, values.result),
         }
 
     def right_result(self, machine):
         size = self.values.width, self.values.height
         soft = self.picture().resize(size, Image.Resampling.BILINEAR)
-        machine.write(self.values.result, gimp.encoded(soft))
+        machine.write(self.values.result, gimp.encode(soft))
 
-    def scaled(self) -> Image.Image:
+    def expected_picture(self) -> Image.Image:
         """Return the picture as it should be."""
         return self.picture().resize((self.values.width, self.values.height))

@@ -31,19 +31,19 @@ class AddSlide(SlideTask):
     )
 
     def draw(self, stream):
-        drawn = talk(stream)
-        title = drawn["spare"]
-        index = stream.integer(1, len(drawn["slides"]) - 1)
-        after = drawn["slides"][index][0]
-        return {**drawn, "title": title, "index": index, "after": after}
+        values = talk(stream)
+        title = values["spare"]
+        index = stream.integer(1, len(values["slides"]) - 1)
+        after = values["slides"][index][0]
+        return {**values, "title": title, "index": index, "after": after}
 
-    def made(self):
+    def initial_document(self):
         return presentation(self.values.slides)
 
-    def judge(self, now, before):
+    def judge(self, after, before):
         place = self.values.index + 1
         new = SlideContent(title=self.values.title)
-        yield from slide_changes(now, (*before[:place], new, *before[place:]))
+        yield from slide_changes(after, (*before[:place], new, *before[place:]))
 
     def oracle(self, hand):
         count = len(self.values.slides)
@@ -81,9 +81,9 @@ class AddSlide(SlideTask):
     def put(self, title, place, text=""):
         """Return what adds a slide with a number of slides before it."""
 
-        def change(made):
-            order = list(range(len(made.slides)))
-            add_slide(made, title, text)
-            order_slides(made, [*order[:place], len(order), *order[place:]])
+        def change(presentation_file):
+            order = list(range(len(presentation_file.slides)))
+            add_slide(presentation_file, title, text)
+            order_slides(presentation_file, [*order[:place], len(order), *order[place:]])
 
-        return self.edited(change)
+        return self.edit_document(change)

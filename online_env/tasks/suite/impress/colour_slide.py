@@ -26,25 +26,25 @@ class ColourSlide(SlideTask):
     )
 
     def draw(self, stream):
-        drawn = talk(stream)
-        index = stream.integer(1, len(drawn["slides"]) - 1)
+        values = talk(stream)
+        index = stream.integer(1, len(values["slides"]) - 1)
         name = stream.choice(list(COLOURS))
         return {
-            **drawn,
+            **values,
             "index": index,
-            "title": drawn["slides"][index][0],
+            "title": values["slides"][index][0],
             "name": name,
             "colour": name.lower(),
         }
 
-    def made(self):
+    def initial_document(self):
         return presentation(self.values.slides)
 
-    def judge(self, now, before):
-        wanted = list(before)
+    def judge(self, after, before):
+        expected = list(before)
         index = self.values.index
-        wanted[index] = replace(before[index], background=COLOURS[self.values.name])
-        yield from slide_changes(now, wanted)
+        expected[index] = replace(before[index], background=COLOURS[self.values.name])
+        yield from slide_changes(after, expected)
 
     def oracle(self, hand):
         show_slide(hand, self.values.index + 1, self.values.title, of=len(self.values.slides))
@@ -63,26 +63,28 @@ class ColourSlide(SlideTask):
         return node.role == "text" and node.text.upper() == COLOURS[self.values.name]
 
     def wrong_results(self):
-        index, right = self.values.index, COLOURS[self.values.name]
-        other = "0000FF"
+        index, color = self.values.index, COLOURS[self.values.name]
+        other_color = "0000FF"
         return {
-            "another colour": self.painted({index: other}),
-            "another slide": self.painted({index - 1: right}),
-            "all slides": self.painted(dict.fromkeys(range(len(self.values.slides)), right)),
+            "another colour": self.with_backgrounds({index: other_color}),
+            "another slide": self.with_backgrounds({index - 1: color}),
+            "all slides": self.with_backgrounds(
+                dict.fromkeys(range(len(self.values.slides)), color)
+            ),
         }
 
     def right_result(self, machine):
-        self.painted({self.values.index: COLOURS[self.values.name]})(machine)
+        self.with_backgrounds({self.values.index: COLOURS[self.values.name]})(machine)
 
-    def painted(self, colours):
+    def with_backgrounds(self, colours):
         """Return what gives slides a background: colours by the index of the slide."""
 
-        def change(made):
+        def change(presentation_file):
             from pptx.dml.color import RGBColor
 
             for index, code in colours.items():
-                fill = made.slides[index].background.fill
+                fill = presentation_file.slides[index].background.fill
                 fill.solid()
                 fill.fore_color.rgb = RGBColor.from_string(code)
 
-        return self.edited(change)
+        return self.edit_document(change)

@@ -26,16 +26,16 @@ class DeleteSlide(SlideTask):
     )
 
     def draw(self, stream):
-        drawn = talk(stream)
-        index = stream.integer(1, len(drawn["slides"]) - 1)
-        return {**drawn, "index": index, "title": drawn["slides"][index][0]}
+        values = talk(stream)
+        index = stream.integer(1, len(values["slides"]) - 1)
+        return {**values, "index": index, "title": values["slides"][index][0]}
 
-    def made(self):
+    def initial_document(self):
         return presentation(self.values.slides)
 
-    def judge(self, now, before):
+    def judge(self, after, before):
         index = self.values.index
-        yield from slide_changes(now, (*before[:index], *before[index + 1 :]))
+        yield from slide_changes(after, (*before[:index], *before[index + 1 :]))
 
     def oracle(self, hand):
         count = len(self.values.slides)
@@ -59,11 +59,11 @@ class DeleteSlide(SlideTask):
     def wrong_results(self):
         index = self.values.index
         count = len(self.values.slides)
-        others = [number for number in range(count) if number != index]
+        other_slides = [number for number in range(count) if number != index]
         return {
             "another slide": self.keep([number for number in range(count) if number != index - 1]),
-            "two slides": self.keep(others[:-1]),
-            "moved to the end": self.keep([*others, index]),
+            "two slides": self.keep(other_slides[:-1]),
+            "moved to the end": self.keep([*other_slides, index]),
         }
 
     def right_result(self, machine):
@@ -72,4 +72,4 @@ class DeleteSlide(SlideTask):
 
     def keep(self, order):
         """Return what leaves some slides, in an order."""
-        return self.edited(lambda made: order_slides(made, order))
+        return self.edit_document(lambda presentation_file: order_slides(presentation_file, order))

@@ -27,28 +27,28 @@ class MoveSlide(SlideTask):
     )
 
     def draw(self, stream):
-        drawn = talk(stream)
-        index = stream.integer(1, len(drawn["slides"]) - 2)
+        values = talk(stream)
+        index = stream.integer(1, len(values["slides"]) - 2)
         order = stream.choice(("first", "last"))
         return {
-            **drawn,
+            **values,
             "index": index,
-            "title": drawn["slides"][index][0],
+            "title": values["slides"][index][0],
             "order": order,
             "where": {"first": "the very beginning", "last": "the end"}[order],
         }
 
-    def made(self):
+    def initial_document(self):
         return presentation(self.values.slides)
 
-    def judge(self, now, before):
-        yield from slide_changes(now, [before[number] for number in self.wanted()])
+    def judge(self, after, before):
+        yield from slide_changes(after, [before[number] for number in self.expected_order()])
 
-    def wanted(self):
+    def expected_order(self):
         """Return the present indices of the slides in their new order."""
         index = self.values.index
-        others = [number for number in range(len(self.values.slides)) if number != index]
-        return [index, *others] if self.values.order == "first" else [*others, index]
+        other_slides = [number for number in range(len(self.values.slides)) if number != index]
+        return [index, *other_slides] if self.values.order == "first" else [*other_slides, index]
 
     def oracle(self, hand):
         count = len(self.values.slides)
@@ -71,19 +71,21 @@ class MoveSlide(SlideTask):
         ]
 
     def wrong_results(self):
-        wanted = self.wanted()
+        order = self.expected_order()
         index = self.values.index
-        others = [number for number in wanted if number != index]
+        other_slides = [number for number in order if number != index]
         is_first = self.values.order == "first"
         return {
-            "to the other end": self.put([*others, index] if is_first else [index, *others]),
-            "the others turned": self.put([index, *others[::-1]]),
-            "without it": self.put(others),
+            "to the other end": self.put(
+                [*other_slides, index] if is_first else [index, *other_slides]
+            ),
+            "the others turned": self.put([index, *other_slides[::-1]]),
+            "without it": self.put(other_slides),
         }
 
     def right_result(self, machine):
-        self.put(self.wanted())(machine)
+        self.put(self.expected_order())(machine)
 
     def put(self, order):
         """Return what leaves some slides, in an order."""
-        return self.edited(lambda made: order_slides(made, order))
+        return self.edit_document(lambda presentation_file: order_slides(presentation_file, order))

@@ -23,25 +23,25 @@ class ReplaceOnSlides(SlideTask):
     )
 
     def draw(self, stream):
-        drawn = talk(stream)
-        others = [city for city in CITIES if city != drawn["city"]]
-        return {**drawn, "old": drawn["city"], "new": stream.choice(others)}
+        values = talk(stream)
+        other_cities = [city for city in CITIES if city != values["city"]]
+        return {**values, "old": values["city"], "new": stream.choice(other_cities)}
 
-    def made(self):
+    def initial_document(self):
         return presentation(self.values.slides)
 
-    def judge(self, now, before):
-        wanted = [
+    def judge(self, after, before):
+        expected = [
             replace(
                 slide,
-                title=self.moved(slide.title),
-                texts=tuple(self.moved(text) for text in slide.texts),
+                title=self.replace_city(slide.title),
+                texts=tuple(self.replace_city(text) for text in slide.texts),
             )
             for slide in before
         ]
-        yield from slide_changes(now, wanted)
+        yield from slide_changes(after, expected)
 
-    def moved(self, text):
+    def replace_city(self, text):
         """Return a text with the new name."""
         return text.replace(self.values.old, self.values.new)
 
@@ -58,24 +58,28 @@ class ReplaceOnSlides(SlideTask):
 
     def wrong_results(self):
         return {
-            "the titles alone": self.changed(lambda text: self.moved(text), texts=False),
-            "the texts alone": self.changed(lambda text: self.moved(text), titles=False),
-            "in capitals": self.changed(
+            "the titles alone": self.change_texts(
+                lambda text: self.replace_city(text), texts=False
+            ),
+            "the texts alone": self.change_texts(
+                lambda text: self.replace_city(text), titles=False
+            ),
+            "in capitals": self.change_texts(
                 lambda text: text.replace(self.values.old, self.values.new.upper())
             ),
         }
 
     def right_result(self, machine):
-        self.changed(self.moved)(machine)
+        self.change_texts(self.replace_city)(machine)
 
-    def changed(self, change, titles=True, texts=True):
+    def change_texts(self, change, titles=True, texts=True):
         """Return what changes the titles and the texts of all slides."""
 
-        def outcome(made):
-            for slide in made.slides:
+        def outcome(presentation_file):
+            for slide in presentation_file.slides:
                 for shape in slide.shapes:
                     is_title = shape.shape_id == slide.shapes.title.shape_id
                     if titles if is_title else texts:
                         shape.text_frame.text = change(shape.text_frame.text)
 
-        return self.edited(outcome)
+        return self.edit_document(outcome)

@@ -33,18 +33,18 @@ class WriteNotes(SlideTask):
     )
 
     def draw(self, stream):
-        drawn = talk(stream)
-        index = stream.integer(1, len(drawn["slides"]) - 1)
-        title = drawn["slides"][index][0]
-        return {**drawn, "index": index, "title": title, "note": stream.choice(NOTES)}
+        values = talk(stream)
+        index = stream.integer(1, len(values["slides"]) - 1)
+        title = values["slides"][index][0]
+        return {**values, "index": index, "title": title, "note": stream.choice(NOTES)}
 
-    def made(self):
+    def initial_document(self):
         return presentation(self.values.slides)
 
-    def judge(self, now, before):
-        wanted = list(before)
-        wanted[self.values.index] = replace(before[self.values.index], notes=self.values.note)
-        yield from slide_changes(now, wanted)
+    def judge(self, after, before):
+        expected = list(before)
+        expected[self.values.index] = replace(before[self.values.index], notes=self.values.note)
+        yield from slide_changes(after, expected)
 
     def oracle(self, hand):
         show_slide(hand, self.values.index + 1, self.values.title, of=len(self.values.slides))
@@ -72,25 +72,25 @@ class WriteNotes(SlideTask):
     def wrong_results(self):
         index, note = self.values.index, self.values.note
         return {
-            "at another slide": self.noted({index - 1: note}),
-            "at two slides": self.noted({index: note, index - 1: note}),
-            "half of it": self.noted({index: note.split()[0]}),
-            "on the slide": self.edited(self.write_on),
+            "at another slide": self.with_notes({index - 1: note}),
+            "at two slides": self.with_notes({index: note, index - 1: note}),
+            "half of it": self.with_notes({index: note.split()[0]}),
+            "on the slide": self.edit_document(self.write_on),
         }
 
     def right_result(self, machine):
-        self.noted({self.values.index: f"{self.values.note}\n"})(machine)
+        self.with_notes({self.values.index: f"{self.values.note}\n"})(machine)
 
-    def noted(self, notes):
+    def with_notes(self, notes):
         """Return what writes notes, by the index of the slide."""
 
-        def change(made):
+        def change(presentation_file):
             for index, note in notes.items():
-                made.slides[index].notes_slide.notes_text_frame.text = note
+                presentation_file.slides[index].notes_slide.notes_text_frame.text = note
 
-        return self.edited(change)
+        return self.edit_document(change)
 
-    def write_on(self, made):
+    def write_on(self, presentation_file):
         """Write the note on the slide."""
-        frame = made.slides[self.values.index].placeholders[1].text_frame
+        frame = presentation_file.slides[self.values.index].placeholders[1].text_frame
         frame.text = f"{frame.text}\n{self.values.note}"

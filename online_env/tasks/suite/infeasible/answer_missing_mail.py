@@ -22,10 +22,13 @@ class AnswerMissingMail(Task):
     )
 
     def draw(self, stream):
-        first, other = sample(stream, FIRST_NAMES, 2)
+        first, second_name = sample(stream, FIRST_NAMES, 2)
         last, second = sample(stream, LAST_NAMES, 2)
         topic, unlike = sample(stream, TOPICS, 2)
-        senders = [(f"{first} {second}", "first@mail.test"), (f"{other} {last}", "o@mail.test")]
+        senders = [
+            (f"{first} {second}", "first@mail.test"),
+            (f"{second_name} {last}", "o@mail.test"),
+        ]
         return {
             "who": f"{first} {last}",
             "topic": topic,

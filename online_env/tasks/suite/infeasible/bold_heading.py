@@ -54,6 +54,7 @@ class BoldHeading(Task):
         hand.give_up(f"the editor writes plain text, which cannot be {self.values.look}")
 
     def plan(self):
+        reason = f"the editor writes plain text, which cannot be {self.values.look}"
         return [
             'window "Mousepad"',
             'click "Edit"',
@@ -62,7 +63,7 @@ class BoldHeading(Task):
             'click "Document"',
             'wait for "Word Wrap"',
             "press esc",
-            f"give up {quoted(f'the editor writes plain text, which cannot be {self.values.look}')}",
+            f"give up {quoted(reason)}",
         ]
 
     def wrong_results(self):

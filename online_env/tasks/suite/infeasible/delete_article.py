@@ -3,7 +3,7 @@
 from online_env.embedded.sites.library import articles
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps
-from online_env.tasks.kit.articles import address, open_history, put
+from online_env.tasks.kit.articles import address, open_history, store_article
 from online_env.tasks.kit.pages import follow
 
 
@@ -49,7 +49,7 @@ class DeleteArticle(Task):
     def wrong_results(self):
         title = self.values.title
         return {
-            "nearly empty": lambda m: put(m, title, "."),
-            "said to be deleted": lambda m: put(m, title, "This article was deleted."),
-            "leads elsewhere": lambda m: put(m, title, "See [the list](/all)."),
+            "nearly empty": lambda m: store_article(m, title, "."),
+            "said to be deleted": lambda m: store_article(m, title, "This article was deleted."),
+            "leads elsewhere": lambda m: store_article(m, title, "See [the list](/all)."),
         }

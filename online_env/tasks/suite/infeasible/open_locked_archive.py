@@ -43,10 +43,10 @@ class OpenLockedArchive(Task):
         return "thunar", machine.path("Downloads")
 
     def problems(self, machine):
-        tried = f"Downloads/{self.values.stem}"  # what Xarchiver makes before it asks
-        yield from machine.unexpected_changes(tried)
-        if machine.names(tried):
-            yield f"there is something in {tried}"
+        folder = f"Downloads/{self.values.stem}"  # what Xarchiver makes before it asks
+        yield from machine.unexpected_changes(folder)
+        if machine.names(folder):
+            yield f"there is something in {folder}"
 
     def oracle(self, hand):
         thunar.go(hand, "Downloads")
@@ -75,11 +75,11 @@ class OpenLockedArchive(Task):
         ]
 
     def wrong_results(self):
-        wanted, archive = self.values.wanted, f"Downloads/{self.values.archive}"
+        file_name, archive = self.values.wanted, f"Downloads/{self.values.archive}"
         folder = f"Downloads/{self.values.stem}"
         return {
-            "an empty file": lambda m: m.write(f"Documents/{wanted}", ""),
-            "the archive itself": lambda m: m.run("cp", archive, f"Documents/{wanted}"),
+            "an empty file": lambda m: m.write(f"Documents/{file_name}", ""),
+            "the archive itself": lambda m: m.run("cp", archive, f"Documents/{file_name}"),
             "without the archive": lambda m: m.run("rm", archive),
-            "made up": lambda m: m.write(f"{folder}/{wanted}", "Something.\n"),
+            "made up": lambda m: m.write(f"{folder}/{file_name}", "Something.\n"),
         }

@@ -24,11 +24,11 @@ class RenameMissing(Task):
     )
 
     def draw(self, stream):
-        topic, *others = sample(stream, TOPICS, 3)
+        topic, *other_topics = sample(stream, TOPICS, 3)
         year = stream.integer(2015, 2024)
         place = f"Documents/{stream.choice(FOLDERS)}"
         names = [f"{topic}-{year - 1}.pdf", f"{topic}-{year + 1}.pdf", f"{topic}-{year}.txt"]
-        names += [f"{other}-{year}.pdf" for other in others]
+        names += [f"{other_topic}-{year}.pdf" for other_topic in other_topics]
         return {
             "folder": place.rpartition("/")[2],
             "place": place,
@@ -49,16 +49,21 @@ class RenameMissing(Task):
 
     def oracle(self, hand):
         thunar.go(hand, self.values.place)
-        found = thunar.present(hand, self.values.old)
+        names = thunar.present(hand, self.values.old)
         hand.click_on("table-cell", "Trash", app="thunar")
         hand.find("frame", "Trash - Thunar", app="thunar")
-        found += thunar.present(hand, self.values.old)
-        if not found:
+        names += thunar.present(hand, self.values.old)
+        if not names:
             hand.give_up(f"there is no {self.values.old}, neither in the folder nor in the trash")
 
     def plan(self):
-        said = f"there is no {self.values.old}, neither in the folder nor in the trash"
-        return ['window "Thunar"', 'click "Trash" near "Places"', "wait", f"give up {quoted(said)}"]
+        reason = f"there is no {self.values.old}, neither in the folder nor in the trash"
+        return [
+            'window "Thunar"',
+            'click "Trash" near "Places"',
+            "wait",
+            f"give up {quoted(reason)}",
+        ]
 
     def wrong_results(self):
         place, new, names = self.values.place, self.values.new, self.values.names

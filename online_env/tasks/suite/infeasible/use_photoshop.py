@@ -54,11 +54,11 @@ class UsePhotoshop(Task):
         hand.click_on("toggle-button", "Applications", app=PANEL)
         hand.menu("Graphics", app=PANEL)
         hand.find("menu-item", "Ristretto Image Viewer", app=PANEL)
-        found = hand.see("menu-item", self.values.program, app=PANEL)
+        menu_item = hand.see("menu-item", self.values.program, app=PANEL)
         hand.press("escape")
         hand.press("escape")
         hand.wait_until_gone("menu", "Graphics", app=PANEL)
-        if found is None:
+        if menu_item is None:
             hand.give_up(f"{self.values.program} is not among the applications")
 
     def plan(self):

@@ -31,7 +31,10 @@ class AnswerFromMail(mail.MailTask):
         thing, subject, low, high = stream.choice(QUESTIONS)
         old, new = sample(stream, range(low, high), 2)
         day = stream.integer(12, 20)
-        told = ((third, old, f"2026-02-{day}T10:05"), (teller, new, f"2026-02-{day + 4}T16:20"))
+        mails_with_facts = (
+            (third, old, f"2026-02-{day}T10:05"),
+            (teller, new, f"2026-02-{day + 4}T16:20"),
+        )
         mails = [
             mail.message(
                 f"r{index}",
@@ -42,13 +45,13 @@ class AnswerFromMail(mail.MailTask):
                 read=True,
                 folder="archive",
             )
-            for index, (name, number, date) in enumerate(told)
+            for index, (name, number, date) in enumerate(mails_with_facts)
         ]
         question = f"Hello Robin,\n\ncould you tell me {thing}? I have lost it.\n\n{asker}"
         sender = (asker, "asker@mail.test")
-        asked = mail.message("q", sender, "A question", question, "2026-03-04T08:50")
+        question_mail = mail.message("q", sender, "A question", question, "2026-03-04T08:50")
         return {
-            "mails": [*mails, asked],
+            "mails": [*mails, question_mail],
             "asker": asker,
             "question": question,
             "teller": teller,
@@ -63,11 +66,11 @@ class AnswerFromMail(mail.MailTask):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        drawn = self.values
+        values = self.values
         letter = mail.Letter(
             to=["asker@mail.test"],
             subject="Re: A question",
-            answer=mail.MailAnswer(value=drawn.new, about=f"{drawn.question} {drawn.subject}"),
+            answer=mail.MailAnswer(value=values.new, about=f"{values.question} {values.subject}"),
         )
         yield from mail.problems(machine, sent=[letter])
 
@@ -82,16 +85,16 @@ class AnswerFromMail(mail.MailTask):
         mail.send(hand)
 
     def plan(self):
-        drawn = self.values
+        values = self.values
         return [
             'window "Chromium"',
-            *plan_steps.search_mail(drawn.subject),
-            f"click {quoted(drawn.teller)} near {quoted(drawn.subject)}",
-            f"wait for {quoted(f'it is {drawn.new}')}",
+            *plan_steps.search_mail(values.subject),
+            f"click {quoted(values.teller)} near {quoted(values.subject)}",
+            f"wait for {quoted(f'it is {values.new}')}",
             'click "Inbox"',
             'click "A question"',
             'click "Reply"',
-            *plan_steps.compose(text=f"It is {drawn.new}. Robin"),
+            *plan_steps.compose(text=f"It is {values.new}. Robin"),
             *plan_steps.SEND,
         ]
 

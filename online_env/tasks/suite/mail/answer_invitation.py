@@ -41,14 +41,14 @@ class AnswerInvitation(mail.MailTask):
             )
             for number, (name, event, day) in enumerate(zip(names, events, days, strict=True))
         ]
-        chosen = mails[stream.integer(0, 2)]
+        mail_to_answer = mails[stream.integer(0, 2)]
         answer = stream.choice(ANSWERS).format(thing=stream.choice(THINGS))
         return {
             "mails": mails,
-            "chosen": chosen,
-            "who": chosen["from"]["name"],
-            "to": chosen["from"]["address"],
-            "subject": f"Re: {chosen['subject']}",
+            "chosen": mail_to_answer,
+            "who": mail_to_answer["from"]["name"],
+            "to": mail_to_answer["from"]["address"],
+            "subject": f"Re: {mail_to_answer['subject']}",
             "answer": answer,
         }
 
@@ -57,8 +57,8 @@ class AnswerInvitation(mail.MailTask):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        drawn = self.values
-        letter = mail.Letter(to=[drawn.to], subject=drawn.subject, text=drawn.answer)
+        values = self.values
+        letter = mail.Letter(to=[values.to], subject=values.subject, text=values.answer)
         yield from mail.problems(machine, sent=[letter])
 
     def oracle(self, hand):

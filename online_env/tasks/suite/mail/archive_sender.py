@@ -1,7 +1,7 @@
 """Archive all mails of one sender."""
 
 from online_env.tasks.kit import browser, mail
-from online_env.tasks.kit.word_lists import FIRST_NAMES, LAST_NAMES, TOPICS, sample, shuffled
+from online_env.tasks.kit.word_lists import FIRST_NAMES, LAST_NAMES, TOPICS, sample, shuffle
 from online_env.tasks.plan_words import quoted
 
 
@@ -16,25 +16,28 @@ class ArchiveSender(mail.MailTask):
     )
 
     def draw(self, stream):
-        first, other = sample(stream, FIRST_NAMES, 2)
+        first, second_name = sample(stream, FIRST_NAMES, 2)
         last, second = sample(stream, LAST_NAMES, 2)
         count = stream.integer(3, 4)
         senders = [(f"{first} {last}", "first@mail.test")] * count
-        senders += [(f"{first} {second}", "second@mail.test"), (f"{other} {last}", "o@mail.test")]
+        senders += [
+            (f"{first} {second}", "second@mail.test"),
+            (f"{second_name} {last}", "o@mail.test"),
+        ]
         topics = sample(stream, TOPICS, len(senders))
         mails = []
-        for index, sender in enumerate(shuffled(stream, senders)):
+        for index, sender in enumerate(shuffle(stream, senders)):
             body = f"Robin,\n\nthe {topics[index]} is done. Have a look.\n\n{sender[0]}"
             date = f"2026-03-0{stream.integer(1, 3)}T1{index}:{stream.integer(10, 59)}"
             subject = f"{topics[index].capitalize()} {stream.integer(2, 40)}"
             mails.append(mail.message(f"r{index}", sender, subject, body, date))
-        chosen = [m for m in mails if m["from"]["address"] == "first@mail.test"]
+        mails_to_archive = [m for m in mails if m["from"]["address"] == "first@mail.test"]
         return {
             "mails": mails,
             "who": f"{first} {last}",
-            "chosen": [m["id"] for m in chosen],
-            "subjects": [m["subject"] for m in chosen],
-            "others": [m["id"] for m in mails if m not in chosen],
+            "chosen": [m["id"] for m in mails_to_archive],
+            "subjects": [m["subject"] for m in mails_to_archive],
+            "others": [m["id"] for m in mails if m not in mails_to_archive],
         }
 
     def prepare(self, machine):
@@ -59,12 +62,12 @@ class ArchiveSender(mail.MailTask):
         return steps
 
     def wrong_results(self):
-        chosen, others = self.values.chosen, self.values.others
+        mails_to_archive, other_mails = self.values.chosen, self.values.others
         return {
-            "one is left": lambda m: mail.flag(m, *chosen[1:], folder="archive"),
-            "deleted": lambda m: mail.flag(m, *chosen, folder="trash"),
-            "the namesake's": lambda m: mail.flag(m, *others, folder="archive"),
-            "all": lambda m: mail.flag(m, *chosen, *others, folder="archive"),
+            "one is left": lambda m: mail.flag(m, *mails_to_archive[1:], folder="archive"),
+            "deleted": lambda m: mail.flag(m, *mails_to_archive, folder="trash"),
+            "the namesake's": lambda m: mail.flag(m, *other_mails, folder="archive"),
+            "all": lambda m: mail.flag(m, *mails_to_archive, *other_mails, folder="archive"),
         }
 
     def right_result(self, machine):

@@ -51,14 +51,17 @@ class FinishDraft(mail.MailTask):
         return "s01" if self.values.first else "s02"
 
     @property
-    def whole(self):
+    def full_text(self):
         """The text of the mail."""
         return f"{self.values.texts[0]}\n{self.values.line}"
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
         letter = mail.Letter(
-            to=[self.values.to], subject=self.values.subject, text=self.whole, last=self.values.line
+            to=[self.values.to],
+            subject=self.values.subject,
+            text=self.full_text,
+            last=self.values.line,
         )
         yield from mail.problems(machine, sent=[letter], finished=[self.ident])
 
@@ -67,7 +70,7 @@ class FinishDraft(mail.MailTask):
         browser.follow(hand, browser.starting("Drafts"), "Drafts")
         browser.follow(hand, re.compile(f"To: *{self.values.subject}"), "New message")
         mail.compose(hand, to=self.values.to)
-        hand.replace(self.whole)
+        hand.replace(self.full_text)
         mail.send(hand)
 
     def plan(self):
@@ -96,10 +99,10 @@ class FinishDraft(mail.MailTask):
         return {
             "without the line": lambda m: self.finish(m, to, texts[0]),
             "in the line before": lambda m: self.finish(m, to, f"{texts[0]} {self.values.line}"),
-            "to somebody else": lambda m: self.finish(m, "oda@mail.test", self.whole),
+            "to somebody else": lambda m: self.finish(m, "oda@mail.test", self.full_text),
             "the other text": lambda m: self.finish(m, to, f"{texts[1]}\n{self.values.line}"),
-            "the draft is left": lambda m: mail.store(m, [to], subject, self.whole),
-            "not sent": lambda m: mail.store(m, [to], subject, self.whole, folder="drafts"),
+            "the draft is left": lambda m: mail.store(m, [to], subject, self.full_text),
+            "not sent": lambda m: mail.store(m, [to], subject, self.full_text, folder="drafts"),
         }
 
     def right_result(self, machine):

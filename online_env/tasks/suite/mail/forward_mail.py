@@ -39,15 +39,15 @@ class ForwardMail(mail.MailTask):
             date = f"2026-03-0{index + 1}T{stream.integer(10, 20)}:15"
             sender = (name, f"office{index}@mail.test")
             mails.append(mail.message(f"r{index}", sender, f"The {topic}", body, date))
-        chosen = mails[stream.integer(0, 2)]
+        mail_to_forward = mails[stream.integer(0, 2)]
         friend = stream.choice(list(FRIENDS))
         return {
             "mails": mails,
-            "subject": chosen["subject"],
-            "chosen": chosen,
-            "body": chosen["body"],
-            "who": chosen["from"]["name"],
-            "topic": chosen["subject"].removeprefix("The "),
+            "subject": mail_to_forward["subject"],
+            "chosen": mail_to_forward,
+            "body": mail_to_forward["body"],
+            "who": mail_to_forward["from"]["name"],
+            "topic": mail_to_forward["subject"].removeprefix("The "),
             "friend": friend,
             "to": FRIENDS[friend],
             "line": stream.choice(LINES),
@@ -58,8 +58,8 @@ class ForwardMail(mail.MailTask):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        drawn = self.values
-        letter = mail.Letter(to=[drawn.to], text=drawn.line, passes_on=drawn.chosen)
+        values = self.values
+        letter = mail.Letter(to=[values.to], text=values.line, passes_on=values.chosen)
         yield from mail.problems(machine, sent=[letter])
 
     def oracle(self, hand):
@@ -80,20 +80,20 @@ class ForwardMail(mail.MailTask):
 
     def wrong_results(self):
         to, line, body = self.values.to, self.values.line, self.values.body
-        whole = f"{line}\n\n{body}"
-        other = next(m["body"] for m in self.values.mails if m["body"] != body)
+        full_text = f"{line}\n\n{body}"
+        other_body = next(m["body"] for m in self.values.mails if m["body"] != body)
         return {
             "without the line": lambda m: mail.store(m, [to], "Fwd", body),
             "only the line": lambda m: mail.store(m, [to], "Fwd", line),
             "the line below it": lambda m: mail.store(m, [to], "Fwd", f"{body}\n\n{line}"),
             "taken back": lambda m: mail.store(m, [to], "Fwd", f"{line} No, forget it.\n\n{body}"),
             "taken back at the end": lambda m: mail.store(
-                m, [to], "Fwd", f"{whole}\n\nNone of this is true."
+                m, [to], "Fwd", f"{full_text}\n\nNone of this is true."
             ),
-            "another mail": lambda m: mail.store(m, [to], "Fwd", f"{line}\n\n{other}"),
-            "to somebody else": lambda m: mail.store(m, ["jun@mail.test"], "Fwd", whole),
+            "another mail": lambda m: mail.store(m, [to], "Fwd", f"{line}\n\n{other_body}"),
+            "to somebody else": lambda m: mail.store(m, ["jun@mail.test"], "Fwd", full_text),
             "deleted after that": lambda m: [
-                mail.store(m, [to], "Fwd", whole),
+                mail.store(m, [to], "Fwd", full_text),
                 mail.flag(m, "r0", folder="trash"),
             ],
         }

@@ -58,20 +58,20 @@ class MarkFoundUnread(mail.MailTask):
         browser.push(hand, "Mark as unread", "Inbox")
 
     def plan(self):
-        drawn = self.values
+        values = self.values
         return [
             'window "Chromium"',
-            *plan_steps.search_mail(f"{drawn.thing} from {drawn.city}"),
-            f"click {quoted(drawn.who)}",
+            *plan_steps.search_mail(f"{values.thing} from {values.city}"),
+            f"click {quoted(values.who)}",
             'click "Mark as unread"',
             'wait for "Inbox"',
         ]
 
     def wrong_results(self):
-        ident, other = self.values.ident, self.values.other
+        ident, other_ident = self.values.ident, self.values.other
         return {
-            "another one": lambda m: mail.flag(m, other, read=False),
-            "one more": lambda m: mail.flag(m, ident, other, read=False),
+            "another one": lambda m: mail.flag(m, other_ident, read=False),
+            "one more": lambda m: mail.flag(m, ident, other_ident, read=False),
             "only read": lambda m: mail.flag(m, ident, read=True),
             "moved to the inbox": lambda m: mail.flag(m, ident, read=False, folder="inbox"),
             "starred": lambda m: mail.flag(m, ident, starred=True),

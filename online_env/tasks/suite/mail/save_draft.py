@@ -30,23 +30,23 @@ class SaveDraft(mail.MailTask):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        drawn = self.values
-        letter = mail.Letter(to=[drawn.to], subject=drawn.subject, text=drawn.text)
+        values = self.values
+        letter = mail.Letter(to=[values.to], subject=values.subject, text=values.text)
         yield from mail.problems(machine, drafts=[letter])
 
     def oracle(self, hand):
         browser.begin(hand, mail.INBOX, "Inbox")
         browser.follow(hand, "Compose")
-        drawn = self.values
-        mail.compose(hand, to=drawn.to, subject=drawn.subject, text=drawn.text)
+        values = self.values
+        mail.compose(hand, to=values.to, subject=values.subject, text=values.text)
         mail.save_draft(hand)
 
     def plan(self):
-        drawn = self.values
+        values = self.values
         return [
             'window "Chromium"',
             'click "Compose"',
-            *plan_steps.compose(to=drawn.to, subject=drawn.subject, text=drawn.text),
+            *plan_steps.compose(to=values.to, subject=values.subject, text=values.text),
             'click "Save draft"',
             "wait",
         ]
@@ -64,5 +64,5 @@ class SaveDraft(mail.MailTask):
         }
 
     def right_result(self, machine):
-        drawn = self.values
-        mail.store(machine, [drawn.to], drawn.subject, drawn.text + "\n", folder="drafts")
+        values = self.values
+        mail.store(machine, [values.to], values.subject, values.text + "\n", folder="drafts")

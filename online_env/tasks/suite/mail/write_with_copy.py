@@ -43,27 +43,30 @@ class WriteWithCopy(mail.MailTask):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        drawn = self.values
+        values = self.values
         letter = mail.Letter(
-            to=[drawn.to], cc=[drawn.cc0, drawn.cc1], subject=drawn.subject, text=drawn.text
+            to=[values.to], cc=[values.cc0, values.cc1], subject=values.subject, text=values.text
         )
         yield from mail.problems(machine, sent=[letter])
 
     def oracle(self, hand):
-        drawn = self.values
+        values = self.values
         browser.begin(hand, mail.INBOX, "Inbox")
         browser.follow(hand, "Compose")
-        copies = f"{drawn.cc0}, {drawn.cc1}"
-        mail.compose(hand, to=drawn.to, cc=copies, subject=drawn.subject, text=drawn.text)
+        copies = f"{values.cc0}, {values.cc1}"
+        mail.compose(hand, to=values.to, cc=copies, subject=values.subject, text=values.text)
         mail.send(hand)
 
     def plan(self):
-        drawn = self.values
+        values = self.values
         return [
             'window "Chromium"',
             'click "Compose"',
             *plan_steps.compose(
-                to=drawn.to, cc=f"{drawn.cc0}, {drawn.cc1}", subject=drawn.subject, text=drawn.text
+                to=values.to,
+                cc=f"{values.cc0}, {values.cc1}",
+                subject=values.subject,
+                text=values.text,
             ),
             *plan_steps.SEND,
         ]
@@ -76,7 +79,7 @@ class WriteWithCopy(mail.MailTask):
             "one copy": lambda m: mail.store(m, [d.to], d.subject, d.text, cc=[d.cc0]),
             "no subject": lambda m: mail.store(m, [d.to], "", d.text, cc=[d.cc0, d.cc1]),
             "one mail each": lambda m: [
-                mail.store(m, [who], d.subject, d.text) for who in everybody
+                mail.store(m, [address], d.subject, d.text) for address in everybody
             ],
         }
 

@@ -7,8 +7,8 @@ from online_env.embedded.sites.hosts_and_dates import long_date
 from online_env.embedded.sites.library import articles
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps
-from online_env.tasks.kit.notes import take_note, unlike
-from online_env.tasks.kit.pages import arrived, follow, visit
+from online_env.tasks.kit.notes import line_problems, take_note
+from online_env.tasks.kit.pages import follow, visit, wait_for_page
 from online_env.tasks.plan_words import quoted
 
 DAYS = ("2026-03-02", "2026-03-03", "2026-03-04")
@@ -30,20 +30,20 @@ class CollectHeadlines(Task):
     )
 
     def draw(self, stream):
-        wanted = stream.choice([*DAYS, "Local", "Science", "Culture"])
-        by_section = wanted in SECTIONS
-        found = [
+        day_or_section = stream.choice([*DAYS, "Local", "Science", "Culture"])
+        by_section = day_or_section in SECTIONS
+        headlines = [
             article.title
             for article in articles("news").values()
-            if wanted in (article.head["section"], str(article.head["date"]))
+            if day_or_section in (article.head["section"], str(article.head["date"]))
         ]
-        which = f"in the section {wanted}"
+        description = f"in the section {day_or_section}"
         if not by_section:
-            which = f"of {long_date(date.fromisoformat(wanted))}"
+            description = f"of {long_date(date.fromisoformat(day_or_section))}"
         return {
-            "section": wanted if by_section else "",
-            "titles": found,
-            "which": which,
+            "section": day_or_section if by_section else "",
+            "titles": headlines,
+            "which": description,
             "path": f"Documents/headlines-{stream.integer(10, 99)}.txt",
         }
 
@@ -52,7 +52,7 @@ class CollectHeadlines(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.path)
-        yield from unlike(machine, self.values.path, self.values.titles, in_any_order=True)
+        yield from line_problems(machine, self.values.path, self.values.titles, in_any_order=True)
 
     def oracle(self, hand):
         visit(hand, "http://news.test/", "The Morning Ledger")
@@ -63,7 +63,7 @@ class CollectHeadlines(Task):
         else:
             for section in SECTIONS:  # the front page does not have the day of every article
                 follow(hand, section)
-                arrived(hand, section)
+                wait_for_page(hand, section)
         take_note(hand, self.values.path, "\n".join(self.values.titles))
 
     def plan(self):
@@ -74,10 +74,10 @@ class CollectHeadlines(Task):
 
     def wrong_results(self):
         path, titles = self.values.path, self.values.titles
-        more = [a.title for a in articles("news").values() if a.title not in titles][:1]
+        other_titles = [a.title for a in articles("news").values() if a.title not in titles][:1]
         return {
             "one is missing": lambda m: m.write(path, "\n".join(titles[1:])),
-            "one too many": lambda m: m.write(path, "\n".join([*titles, *more])),
+            "one too many": lambda m: m.write(path, "\n".join([*titles, *other_titles])),
             "all in one line": lambda m: m.write(path, "; ".join(titles)),
             "in another file": lambda m: m.write("headlines.txt", "\n".join(titles)),
         }

@@ -2,7 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import articles, plan_steps
-from online_env.tasks.kit.notes import take_note, unlike
+from online_env.tasks.kit.notes import line_problems, take_note
 from online_env.tasks.kit.pages import visit
 from online_env.tasks.kit.word_lists import sample
 from online_env.tasks.plan_words import quoted
@@ -36,38 +36,38 @@ class CompareFerries(Task):
 
     def draw(self, stream):
         names = sample(stream, FERRIES, 3)
-        chosen = stream.integer(0, len(MEASURES) - 1)
+        index = stream.integer(0, len(MEASURES) - 1)
         figures = {name: [stream.integer(*limits) for *_, limits in MEASURES] for name in names}
-        one, two = names[:2]
-        if figures[one][chosen] == figures[two][chosen]:
-            figures[one][chosen] += 1
-        larger = max((one, two), key=lambda name: figures[name][chosen])
+        first_name, two = names[:2]
+        if figures[first_name][index] == figures[two][index]:
+            figures[first_name][index] += 1
+        larger = max((first_name, two), key=lambda name: figures[name][index])
         return {
             "figures": figures,
-            "one": one,
+            "one": first_name,
             "two": two,
-            "what": MEASURES[chosen][0],
+            "what": MEASURES[index][0],
             "larger": larger,
-            "smaller": two if larger == one else one,
-            "difference": abs(figures[one][chosen] - figures[two][chosen]),
+            "smaller": two if larger == first_name else first_name,
+            "difference": abs(figures[first_name][index] - figures[two][index]),
             "path": f"Documents/ferries-{stream.integer(10, 99)}.txt",
         }
 
     def prepare(self, machine):
         for name, figures in self.values.figures.items():
-            said = [text.format(n) for (_, text, _), n in zip(MEASURES, figures, strict=True)]
+            sentences = [text.format(n) for (_, text, _), n in zip(MEASURES, figures, strict=True)]
             lead = f"The **{name}** is a ferry in the harbour of Port Alder."
-            articles.put(machine, f"Ferry {name}", "\n\n".join([lead, *said]))
+            articles.store_article(machine, f"Ferry {name}", "\n\n".join([lead, *sentences]))
 
     def initial_app(self, machine):
         return "chrome", articles.SITE
 
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.path)
-        found = list(unlike(machine, self.values.path, self.lines()))
-        whole = [f"Ferry {self.values.larger}", str(self.values.difference)]
-        if found and list(unlike(machine, self.values.path, whole)):
-            yield from found
+        line_problems_found = list(line_problems(machine, self.values.path, self.lines()))
+        accepted_words = [f"Ferry {self.values.larger}", str(self.values.difference)]
+        if line_problems_found and list(line_problems(machine, self.values.path, accepted_words)):
+            yield from line_problems_found
 
     def lines(self):
         return [self.values.larger, str(self.values.difference)]
@@ -81,24 +81,24 @@ class CompareFerries(Task):
         take_note(hand, self.values.path, "\n".join(self.lines()))
 
     def plan(self):
-        chosen = [what for what, *_ in MEASURES].index(self.values.what)
+        index = [measure for measure, *_ in MEASURES].index(self.values.what)
         steps = ['window "Chromium"']
         for name in (self.values.one, self.values.two):
-            figure = str(self.values.figures[name][chosen])
+            figure = str(self.values.figures[name][index])
             steps += plan_steps.visit(articles.address(f"Ferry {name}"), f"Ferry {name}")
             steps.append(f"wait for {quoted(figure)}")
         return [*steps, *plan_steps.take_note(self.values.path, "\n".join(self.lines()))]
 
     def wrong_results(self):
-        path, drawn = self.values.path, self.values
+        path, values = self.values.path, self.values
         return {
-            "the other ferry": lambda m: m.write(path, f"{drawn.smaller}\n{drawn.difference}"),
-            "only the name": lambda m: m.write(path, drawn.larger),
+            "the other ferry": lambda m: m.write(path, f"{values.smaller}\n{values.difference}"),
+            "only the name": lambda m: m.write(path, values.larger),
             "another difference": lambda m: m.write(
-                path, f"{drawn.larger}\n{drawn.difference + 1}"
+                path, f"{values.larger}\n{values.difference + 1}"
             ),
             "the lines changed round": lambda m: m.write(
-                path, f"{drawn.difference}\n{drawn.larger}"
+                path, f"{values.difference}\n{values.larger}"
             ),
         }
 

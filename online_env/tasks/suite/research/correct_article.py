@@ -2,7 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import articles, plan_steps
-from online_env.tasks.kit.pages import arrived, enter, follow, visit
+from online_env.tasks.kit.pages import enter, follow, visit, wait_for_page
 from online_env.tasks.kit.word_lists import even
 from online_env.tasks.plan_words import quoted
 
@@ -40,27 +40,27 @@ class CorrectArticle(Task):
     )
 
     def draw(self, stream):
-        title, right, wrongs = stream.choice(MISTAKES)
-        wrong = stream.choice(wrongs)
-        body = articles.shipped(title)
+        title, correct_word, wrongs = stream.choice(MISTAKES)
+        wrong_word = stream.choice(wrongs)
+        body = articles.original_text(title)
         return {
             "title": title,
-            "right_": right,
-            "wrong": wrong,
+            "right_": correct_word,
+            "wrong": wrong_word,
             "summary": stream.choice(SUMMARIES),
             "wanted": body,
-            "spoilt": body.replace(right, wrong),
+            "spoilt": body.replace(correct_word, wrong_word),
         }
 
     def prepare(self, machine):
-        articles.put(machine, self.values.title, self.values.spoilt)
+        articles.store_article(machine, self.values.title, self.values.spoilt)
 
     def initial_app(self, machine):
         return "chrome", articles.SITE
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        for title in articles.others(machine, self.values.title):
+        for title in articles.unexpected_article_changes(machine, self.values.title):
             yield f"the article {title} was changed"
         if not articles.same(articles.text(machine, self.values.title), self.values.wanted):
             yield f"the article {self.values.title} is not as it should be"
@@ -74,7 +74,7 @@ class CorrectArticle(Task):
         enter(hand, "Text", self.values.wanted)
         enter(hand, "What did you change?", self.values.summary)
         follow(hand, "Save changes")
-        arrived(hand, f"{self.values.title} - Openfolio")
+        wait_for_page(hand, f"{self.values.title} - Openfolio")
 
     def plan(self):
         title = self.values.title
@@ -95,18 +95,18 @@ class CorrectArticle(Task):
     def wrong_results(self):
         def save(title, body, summary):
             changes = ({"summary": ""}, {"summary": summary})
-            return lambda m: articles.put(m, title, body, changes)
+            return lambda m: articles.store_article(m, title, body, changes)
 
-        title, wanted, summary = self.values.title, self.values.wanted, self.values.summary
+        title, expected, summary = self.values.title, self.values.wanted, self.values.summary
         short = f"The figure is {self.values.right_}."
         return {
-            "no comment": save(title, wanted, ""),
+            "no comment": save(title, expected, ""),
             "only the comment": save(title, self.values.spoilt, summary),
             "the rest is gone": save(title, short, summary),
-            "the headings are gone": save(title, " ".join(wanted.split()), summary),
-            "another article": save("Tide", wanted, summary),
+            "the headings are gone": save(title, " ".join(expected.split()), summary),
+            "another article": save("Tide", expected, summary),
         }
 
     def right_result(self, machine):
         changes = ({"summary": ""}, {"summary": ""}, {"summary": self.values.summary})
-        articles.put(machine, self.values.title, self.values.wanted + "\n", changes)
+        articles.store_article(machine, self.values.title, self.values.wanted + "\n", changes)

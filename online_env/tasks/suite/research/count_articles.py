@@ -5,7 +5,7 @@ from collections import Counter
 from online_env.embedded.sites.library import articles
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps
-from online_env.tasks.kit.notes import take_note, unlike
+from online_env.tasks.kit.notes import line_problems, take_note
 from online_env.tasks.kit.pages import follow, visit
 from online_env.tasks.kit.word_lists import sample
 
@@ -30,14 +30,14 @@ class CountArticles(Task):
         is_news = bool(stream.integer(0, 1))
         folder, key = ("news", "section") if is_news else ("wiki", "category")
         counts = Counter(article.head[key] for article in articles(folder).values())
-        chosen = sample(stream, sorted(counts), 2)
+        names = sample(stream, sorted(counts), 2)
         return {
             "is_news": is_news,
             "host": f"{folder}.test",
-            "first": chosen[0],
-            "second": chosen[1],
-            "one": counts[chosen[0]],
-            "total": sum(counts[name] for name in chosen),
+            "first": names[0],
+            "second": names[1],
+            "one": counts[names[0]],
+            "total": sum(counts[name] for name in names),
             "all": counts.total(),
             "path": f"Documents/count-{stream.integer(10, 99)}.txt",
         }
@@ -47,7 +47,7 @@ class CountArticles(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.path)
-        yield from unlike(machine, self.values.path, [str(self.values.total)])
+        yield from line_problems(machine, self.values.path, [str(self.values.total)])
 
     def oracle(self, hand):
         visit(
@@ -67,12 +67,12 @@ class CountArticles(Task):
         ]
 
     def wrong_results(self):
-        path, drawn = self.values.path, self.values
+        path, values = self.values.path, self.values
         return {
-            "one of the two": lambda m: m.write(path, f"{drawn.one}"),
-            "all": lambda m: m.write(path, f"{drawn.all}"),
-            "both apart": lambda m: m.write(path, f"{drawn.one}\n{drawn.total - drawn.one}"),
-            "in another file": lambda m: m.write("count.txt", f"{drawn.total}"),
+            "one of the two": lambda m: m.write(path, f"{values.one}"),
+            "all": lambda m: m.write(path, f"{values.all}"),
+            "both apart": lambda m: m.write(path, f"{values.one}\n{values.total - values.one}"),
+            "in another file": lambda m: m.write("count.txt", f"{values.total}"),
         }
 
     def right_result(self, machine):

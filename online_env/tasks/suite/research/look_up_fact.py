@@ -4,8 +4,8 @@ from online_env.embedded.sites.library import articles
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.articles import address
-from online_env.tasks.kit.notes import take_note, unlike
-from online_env.tasks.kit.pages import arrived, enter, visit
+from online_env.tasks.kit.notes import line_problems, take_note
+from online_env.tasks.kit.pages import enter, visit, wait_for_page
 from online_env.tasks.plan_words import quoted
 
 
@@ -36,13 +36,13 @@ class LookUpFact(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.path)
-        yield from unlike(machine, self.values.path, [self.values.answer])
+        yield from line_problems(machine, self.values.path, [self.values.answer])
 
     def oracle(self, hand):
         visit(hand, "http://wiki.test/", "Openfolio")
         enter(hand, "Search Openfolio", self.values.title)
         hand.press("enter")
-        arrived(hand, f"{self.values.title} - Openfolio")
+        wait_for_page(hand, f"{self.values.title} - Openfolio")
         hand.find("static", self.values.answer, scroll=True)
         take_note(hand, self.values.path, self.values.answer)
 

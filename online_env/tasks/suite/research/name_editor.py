@@ -3,7 +3,7 @@
 from online_env.embedded.sites.library import articles as shipped
 from online_env.tasks import Task
 from online_env.tasks.kit import articles, plan_steps
-from online_env.tasks.kit.notes import take_note, unlike
+from online_env.tasks.kit.notes import line_problems, take_note
 from online_env.tasks.kit.word_lists import FIRST_NAMES, LAST_NAMES, sample
 from online_env.tasks.plan_words import quoted
 
@@ -50,27 +50,27 @@ class NameEditor(Task):
                 strict=True,
             )
         ]
-        which = stream.integer(0, count - 2)
+        index = stream.integer(0, count - 2)
         return {
             "title": title,
             "edits": edits,
-            "comment": edits[which]["summary"],
-            "by": edits[which]["by"],
-            "when": edits[which]["when"],
+            "comment": edits[index]["summary"],
+            "by": edits[index]["by"],
+            "when": edits[index]["when"],
             "last": edits[-1],
             "path": f"Documents/edit-{stream.integer(10, 99)}.txt",
         }
 
     def prepare(self, machine):
         title = self.values.title
-        articles.put(machine, title, articles.shipped(title), self.values.edits)
+        articles.store_article(machine, title, articles.original_text(title), self.values.edits)
 
     def initial_app(self, machine):
         return "chrome", articles.SITE
 
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.path)
-        yield from unlike(machine, self.values.path, [self.values.by, self.values.when])
+        yield from line_problems(machine, self.values.path, [self.values.by, self.values.when])
 
     def oracle(self, hand):
         articles.open_history(hand, self.values.title)
@@ -86,12 +86,17 @@ class NameEditor(Task):
         ]
 
     def wrong_results(self):
-        path, by, when, last = self.values.path, self.values.by, self.values.when, self.values.last
+        path, by, edit_time, last = (
+            self.values.path,
+            self.values.by,
+            self.values.when,
+            self.values.last,
+        )
         return {
             "the latest edit": lambda m: m.write(path, f"{last['by']}\n{last['when']}"),
             "no date": lambda m: m.write(path, by),
             "another date": lambda m: m.write(path, f"{by}\n{last['when']}"),
-            "turned round": lambda m: m.write(path, f"{when}\n{by}"),
+            "turned round": lambda m: m.write(path, f"{edit_time}\n{by}"),
         }
 
     def right_result(self, machine):

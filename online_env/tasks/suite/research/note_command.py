@@ -4,8 +4,8 @@ import re
 
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps
-from online_env.tasks.kit.notes import take_note, unlike
-from online_env.tasks.kit.pages import arrived, enter, follow, visit
+from online_env.tasks.kit.notes import line_problems, take_note
+from online_env.tasks.kit.pages import enter, follow, visit, wait_for_page
 from online_env.tasks.plan_words import quoted
 
 # What somebody needs, the page that has it, and the command.
@@ -53,13 +53,15 @@ class NoteCommand(Task):
         yield from machine.unexpected_changes(self.values.path)
         text = machine.text(self.values.path) or ""
         prompt = "$ " if text.lstrip().startswith("$ ") else ""  # some of the pages have one
-        yield from unlike(machine, self.values.path, [prompt + self.values.command], verbatim=True)
+        yield from line_problems(
+            machine, self.values.path, [prompt + self.values.command], verbatim=True
+        )
 
     def oracle(self, hand):
         visit(hand, "http://docs.test/", "Stowaway")
         enter(hand, "Search the documentation", self.values.page)
         hand.press("enter")
-        arrived(hand, "Search")
+        wait_for_page(hand, "Search")
         follow(hand, self.values.page, f"{self.values.page} - Stowaway")
         hand.find(
             ("static", "section"), re.compile(f".*{re.escape(self.values.command)}"), scroll=True

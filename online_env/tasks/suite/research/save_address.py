@@ -4,8 +4,8 @@ import re
 
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps
-from online_env.tasks.kit.notes import plain, take_note, unlike
-from online_env.tasks.kit.pages import arrived, enter, follow, visit
+from online_env.tasks.kit.notes import line_problems, normalize_line, take_note
+from online_env.tasks.kit.pages import enter, follow, visit, wait_for_page
 from online_env.tasks.plan_words import quoted
 
 # What somebody looks for, words to search for, the title of the page, and its address.
@@ -73,10 +73,10 @@ class SaveAddress(Task):
     )
 
     def draw(self, stream):
-        what, words, title, address = stream.choice(PAGES)
+        page_kind, words, title, address = stream.choice(PAGES)
         folder = stream.choice(("Documents", "Desktop"))
         path = f"{folder}/link-{stream.integer(10, 99)}.txt"
-        return {"what": what, "words": words, "title": title, "address": address, "path": path}
+        return {"what": page_kind, "words": words, "title": title, "address": address, "path": path}
 
     def initial_app(self, machine):
         return "chrome", "http://search.test/"
@@ -84,15 +84,15 @@ class SaveAddress(Task):
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.path)
         text = machine.text(self.values.path) or ""
-        if plain(text).rstrip("/") != self.values.address.casefold():
-            whole = f"http://{self.values.address}"
-            yield from unlike(machine, self.values.path, [whole])
+        if normalize_line(text).rstrip("/") != self.values.address.casefold():
+            url = f"http://{self.values.address}"
+            yield from line_problems(machine, self.values.path, [url])
 
     def oracle(self, hand):
         visit(hand, "http://search.test/", "Lumen")
         enter(hand, re.compile("Search"), self.values.words, ("entry", "combo-box"))
         hand.press("enter")
-        arrived(hand, self.values.words)
+        wait_for_page(hand, self.values.words)
         title = re.compile(re.escape(self.values.title))
         follow(hand, title, self.values.title)
         take_note(hand, self.values.path, f"http://{self.values.address}")

@@ -2,7 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import articles, plan_steps
-from online_env.tasks.kit.pages import arrived, enter, follow, visit
+from online_env.tasks.kit.pages import enter, follow, visit, wait_for_page
 from online_env.tasks.plan_words import quoted
 
 PLACES = ("Gull Rock", "Sorrel Hill", "Weir Street", "Quay Row", "Otter Creek", "Bell Island")
@@ -46,11 +46,11 @@ class WriteArticle(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        for title in articles.others(machine, self.values.title):
+        for title in articles.unexpected_article_changes(machine, self.values.title):
             yield f"the article {title} was changed"
-        found = articles.text(machine, self.values.title)
-        if not articles.same(found, self.values.text):
-            yield f"the article {self.values.title} reads {found[:300]!r}"
+        text = articles.text(machine, self.values.title)
+        if not articles.same(text, self.values.text):
+            yield f"the article {self.values.title} reads {text[:300]!r}"
 
     def oracle(self, hand):
         title = self.values.title
@@ -59,7 +59,7 @@ class WriteArticle(Task):
         follow(hand, ("Write it" if hand.see("link", "Write it") else "Edit"), "Editing")
         enter(hand, "Text", self.values.text)
         follow(hand, "Save changes")
-        arrived(hand, f"{title} - Openfolio")
+        wait_for_page(hand, f"{title} - Openfolio")
 
     def plan(self):
         title = self.values.title
@@ -79,12 +79,16 @@ class WriteArticle(Task):
     def wrong_results(self):
         title, text = self.values.title, self.values.text
         return {
-            "without a heading": lambda m: articles.put(m, title, text.replace("## ", "")),
-            "all in one line": lambda m: articles.put(m, title, " ".join(text.split())),
-            "half of it": lambda m: articles.put(m, title, text.partition("\n\n")[0]),
-            "another title": lambda m: articles.put(m, title.partition(" ")[0], text),
-            "added to an article": lambda m: articles.put(m, "Tide", text),
+            "without a heading": lambda m: articles.store_article(
+                m, title, text.replace("## ", "")
+            ),
+            "all in one line": lambda m: articles.store_article(m, title, " ".join(text.split())),
+            "half of it": lambda m: articles.store_article(m, title, text.partition("\n\n")[0]),
+            "another title": lambda m: articles.store_article(m, title.partition(" ")[0], text),
+            "added to an article": lambda m: articles.store_article(m, "Tide", text),
         }
 
     def right_result(self, machine):
-        articles.put(machine, self.values.title, self.values.text.replace("\n\n", "\n\n\n") + "\n")
+        articles.store_article(
+            machine, self.values.title, self.values.text.replace("\n\n", "\n\n\n") + "\n"
+        )

@@ -22,15 +22,15 @@ class BuyCheapestRated(shop.ShopTask):
         rating = stream.choice(sorted({p.rating for p in everything})[:2])
         fitting = sorted((p for p in everything if p.rating >= rating), key=lambda p: p.cents)
         owned = fitting.pop(stream.integer(0, 1))
-        chosen = fitting[0]
-        others = [p.id for p in everything if p.id not in (chosen.id, owned.id)]
+        best = fitting[0]
+        other_products = [p.id for p in everything if p.id not in (best.id, owned.id)]
         return {
             "category": category,
             "label": shop.categories()[category],
             "rating": rating,
             "owned": owned.name,
-            "chosen": chosen,
-            "others": others,
+            "chosen": best,
+            "others": other_products,
             "count": stream.integer(2, 5),
         }
 
@@ -53,14 +53,14 @@ class BuyCheapestRated(shop.ShopTask):
         ]
 
     def wrong_results(self):
-        chosen, count = self.values.chosen.id, self.values.count
+        best_id, count = self.values.chosen.id, self.values.count
         return {
             "another product": lambda m: shop.fill(m, {self.values.others[0]: count}),
-            "only one": lambda m: shop.fill(m, {chosen: 1}),
+            "only one": lambda m: shop.fill(m, {best_id: 1}),
             "another one as well": lambda m: shop.fill(
-                m, {chosen: count, self.values.others[0]: 1}
+                m, {best_id: count, self.values.others[0]: 1}
             ),
-            "ordered": lambda m: shop.order(m, {chosen: count}, shop.NOBODY),
+            "ordered": lambda m: shop.order(m, {best_id: count}, shop.NOBODY),
         }
 
     def right_result(self, machine):

@@ -17,17 +17,17 @@ class ChangeQuantities(shop.ShopTask):
     )
 
     def draw(self, stream):
-        chosen = [p for p in shop.goods(stream, 6) if p.stock >= 9][:3]
-        had = [stream.integer(1, 3) for _ in chosen]
+        products = [p for p in shop.goods(stream, 6) if p.stock >= 9][:3]
+        had = [stream.integer(1, 3) for _ in products]
         new = [stream.integer(4, 8), stream.integer(4, 8), had[2]]
-        ids = [p.id for p in chosen]
+        ids = [p.id for p in products]
         return {
-            "names": [p.name for p in chosen],
+            "names": [p.name for p in products],
             "had": dict(zip(ids, had, strict=True)),
             "wanted": dict(zip(ids, new, strict=True)),
             "ids": ids,
-            "p0": chosen[0].name,
-            "p1": chosen[1].name,
+            "p0": products[0].name,
+            "p1": products[1].name,
             "n0": new[0],
             "n1": new[1],
         }
@@ -60,12 +60,12 @@ class ChangeQuantities(shop.ShopTask):
 
     def wrong_results(self):
         a, b, c = self.values.ids
-        wanted, had = self.values.wanted, self.values.had
+        new_cart, had = self.values.wanted, self.values.had
         return {
-            "only one": lambda m: shop.fill(m, {**had, a: wanted[a]}),
-            "all three": lambda m: shop.fill(m, {**wanted, c: 9}),
-            "the other way round": lambda m: shop.fill(m, {**wanted, a: 1, b: had[b]}),
-            "ordered as well": lambda m: shop.order(m, wanted, shop.NOBODY),
+            "only one": lambda m: shop.fill(m, {**had, a: new_cart[a]}),
+            "all three": lambda m: shop.fill(m, {**new_cart, c: 9}),
+            "the other way round": lambda m: shop.fill(m, {**new_cart, a: 1, b: had[b]}),
+            "ordered as well": lambda m: shop.order(m, new_cart, shop.NOBODY),
         }
 
     def right_result(self, machine):

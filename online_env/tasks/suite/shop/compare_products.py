@@ -30,13 +30,13 @@ class CompareProducts(shop.ShopTask):
         pair = sample(stream, [p for p in shop.goods(stream, 18) if shop.grams(p)], 2)
         while value(pair[0]) == value(pair[1]):
             pair = sample(stream, [p for p in shop.goods(stream, 18) if shop.grams(p)], 2)
-        best, other = sorted(pair, key=value)
+        best, worse = sorted(pair, key=value)
         return {
             "a": pair[0].name,
             "b": pair[1].name,
             "aspect": aspect,
             "best": best,
-            "other": other,
+            "other": worse,
         }
 
     def problems(self, machine):
@@ -71,10 +71,10 @@ class CompareProducts(shop.ShopTask):
         ]
 
     def wrong_results(self):
-        best, other = self.values.best.id, self.values.other.id
+        best, worse = self.values.best.id, self.values.other.id
         return {
-            "the other one": lambda m: shop.fill(m, {other: 1}),
-            "both": lambda m: shop.fill(m, {other: 1, best: 1}),
+            "the other one": lambda m: shop.fill(m, {worse: 1}),
+            "both": lambda m: shop.fill(m, {worse: 1, best: 1}),
             "two pieces": lambda m: shop.fill(m, {best: 2}),
             "ordered": lambda m: shop.order(m, {best: 1}, shop.NOBODY),
         }

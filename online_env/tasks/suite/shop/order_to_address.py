@@ -25,7 +25,7 @@ class OrderToAddress(shop.ShopTask):
         counts = [stream.integer(2, 5), stream.integer(1, 4)]
         return {
             "person": person,
-            "shelves": [shop.categories()[known.category] for known in (first, second)],
+            "shelves": [shop.categories()[item.category] for item in (first, second)],
             "lines": {first.id: counts[0], second.id: counts[1]},
             "delivery": delivery,
             "payment": payment,
@@ -41,48 +41,50 @@ class OrderToAddress(shop.ShopTask):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        drawn = self.values
-        order = {"lines": drawn.lines, "delivery": drawn.delivery, "payment": drawn.payment}
-        yield from shop.problems(machine, cart={}, orders=[{**drawn.person, **order}])
+        values = self.values
+        order = {"lines": values.lines, "delivery": values.delivery, "payment": values.payment}
+        yield from shop.problems(machine, cart={}, orders=[{**values.person, **order}])
 
     def oracle(self, hand):
-        drawn = self.values
+        values = self.values
         shop.empty_cart(hand)
-        goods = ((drawn.p0, drawn.n0), (drawn.p1, drawn.n1))
-        for shelf, (name, count) in zip(drawn.shelves, goods, strict=True):
+        goods = ((values.p0, values.n0), (values.p1, values.n1))
+        for shelf, (name, count) in zip(values.shelves, goods, strict=True):
             browser.follow(hand, shelf, shelf)
             shop.open_product(hand, name)
             shop.add(hand, count)
-        shop.check_out(hand, drawn.person, delivery=drawn.delivery, payment=drawn.payment)
+        shop.check_out(hand, values.person, delivery=values.delivery, payment=values.payment)
 
     def plan(self):
-        drawn = self.values
+        values = self.values
         steps = ['window "Chromium"']
-        for ident, count in drawn.lines.items():
+        for ident, count in values.lines.items():
             steps += plan_steps.put_into_cart(shop.product(ident), count)
         return [
             *steps,
-            *plan_steps.check_out(drawn.person, delivery=drawn.delivery, payment=drawn.payment),
+            *plan_steps.check_out(values.person, delivery=values.delivery, payment=values.payment),
         ]
 
     def wrong_results(self):
-        drawn = self.values
-        how = {"delivery": drawn.delivery, "payment": drawn.payment}
-        fewer = {**drawn.lines, next(iter(drawn.lines)): 1}
-        elsewhere = {**drawn.person, "street": "Quay Row 12"}
+        values = self.values
+        options = {"delivery": values.delivery, "payment": values.payment}
+        fewer = {**values.lines, next(iter(values.lines)): 1}
+        elsewhere = {**values.person, "street": "Quay Row 12"}
         return {
-            "another quantity": lambda m: shop.order(m, fewer, drawn.person, **how),
-            "another street": lambda m: shop.order(m, drawn.lines, elsewhere, **how),
-            "only in the cart": lambda m: shop.fill(m, drawn.lines),
+            "another quantity": lambda m: shop.order(m, fewer, values.person, **options),
+            "another street": lambda m: shop.order(m, values.lines, elsewhere, **options),
+            "only in the cart": lambda m: shop.fill(m, values.lines),
             "picked up": lambda m: shop.order(
-                m, drawn.lines, drawn.person, delivery="pickup", payment=drawn.payment
+                m, values.lines, values.person, delivery="pickup", payment=values.payment
             ),
-            "as a present": lambda m: shop.order(m, drawn.lines, drawn.person, gift=True, **how),
+            "as a present": lambda m: shop.order(
+                m, values.lines, values.person, gift=True, **options
+            ),
         }
 
     def right_result(self, machine):
-        drawn = self.values
-        lines = dict(reversed(drawn.lines.items()))
-        how = {"delivery": drawn.delivery, "payment": drawn.payment}
-        person = {**drawn.person, "city": drawn.person["city"].upper()}
-        shop.order(machine, lines, person, **how)
+        values = self.values
+        lines = dict(reversed(values.lines.items()))
+        options = {"delivery": values.delivery, "payment": values.payment}
+        person = {**values.person, "city": values.person["city"].upper()}
+        shop.order(machine, lines, person, **options)

@@ -17,11 +17,11 @@ class RemoveExpensive(shop.ShopTask):
     )
 
     def draw(self, stream):
-        chosen = shop.goods(stream, 5)
-        by_price = sorted(chosen, key=lambda p: p.cents)
+        products = shop.goods(stream, 5)
+        by_price = sorted(products, key=lambda p: p.cents)
         limit = -(-by_price[2].cents // 100)
         return {
-            "had": {p.id: stream.integer(1, 3) for p in chosen},
+            "had": {p.id: stream.integer(1, 3) for p in products},
             "dear": by_price[3:],
             "limit": limit,
         }
@@ -43,8 +43,8 @@ class RemoveExpensive(shop.ShopTask):
 
     def without(self, *products):
         """What the cart holds without some products."""
-        gone = {p.id for p in products}
-        return {ident: n for ident, n in self.values.had.items() if ident not in gone}
+        removed_ids = {p.id for p in products}
+        return {ident: n for ident, n in self.values.had.items() if ident not in removed_ids}
 
     def plan(self):
         steps = ['window "Chromium"']

@@ -16,10 +16,10 @@ class RepeatOrder(shop.ShopTask):
     )
 
     def draw(self, stream):
-        chosen = shop.goods(stream, 5)
+        products = shop.goods(stream, 5)
         orders = [
-            {p.id: stream.integer(1, 4) for p in chosen[:3]},
-            {p.id: stream.integer(1, 4) for p in chosen[2:]},
+            {p.id: stream.integer(1, 4) for p in products[:3]},
+            {p.id: stream.integer(1, 4) for p in products[2:]},
         ]
         index = stream.integer(0, 1)
         earlier = [{p.id: 1} for p in shop.goods(stream, stream.integer(0, 12))]
@@ -60,13 +60,13 @@ class RepeatOrder(shop.ShopTask):
         return steps
 
     def wrong_results(self):
-        wanted = self.values.wanted
-        first = next(iter(wanted))
+        order_lines = self.values.wanted
+        first = next(iter(order_lines))
         return {
             "the other order": lambda m: shop.fill(m, self.values.other),
-            "one too many": lambda m: shop.fill(m, {**wanted, first: wanted[first] + 1}),
-            "one is missing": lambda m: shop.fill(m, {first: wanted[first]}),
-            "ordered": lambda m: shop.order(m, wanted, self.values.person),
+            "one too many": lambda m: shop.fill(m, {**order_lines, first: order_lines[first] + 1}),
+            "one is missing": lambda m: shop.fill(m, {first: order_lines[first]}),
+            "ordered": lambda m: shop.order(m, order_lines, self.values.person),
         }
 
     def right_result(self, machine):

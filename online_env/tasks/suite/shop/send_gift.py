@@ -44,30 +44,37 @@ class SendGift(shop.ShopTask):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        drawn = self.values
-        how = {"delivery": "express", "payment": "invoice", "gift": True, "message": drawn.card}
-        wanted = {"lines": {drawn.id: 1}, **drawn.person, **how}
-        yield from shop.problems(machine, cart={}, orders=[wanted])
+        values = self.values
+        options = {
+            "delivery": "express",
+            "payment": "invoice",
+            "gift": True,
+            "message": values.card,
+        }
+        expected = {"lines": {values.id: 1}, **values.person, **options}
+        yield from shop.problems(machine, cart={}, orders=[expected])
 
     def oracle(self, hand):
-        drawn = self.values
+        values = self.values
         shop.empty_cart(hand)
-        browser.follow(hand, drawn.label, drawn.label)
-        shop.open_product(hand, drawn.product)
+        browser.follow(hand, values.label, values.label)
+        shop.open_product(hand, values.product)
         shop.add(hand)
-        shop.check_out(hand, drawn.person, delivery="express", message=drawn.card)
+        shop.check_out(hand, values.person, delivery="express", message=values.card)
 
-    def order(self, machine, **changed):
+    def order(self, machine, **changes):
         """Store the order, with changes."""
-        how = {"delivery": "express", "gift": True, "message": self.values.card, **changed}
-        shop.order(machine, {self.values.id: how.pop("count", 1)}, self.values.person, **how)
+        options = {"delivery": "express", "gift": True, "message": self.values.card, **changes}
+        shop.order(
+            machine, {self.values.id: options.pop("count", 1)}, self.values.person, **options
+        )
 
     def plan(self):
-        drawn = self.values
+        values = self.values
         return [
             'window "Chromium"',
-            *plan_steps.put_into_cart(shop.product(drawn.id), 1),
-            *plan_steps.check_out(drawn.person, delivery="express", message=drawn.card),
+            *plan_steps.put_into_cart(shop.product(values.id), 1),
+            *plan_steps.check_out(values.person, delivery="express", message=values.card),
         ]
 
     def wrong_results(self):

@@ -44,11 +44,11 @@ class SpendBudget(shop.ShopTask):
 
     def wrong_results(self):
         ident, count = self.values.chosen.id, self.values.count
-        other = next(p for p in shop.in_category(self.values.chosen.category) if p != ident)
+        other_product = next(p for p in shop.in_category(self.values.chosen.category) if p != ident)
         return {
             "one too many": lambda m: shop.fill(m, {ident: count + 1}),
             "one too few": lambda m: shop.fill(m, {ident: count - 1}),
-            "the rest for another": lambda m: shop.fill(m, {ident: count, other: 1}),
+            "the rest for another": lambda m: shop.fill(m, {ident: count, other_product: 1}),
             "ordered": lambda m: shop.order(m, {ident: count}, shop.NOBODY),
         }
 

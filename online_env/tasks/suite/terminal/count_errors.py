@@ -51,9 +51,9 @@ class CountErrors(Task):
     def problems(self, machine):
         answer = f"Documents/{self.values.answer}"
         yield from machine.unexpected_changes(answer)
-        found = machine.text(answer)
-        if found is None or found.strip() != str(self.values.count):
-            yield f"{answer} holds {(found or '')[:80]!r}, not {self.values.count}"
+        text = machine.text(answer)
+        if text is None or text.strip() != str(self.values.count):
+            yield f"{answer} holds {(text or '')[:80]!r}, not {self.values.count}"
 
     def oracle(self, hand):
         shell.command(hand, f"head -5 {self.values.path}")

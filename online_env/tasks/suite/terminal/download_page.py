@@ -47,11 +47,11 @@ class DownloadPage(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes(self.path)
-        found = machine.read(self.path)
-        if found is None:
+        data = machine.read(self.path)
+        if data is None:
             yield f"there is no {self.path}"
-        elif found.strip() != page(machine, self.values.slug).strip():
-            yield f"{self.path} is not the page {self.values.slug}: {found[:80]}"
+        elif data.strip() != page(machine, self.values.slug).strip():
+            yield f"{self.path} is not the page {self.values.slug}: {data[:80]}"
 
     def oracle(self, hand):
         path = self.path
@@ -71,9 +71,9 @@ class DownloadPage(Task):
         ]
 
     def wrong_results(self):
-        slug, other, path = self.values.slug, self.values.other, self.path
+        slug, other_slug, path = self.values.slug, self.values.other, self.path
         return {
-            "another page": lambda m: m.write(path, page(m, other)),
+            "another page": lambda m: m.write(path, page(m, other_slug)),
             "an empty file": lambda m: m.write(path, ""),
             "half of it": lambda m: m.write(path, page(m, slug)[:2000]),
             "in Documents": lambda m: m.write(f"Documents/{slug}.html", page(m, slug)),

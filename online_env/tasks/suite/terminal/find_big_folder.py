@@ -2,7 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps, shell
-from online_env.tasks.kit.word_lists import CITIES, sample, shuffled
+from online_env.tasks.kit.word_lists import CITIES, sample, shuffle
 
 KILO = 1024
 
@@ -23,18 +23,18 @@ class FindBigFolder(Task):
     )
 
     def draw(self, stream):
-        biggest, second, many, *rest = sample(stream, CITIES, 6)
+        biggest, second, folder_of_many, *other_cities = sample(stream, CITIES, 6)
         files = {f"{biggest}/info.txt": 2, f"{biggest}/raw/data/film.bin": stream.integer(700, 900)}
         files[f"{second}/film.bin"] = stream.integer(400, 550)
-        files.update({f"{many}/{index}.txt": 4 for index in range(12)})
-        files.update({f"{name}/notes.bin": stream.integer(20, 90) for name in rest})
+        files.update({f"{folder_of_many}/{index}.txt": 4 for index in range(12)})
+        files.update({f"{name}/notes.bin": stream.integer(20, 90) for name in other_cities})
         return {
             "place": stream.choice(("Travel", "Footage", "Reports", "Tours")),
             "answer": f"biggest-{stream.integer(10, 99)}.txt",
-            "files": dict(shuffled(stream, list(files.items()))),
+            "files": dict(shuffle(stream, list(files.items()))),
             "biggest": biggest,
             "second": second,
-            "many": many,
+            "many": folder_of_many,
         }
 
     def prepare(self, machine):
@@ -44,9 +44,9 @@ class FindBigFolder(Task):
     def problems(self, machine):
         answer = f"Documents/{self.values.answer}"
         yield from machine.unexpected_changes(answer)
-        found = (machine.text(answer) or "").strip()
-        if found.removeprefix("./").removesuffix("/") != self.values.biggest:
-            yield f"{answer} holds {found[:80]!r}, not {self.values.biggest!r}"
+        text = (machine.text(answer) or "").strip()
+        if text.removeprefix("./").removesuffix("/") != self.values.biggest:
+            yield f"{answer} holds {text[:80]!r}, not {self.values.biggest!r}"
 
     def oracle(self, hand):
         shell.command(hand, f"cd ~/Documents/{self.values.place}")

@@ -2,7 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps, shell
-from online_env.tasks.kit.sample_files import move_files, rearranged
+from online_env.tasks.kit.sample_files import arrangement_problems, move_files
 from online_env.tasks.kit.word_lists import CITIES, TOPICS, sample
 
 YEARS = (2022, 2023, 2024)
@@ -31,10 +31,10 @@ class FindMention(Task):
             for city, topic in zip(cities, sample(stream, TOPICS, 4), strict=True):
                 path = f"Documents/Letters/{year}/{topic} {year}.txt"
                 files[path] = f"Your order {stream.integer(90_000, 99_999)} goes to {city}.\n"
-        wanted, similar = sample(stream, list(files), 2)
-        files[wanted] += f"With it comes what is left of order {number}.\n"
+        mentioning, similar = sample(stream, list(files), 2)
+        files[mentioning] += f"With it comes what is left of order {number}.\n"
         files[similar] += f"Please pay for order {number}{stream.integer(10, 99)} today.\n"
-        return {"number": number, "files": files, "wanted": wanted, "similar": similar}
+        return {"number": number, "files": files, "wanted": mentioning, "similar": similar}
 
     def prepare(self, machine):
         for path, text in self.values.files.items():
@@ -45,7 +45,7 @@ class FindMention(Task):
         return path, f"Desktop/{path.rpartition('/')[2]}"
 
     def problems(self, machine):
-        yield from rearranged(machine, copied=[self.copy(self.values.wanted)])
+        yield from arrangement_problems(machine, copied=[self.copy(self.values.wanted)])
 
     def oracle(self, hand):
         shell.command(hand, f"grep -rw {self.values.number} Documents/Letters")
@@ -58,13 +58,13 @@ class FindMention(Task):
         )
 
     def wrong_results(self):
-        wanted, similar = self.copy(self.values.wanted), self.copy(self.values.similar)
-        other = f"Desktop/{self.values.number}.txt"
+        copy_mentioning, similar = self.copy(self.values.wanted), self.copy(self.values.similar)
+        new_path = f"Desktop/{self.values.number}.txt"
         return {
             "a number that begins alike": lambda m: move_files(m, [similar], "cp"),
-            "both": lambda m: move_files(m, [wanted, similar], "cp"),
-            "moved": lambda m: move_files(m, [wanted]),
-            "under another name": lambda m: move_files(m, [(wanted[0], other)], "cp"),
+            "both": lambda m: move_files(m, [copy_mentioning, similar], "cp"),
+            "moved": lambda m: move_files(m, [copy_mentioning]),
+            "under another name": lambda m: move_files(m, [(copy_mentioning[0], new_path)], "cp"),
         }
 
     def right_result(self, machine):

@@ -2,7 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps, shell
-from online_env.tasks.kit.word_lists import FIRST_NAMES, LAST_NAMES, shuffled
+from online_env.tasks.kit.word_lists import FIRST_NAMES, LAST_NAMES, shuffle
 
 FIRST = tuple(name for name in FIRST_NAMES if name.isascii())
 LAST = tuple(name for name in LAST_NAMES if name.isascii() and name.isalpha())
@@ -24,10 +24,10 @@ class MergeLists(Task):
     )
 
     def draw(self, stream):
-        people = [f"{first} {stream.choice(LAST)}" for first in shuffled(stream, FIRST)]
+        people = [f"{first} {stream.choice(LAST)}" for first in shuffle(stream, FIRST)]
         groups = [people[:3], people[2:6], people[5:9]]  # neighbours have one in common
-        a, b, c = shuffled(stream, ("family.txt", "work.txt", "club.txt"))
-        lists = dict(zip((a, b, c), (shuffled(stream, group) for group in groups), strict=True))
+        a, b, c = shuffle(stream, ("family.txt", "work.txt", "club.txt"))
+        lists = dict(zip((a, b, c), (shuffle(stream, group) for group in groups), strict=True))
         folder = f"{stream.choice(EVENTS)} {stream.integer(2024, 2027)}"
         new = f"all-{stream.integer(1, 9)}.txt"
         return {
@@ -42,7 +42,7 @@ class MergeLists(Task):
         }
 
     @property
-    def merged(self):
+    def merged_lines(self):
         """The lines as they should be."""
         return sorted({name for names in self.values.lists.values() for name in names})
 
@@ -53,9 +53,9 @@ class MergeLists(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes(self.values.path)
-        found = (machine.text(self.values.path) or "").split("\n")
-        if [line.strip() for line in found if line.strip()] != self.merged:
-            yield f"{self.values.path} holds {found}"
+        lines = (machine.text(self.values.path) or "").split("\n")
+        if [line.strip() for line in lines if line.strip()] != self.merged_lines:
+            yield f"{self.values.path} holds {lines}"
 
     def oracle(self, hand):
         new = self.values.all
@@ -76,13 +76,13 @@ class MergeLists(Task):
         twice = sorted(name for names in lists.values() for name in names)
         return {
             "with duplicates": lambda m: save(m, path, twice),
-            "not sorted": lambda m: save(m, path, self.merged[::-1]),
+            "not sorted": lambda m: save(m, path, self.merged_lines[::-1]),
             "two lists": lambda m: save(m, path, sorted({*a, *b})),
-            "with the helpers": lambda m: save(m, path, [*self.merged, "Somebody Else"]),
+            "with the helpers": lambda m: save(m, path, [*self.merged_lines, "Somebody Else"]),
         }
 
     def right_result(self, machine):
-        machine.write(self.values.path, "\n" + " \r\n".join(self.merged) + "\t\n\n")
+        machine.write(self.values.path, "\n" + " \r\n".join(self.merged_lines) + "\t\n\n")
 
 
 def save(machine, path, lines):

@@ -6,7 +6,7 @@ import tarfile
 
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps, shell
-from online_env.tasks.kit.archives import unpacked
+from online_env.tasks.kit.archives import unpack
 from online_env.tasks.kit.word_lists import TOPICS, sample
 
 GZIP = b"\x1f\x8b"
@@ -31,14 +31,14 @@ class PackFolder(Task):
         folder = f"{stream.choice(('project', 'course', 'survey'))}-{stream.integer(10, 99)}"
         ending = stream.choice((".tmp", ".bak", ".cache"))
         names = sample(stream, TOPICS, 5)
-        kept = [f"{names[0]}.txt", f"{names[1]}.csv", f"parts/{names[2]}.txt"]
-        left = [f"{names[3]}{ending}", f"parts/{names[4]}{ending}"]
+        packed = [f"{names[0]}.txt", f"{names[1]}.csv", f"parts/{names[2]}.txt"]
+        left_out = [f"{names[3]}{ending}", f"parts/{names[4]}{ending}"]
         return {
             "folder": folder,
             "ending": ending,
             "archive": f"{folder}.tar.gz",
-            "kept": {path: content(path) for path in kept},
-            "left": {path: content(path) for path in left},
+            "kept": {path: content(path) for path in packed},
+            "left": {path: content(path) for path in left_out},
         }
 
     def prepare(self, machine):
@@ -53,10 +53,10 @@ class PackFolder(Task):
             yield f"{path} is no archive that gzip compressed"
             return
         start = f"{self.values.folder}/"
-        found = unpacked(data) or {}
-        inside = {name.rpartition(start)[2]: found[name] for name in found}
-        if inside != self.values.kept or len(inside) != len(found):
-            yield f"the archive holds {sorted(found)}"
+        files = unpack(data) or {}
+        inside = {name.rpartition(start)[2]: files[name] for name in files}
+        if inside != self.values.kept or len(inside) != len(files):
+            yield f"the archive holds {sorted(files)}"
 
     def oracle(self, hand):
         folder, archive = self.values.folder, self.values.archive
@@ -74,14 +74,14 @@ class PackFolder(Task):
         )
 
     def wrong_results(self):
-        kept, left = self.values.kept, self.values.left
+        packed, left_out = self.values.kept, self.values.left
         return {
-            "with all files": lambda m: self.pack(m, {**kept, **left}),
-            "without the subfolder": lambda m: self.pack(m, dict(list(kept.items())[:2])),
-            "not compressed": lambda m: self.pack(m, kept, bytes),
+            "with all files": lambda m: self.pack(m, {**packed, **left_out}),
+            "without the subfolder": lambda m: self.pack(m, dict(list(packed.items())[:2])),
+            "not compressed": lambda m: self.pack(m, packed, bytes),
             "files are gone": lambda m: (
-                self.pack(m, kept),
-                m.run("rm", *(f"Documents/{self.values.folder}/{path}" for path in left)),
+                self.pack(m, packed),
+                m.run("rm", *(f"Documents/{self.values.folder}/{path}" for path in left_out)),
             ),
         }
 

@@ -26,7 +26,7 @@ class ReplaceInFiles(Task):
 
     def draw(self, stream):
         old, new = stream.choice(OLD), stream.choice(NEW)
-        ending, other = sample(stream, (".txt", ".html", ".md"), 2)
+        ending, other_ending = sample(stream, (".txt", ".html", ".md"), 2)
         topics = sample(stream, TOPICS, 5)
         paths = [f"{topic}{ending}" for topic in topics[:2]]
         paths += [f"archive/{topics[2]}{ending}", f"archive/old/{topics[3]}{ending}"]
@@ -37,7 +37,7 @@ class ReplaceInFiles(Task):
             "ending": ending,
             "folder": folder,
             "paths": [f"Documents/{folder}/{path}" for path in paths],
-            "other": f"Documents/{folder}/{topics[4]}{other}",
+            "other": f"Documents/{folder}/{topics[4]}{other_ending}",
         }
 
     def prepare(self, machine):
@@ -72,20 +72,20 @@ class ReplaceInFiles(Task):
         )
 
     def wrong_results(self):
-        paths, other = self.values.paths, self.values.other
+        paths, other_path = self.values.paths, self.values.other
         old, new = self.values.old, self.values.new
         once = self.text(paths[0], new).replace(f"{new}, {new}", f"{new}, {old}")
         longer = self.text(paths[0], new).replace(f"{old}s", f"{new}s")
         return {
             "not in subfolders": lambda m: self.change(m, paths[:2]),
-            "the other kind, too": lambda m: self.change(m, [*paths, other]),
+            "the other kind, too": lambda m: self.change(m, [*paths, other_path]),
             "only the first of a line": lambda m: (self.change(m, paths), m.write(paths[0], once)),
             "longer words": lambda m: (self.change(m, paths), m.write(paths[0], longer)),
         }
 
     def right_result(self, machine):
-        first, *others = self.values.paths
-        self.change(machine, reversed(others))
+        first, *other_paths = self.values.paths
+        self.change(machine, reversed(other_paths))
         machine.write(first, self.text(first, self.values.new).rstrip("\n"))
 
     def change(self, machine, paths):

@@ -2,7 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps, shell
-from online_env.tasks.kit.sample_files import content, mode
+from online_env.tasks.kit.sample_files import kind_and_digest, mode
 from online_env.tasks.kit.word_lists import GOODS, sample
 
 WORK = ("backup", "report", "cleanup", "upload", "rotate", "convert", "publish")
@@ -31,7 +31,7 @@ class SetPermissions(Task):
         folder = stream.choice(("scripts", "jobs", "server", "automation"))
         thing = stream.choice(GOODS)
         scripts = [f"{word}-{thing}.sh" for word in sample(stream, WORK, stream.integer(3, 5))]
-        secret, other = sample(stream, SECRETS, 2)
+        secret, other_file = sample(stream, SECRETS, 2)
         place = f"Documents/{folder}"
         return {
             "folder": folder,
@@ -39,7 +39,7 @@ class SetPermissions(Task):
             "scripts": [f"{place}/{name}" for name in scripts],
             "secret": secret,
             "key": f"{place}/{secret}",
-            "others": [f"{place}/{other}", f"{place}/readme.sh.txt"],
+            "others": [f"{place}/{other_file}", f"{place}/readme.sh.txt"],
         }
 
     def prepare(self, machine):
@@ -53,10 +53,10 @@ class SetPermissions(Task):
         scripts, key = self.values.scripts, self.values.key
         yield from machine.unexpected_changes(*scripts, key)
         was = machine.before.files
-        now = machine.snapshot().files
+        after = machine.snapshot().files
         for path in (*scripts, key):
-            look = now.get(path, "")
-            if content(look) != content(was[path]):
+            look = after.get(path, "")
+            if kind_and_digest(look) != kind_and_digest(was[path]):
                 yield f"{path} cannot be read, or is not what it was"
             elif path == key and mode(look) != 0o600:
                 yield f"{path} has the mode {mode(look):o}, not 600"
@@ -76,12 +76,12 @@ class SetPermissions(Task):
 
     def wrong_results(self):
         scripts, key = self.values.scripts, self.values.key
-        other = self.values.others[0]
+        other_file = self.values.others[0]
         return {
             "the secret is as before": lambda m: m.run("chmod", "755", *scripts),
             "one script is left": lambda m: self.change(m, scripts[1:], key),
-            "another secret": lambda m: self.change(m, scripts, other),
-            "all files": lambda m: self.change(m, [*scripts, other], key),
+            "another secret": lambda m: self.change(m, scripts, other_file),
+            "all files": lambda m: self.change(m, [*scripts, other_file], key),
             "everybody may write": lambda m: self.change(m, scripts, key, "777"),
             "scripts that nobody may read": lambda m: self.change(m, scripts, key, "111"),
         }

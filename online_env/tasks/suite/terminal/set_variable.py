@@ -27,14 +27,14 @@ class SetVariable(Task):
     def draw(self, stream):
         key = stream.choice(NAMES)
         value = f"{stream.choice(GOODS)}-{stream.integer(100, 999)}"
-        others = [f"{key}_OLD={stream.choice(GOODS)}", f"HOME_TOWN={stream.choice(CITIES)}"]
+        other_settings = [f"{key}_OLD={stream.choice(GOODS)}", f"HOME_TOWN={stream.choice(CITIES)}"]
         lines = [
             '[ -n "$BASH_VERSION" ] && [ -f "$HOME/.bashrc" ] && . "$HOME/.bashrc"',
-            *(f"export {entry}" for entry in others),
+            *(f"export {entry}" for entry in other_settings),
             "umask 022",
         ]
         before = "\n".join(lines) + "\n"
-        return {"key": key, "value": value, "others": others, "before": before}
+        return {"key": key, "value": value, "others": other_settings, "before": before}
 
     def prepare(self, machine):
         machine.write(FILE, self.values.before)
@@ -42,16 +42,16 @@ class SetVariable(Task):
     def problems(self, machine):
         yield from machine.unexpected_changes()
         lines = (machine.text(FILE) or "").splitlines()
-        lost = [line for line in self.values.before.splitlines() if line not in lines]
-        if lost:
-            yield f"{FILE} lacks {lost}"
+        missing_lines = [line for line in self.values.before.splitlines() if line not in lines]
+        if missing_lines:
+            yield f"{FILE} lacks {missing_lines}"
         result = machine.desktop.execute(["sh", "-c", f"cd && {SHELL}"])
-        wanted = {f"{self.values.key}={self.values.value}", *self.values.others}
-        names = {entry.partition("=")[0] for entry in wanted}
+        expected = {f"{self.values.key}={self.values.value}", *self.values.others}
+        names = {entry.partition("=")[0] for entry in expected}
         exported = result.output.splitlines()
-        found = {entry for entry in exported if entry.partition("=")[0] in names}
-        if found != wanted:
-            yield f"a login shell exports {sorted(found)} ({result.error.strip()[-100:]})"
+        actual = {entry for entry in exported if entry.partition("=")[0] in names}
+        if actual != expected:
+            yield f"a login shell exports {sorted(actual)} ({result.error.strip()[-100:]})"
 
     def oracle(self, hand):
         line = f"export {self.values.key}={self.values.value}"

@@ -27,9 +27,9 @@ class StopProgram(Task):
     )
 
     def draw(self, stream):
-        name, other = sample(stream, NAMES, 2)
-        names = [name, f"{name}-{stream.choice(('ui', 'helper', 'web'))}", other]
-        return {"name": name, "names": names, "others": f"{names[1]} and {other}"}
+        name, other_name = sample(stream, NAMES, 2)
+        names = [name, f"{name}-{stream.choice(('ui', 'helper', 'web'))}", other_name]
+        return {"name": name, "names": names, "others": f"{names[1]} and {other_name}"}
 
     def prepare(self, machine):
         for name in self.values.names:
@@ -41,10 +41,12 @@ class StopProgram(Task):
     def problems(self, machine):
         yield from machine.unexpected_changes()
         running = processes(machine)
-        name, *others = self.values.names
+        name, *other_names = self.values.names
         if name in running:
             yield f"{name} still runs"
-        yield from (f"{other} does not run" for other in others if other not in running)
+        yield from (
+            f"{other_name} does not run" for other_name in other_names if other_name not in running
+        )
 
     def oracle(self, hand):
         name = self.values.name
@@ -76,12 +78,12 @@ def processes(machine):
     Other programs that have such a path among their arguments, such as an editor, do not count.
     """
     start = f"/bin/sh {machine.path('Tools')}/"
-    found = {}
+    names_by_pid = {}
     for line in machine.run("ps", "-eo", "pid=,args=").splitlines():
         number, _, command = line.strip().partition(" ")
         if command.startswith(start):
-            found[command.removeprefix(start)] = number
-    return found
+            names_by_pid[command.removeprefix(start)] = number
+    return names_by_pid
 
 
 def end(machine, *names, signal="TERM"):

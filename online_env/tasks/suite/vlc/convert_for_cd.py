@@ -32,18 +32,19 @@ class ConvertForCd(Task):
     def prepare(self, machine):
         vlc.prepare(machine)
         for song in self.values.songs:
-            machine.write(f"Music/{song}", recordings.played(self.tune(song)))
+            machine.write(f"Music/{song}", recordings.wav_file(self.tune(song)))
 
     def problems(self, machine):
         path = f"Music/{self.values.result}"
         yield from machine.unexpected_changes(path)
-        heard = recordings.sound(machine, path)
-        if heard is None:
+        recording = recordings.sound(machine, path)
+        if recording is None:
             yield f"there is no WAV file {path}"
             return
-        if (heard.channels, heard.rate) != recordings.CD:
-            yield f"{path} has {heard.channels} channels and {heard.rate} Hz: no CD has that"
-        for problem in recordings.melody_problems(heard, self.tune(self.values.source)):
+        if (recording.channels, recording.rate) != recordings.CD:
+            rate = f"{recording.channels} channels and {recording.rate} Hz"
+            yield f"{path} has {rate}: no CD has that"
+        for problem in recordings.melody_problems(recording, self.tune(self.values.source)):
             yield f"{path} is not {self.values.source}: {problem}"
 
     def oracle(self, hand):
@@ -61,19 +62,19 @@ class ConvertForCd(Task):
     def wrong_results(self):
         path = f"Music/{self.values.result}"
         tune = self.tune(self.values.source)
-        good = recordings.played(tune, *recordings.CD)
-        other = recordings.played(self.tune(self.values.songs[1]), *recordings.CD)
+        good = recordings.wav_file(tune, *recordings.CD)
+        other_song = recordings.wav_file(self.tune(self.values.songs[1]), *recordings.CD)
         return {
             "only copied": lambda m: m.run("cp", f"Music/{self.values.source}", path),
-            "another recording": lambda m: m.write(path, other),
-            "one channel": lambda m: m.write(path, recordings.played(tune, 1, 44100)),
-            "half of it": lambda m: m.write(path, recordings.played(tune[:4], *recordings.CD)),
+            "another recording": lambda m: m.write(path, other_song),
+            "one channel": lambda m: m.write(path, recordings.wav_file(tune, 1, 44100)),
+            "half of it": lambda m: m.write(path, recordings.wav_file(tune[:4], *recordings.CD)),
             "over the original": lambda m: m.write(f"Music/{self.values.source}", good),
         }
 
     def right_result(self, machine):
         tune = self.tune(self.values.source)
-        machine.write(f"Music/{self.values.result}", recordings.played(tune, *recordings.CD))
+        machine.write(f"Music/{self.values.result}", recordings.wav_file(tune, *recordings.CD))
 
     def tune(self, song):
         """Return the melody of a recording."""

@@ -26,13 +26,13 @@ class MakePlaylist(Task):
     def draw(self, stream):
         cities = sample(stream, CITIES, len(DANCES))
         songs = [f"{city} {dance}.wav" for city, dance in zip(cities, DANCES, strict=True)]
-        wanted = sample(stream, songs, 3)
+        selection = sample(stream, songs, 3)
         return {
             "songs": songs,
-            "wanted": wanted,
-            "first": wanted[0],
-            "second": wanted[1],
-            "third": wanted[2],
+            "wanted": selection,
+            "first": selection[0],
+            "second": selection[1],
+            "third": selection[2],
             "file": f"party-{stream.integer(10, 99)}.xspf",
         }
 
@@ -40,16 +40,16 @@ class MakePlaylist(Task):
         vlc.prepare(machine)
         for song in self.values.songs:
             tune = recordings.melody(Stream(self.seed, f"make_playlist {song}"))
-            machine.write(f"Music/{song}", recordings.played(tune))
+            machine.write(f"Music/{song}", recordings.wav_file(tune))
 
     def problems(self, machine):
         path = f"Music/{self.values.file}"
         yield from machine.unexpected_changes(path)
-        found = vlc.playlist(machine, path)
-        if found is None:
+        entries = vlc.playlist(machine, path)
+        if entries is None:
             yield f"there is no {path}"
-        elif found != [machine.path(f"Music/{song}") for song in self.values.wanted]:
-            yield f"{path} has other recordings, or another order: {', '.join(found)}"
+        elif entries != [machine.path(f"Music/{song}") for song in self.values.wanted]:
+            yield f"{path} has other recordings, or another order: {', '.join(entries)}"
 
     def oracle(self, hand):
         vlc.empty_playlist(hand)
@@ -61,12 +61,12 @@ class MakePlaylist(Task):
         vlc.pick_file(hand, f"Music/{self.values.file}")
 
     def wrong_results(self):
-        wanted = self.values.wanted
+        selection = self.values.wanted
         return {
-            "another order": lambda m: self.save(m, [wanted[1], wanted[0], wanted[2]]),
-            "one is missing": lambda m: self.save(m, wanted[:2]),
+            "another order": lambda m: self.save(m, [selection[1], selection[0], selection[2]]),
+            "one is missing": lambda m: self.save(m, selection[:2]),
             "all recordings": lambda m: self.save(m, self.values.songs),
-            "in the home folder": lambda m: self.save(m, wanted, "."),
+            "in the home folder": lambda m: self.save(m, selection, "."),
         }
 
     def right_result(self, machine):

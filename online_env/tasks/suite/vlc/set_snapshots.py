@@ -31,14 +31,14 @@ class SetSnapshots(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        yield from vlc.setting_problems(machine, self.wanted(machine))
+        yield from vlc.setting_problems(machine, self.expected_settings(machine))
 
     def oracle(self, hand):
-        drawn = self.values
+        values = self.values
         vlc.preferences(hand, "Video")
-        hand.fill("Directory", hand.path(f"Pictures/{drawn.folder}"), vlc.VLC)
-        hand.fill("Prefix", drawn.prefix, vlc.VLC)
-        vlc.choose(hand, "Format", drawn.format)
+        hand.fill("Directory", hand.path(f"Pictures/{values.folder}"), vlc.VLC)
+        hand.fill("Prefix", values.prefix, vlc.VLC)
+        vlc.choose(hand, "Format", values.format)
         vlc.tick(hand, "Sequential numbering")
         vlc.save_preferences(hand)
 
@@ -54,11 +54,11 @@ class SetSnapshots(Task):
         folder = machine.path(f"Pictures/{self.values.folder}/")
         self.save(machine, {"snapshot-path": f"{folder}/", "vout": "any"})
 
-    def save(self, machine, changed):
+    def save(self, machine, changes):
         """Write the wanted settings, some of them changed."""
-        vlc.store(machine, self.wanted(machine) | changed)
+        vlc.store(machine, self.expected_settings(machine) | changes)
 
-    def wanted(self, machine):
+    def expected_settings(self, machine):
         """Return the settings as VLC stores them."""
         return {
             "snapshot-path": machine.path(f"Pictures/{self.values.folder}"),

@@ -43,10 +43,10 @@ class SnapScene(Task):
             yield f"there are {len(names)} files in Pictures, not one"
             return
         path = f"Pictures/{names.pop()}"
-        found = gimp.opened(machine, path)
-        kind = "PNG" if found is None else str(found.format)
-        wanted = self.scene(self.values.place)
-        yield from gimp.picture_problems(machine, path, wanted, kind, JPEG_SLACK)
+        picture = gimp.read_picture(machine, path)
+        kind = "PNG" if picture is None else str(picture.format)
+        expected = self.scene(self.values.place)
+        yield from gimp.picture_problems(machine, path, expected, kind, JPEG_SLACK)
 
     def oracle(self, hand):
         vlc.pause_at(hand, self.values.place * recordings.SCENE + 1)
@@ -54,18 +54,21 @@ class SnapScene(Task):
 
     def wrong_results(self):
         path = "Pictures/still.png"
-        wanted = gimp.encoded(self.scene(self.values.place))
-        other = gimp.encoded(self.scene(self.values.place - 1))
+        expected = gimp.encode(self.scene(self.values.place))
+        other_scene = gimp.encode(self.scene(self.values.place - 1))
         half = self.scene(self.values.place).reduce(2)
         return {
-            "another scene": lambda m: m.write(path, other),
-            "in the home folder": lambda m: m.write("still.png", wanted),
-            "two scenes": lambda m: [m.write(path, wanted), m.write("Pictures/b.png", other)],
-            "a small picture": lambda m: m.write(path, gimp.encoded(half)),
+            "another scene": lambda m: m.write(path, other_scene),
+            "in the home folder": lambda m: m.write("still.png", expected),
+            "two scenes": lambda m: [
+                m.write(path, expected),
+                m.write("Pictures/b.png", other_scene),
+            ],
+            "a small picture": lambda m: m.write(path, gimp.encode(half)),
         }
 
     def right_result(self, machine):
-        picture = gimp.encoded(self.scene(self.values.place), "JPEG", 80)
+        picture = gimp.encode(self.scene(self.values.place), "JPEG", 80)
         machine.write("Pictures/still.jpg", picture)
 
     def scene(self, place):

@@ -36,7 +36,7 @@ class StyleSubtitles(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        yield from vlc.setting_problems(machine, self.wanted())
+        yield from vlc.setting_problems(machine, self.expected_settings())
 
     def oracle(self, hand):
         vlc.preferences(hand, "Subtitles / OSD")
@@ -56,11 +56,11 @@ class StyleSubtitles(Task):
     def right_result(self, machine):
         self.save(machine, {"sub-language": f" {self.values.code}", "vout": "any"})
 
-    def save(self, machine, changed):
+    def save(self, machine, changes):
         """Write the wanted settings, some of them changed."""
-        vlc.store(machine, self.wanted() | changed)
+        vlc.store(machine, self.expected_settings() | changes)
 
-    def wanted(self):
+    def expected_settings(self):
         """Return the settings as VLC stores them."""
         return {
             "sub-language": self.values.code,

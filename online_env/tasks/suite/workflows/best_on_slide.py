@@ -37,10 +37,10 @@ class BestOnSlide(SlideTask):
         ]
         ranked = sorted(rows, key=lambda row: row[1])
         name = f"points-{stream.integer(100, 999)}.xlsx"
-        drawn = talk(stream)
+        values = talk(stream)
         return {
-            **drawn,
-            "slides": [*drawn["slides"][:3], (f"First prize: {BLANK}", "A basket of fruit")],
+            **values,
+            "slides": [*values["slides"][:3], (f"First prize: {BLANK}", "A basket of fruit")],
             "book": name,
             "sheet": f"Documents/{name}",
             "rows": rows,
@@ -48,7 +48,7 @@ class BestOnSlide(SlideTask):
             "second": ranked[-2][0],
         }
 
-    def made(self):
+    def initial_document(self):
         return presentation(self.values.slides)
 
     def prepare(self, machine):
@@ -56,9 +56,9 @@ class BestOnSlide(SlideTask):
         rows = [("Name", "Points"), *self.values.rows]
         machine.write(self.values.sheet, dump(book({"Contest": rows})))
 
-    def judge(self, now, before):
+    def judge(self, after, before):
         title = before[-1].title.replace(BLANK, self.values.winner)
-        yield from slide_changes(now, (*before[:-1], replace(before[-1], title=title)))
+        yield from slide_changes(after, (*before[:-1], replace(before[-1], title=title)))
 
     def oracle(self, hand):
         open_document(hand, self.values.sheet, "table", "Sheet Contest")
@@ -97,10 +97,12 @@ class BestOnSlide(SlideTask):
     def put(self, names):
         """Return what puts names in titles, by the index of the slide."""
 
-        def change(made):
+        def change(presentation_file):
             for index, name in names.items():
-                frame = made.slides[len(made.slides) + index if index < 0 else index].shapes.title
+                frame = presentation_file.slides[
+                    len(presentation_file.slides) + index if index < 0 else index
+                ].shapes.title
                 text = frame.text_frame.text
                 frame.text_frame.text = text.replace(BLANK, name) if BLANK in text else name
 
-        return self.edited(change)
+        return self.edit_document(change)

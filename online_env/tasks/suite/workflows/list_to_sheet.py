@@ -1,7 +1,7 @@
 """Copy the lines of a text file into a sheet."""
 
 from online_env.tasks.kit import plan_steps
-from online_env.tasks.kit.office import plain, save
+from online_env.tasks.kit.office import save, straighten_quotes
 from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to
 from online_env.tasks.kit.word_lists import FIRST_NAMES, GOODS, LAST_NAMES, sample
 
@@ -39,7 +39,7 @@ class ListToSheet(SheetTask):
             "rows": rows,
         }
 
-    def made(self):
+    def initial_document(self):
         return book({"Sheet1": [("Name", "Brings")]})
 
     def prepare(self, machine):
@@ -47,13 +47,13 @@ class ListToSheet(SheetTask):
         lines = [f"{name}: {thing}" for name, thing in self.values.rows]
         machine.write(self.values.text, "\n".join(lines) + "\n")
 
-    def judge(self, now, before):
+    def judge(self, after, before):
         cells = self.cells()
-        yield from changes(now, before, set(cells))
+        yield from changes(after, before, set(cells))
         for address, text in cells.items():
-            found = plain(str(now.value(address))).strip()
-            if found.casefold() != text.casefold():
-                yield f"{address} is {found!r}, not {text!r}"
+            actual = straighten_quotes(str(after.value(address))).strip()
+            if actual.casefold() != text.casefold():
+                yield f"{address} is {actual!r}, not {text!r}"
 
     def cells(self):
         """Return the entries by address."""

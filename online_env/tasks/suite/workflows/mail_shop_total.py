@@ -26,15 +26,15 @@ class MailShopTotal(Task):
     def draw(self, stream):
         first, second = shop.goods(stream, 2)
         counts = [stream.integer(2, 3), stream.integer(1, 3)]
-        who = stream.choice(FIRST_NAMES)
+        sender = stream.choice(FIRST_NAMES)
         total = first.cents * counts[0] + second.cents * counts[1]
         return {
-            "who": who,
+            "who": sender,
             "names": [first.name, second.name],
             "total": f"{total / 100:.2f}",
             "single": f"{(first.cents + second.cents) / 100:.2f}",
             "body": f"Hi Robin,\n\nwhat would {counts[0]} x {first.name} and {counts[1]} x"
-            f" {second.name} cost at shop.test, all together?\n\n{who}",
+            f" {second.name} cost at shop.test, all together?\n\n{sender}",
         }
 
     def prepare(self, machine):

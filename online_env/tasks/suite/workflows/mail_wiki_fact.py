@@ -40,17 +40,17 @@ class MailWikiFact(Task):
     )
 
     def draw(self, stream):
-        who = stream.choice(FIRST_NAMES)
+        sender = stream.choice(FIRST_NAMES)
         question, title, fact = stream.choice(FACTS)
-        body = f"Dear Robin,\n\nat the quiz somebody asked {question}. Do you know?\n\n{who}"
-        others = [other for _, _, other in FACTS if other != fact]
+        body = f"Dear Robin,\n\nat the quiz somebody asked {question}. Do you know?\n\n{sender}"
+        other_facts = [other_fact for _, _, other_fact in FACTS if other_fact != fact]
         return {
-            "who": who,
+            "who": sender,
             "title": title,
             "fact": fact,
             "body": body,
             "subject": f"Quiz question {stream.integer(2, 30)}",
-            "other": stream.choice(others),
+            "other": stream.choice(other_facts),
         }
 
     def prepare(self, machine):
@@ -63,36 +63,37 @@ class MailWikiFact(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        drawn = self.values
+        values = self.values
         answer = mail.MailAnswer(
-            value=drawn.fact, about=f"{drawn.body} {told_by(drawn.title, drawn.fact)}"
+            value=values.fact,
+            about=f"{values.body} {sentences_with_fact(values.title, values.fact)}",
         )
-        letter = mail.Letter(to=["quiz@mail.test"], subject=f"Re: {drawn.subject}", answer=answer)
+        letter = mail.Letter(to=["quiz@mail.test"], subject=f"Re: {values.subject}", answer=answer)
         yield from mail.problems(machine, sent=[letter])
 
     def oracle(self, hand):
-        drawn = self.values
+        values = self.values
         browser.begin(hand, mail.INBOX, "Inbox")
-        mail.open_mail(hand, drawn.who, drawn.subject)
-        page = drawn.title.replace(" ", "_")
-        browser.visit(hand, f"http://wiki.test/wiki/{page}", drawn.title)
+        mail.open_mail(hand, values.who, values.subject)
+        page = values.title.replace(" ", "_")
+        browser.visit(hand, f"http://wiki.test/wiki/{page}", values.title)
         browser.visit(hand, mail.INBOX, "Inbox")
-        mail.open_mail(hand, drawn.who, drawn.subject)
+        mail.open_mail(hand, values.who, values.subject)
         browser.follow(hand, "Reply")
-        mail.compose(hand, text=f"Yes: {drawn.fact}.")
+        mail.compose(hand, text=f"Yes: {values.fact}.")
         mail.send(hand)
 
     def plan(self):
-        drawn = self.values
+        values = self.values
         return [
             'window "Chromium"',
             *plan_steps.visit(
-                f"http://wiki.test/wiki/{drawn.title.replace(' ', '_')}", drawn.title
+                f"http://wiki.test/wiki/{values.title.replace(' ', '_')}", values.title
             ),
-            *plan_steps.visit(mail.INBOX, drawn.subject),
-            f"click {quoted(drawn.subject)}",
+            *plan_steps.visit(mail.INBOX, values.subject),
+            f"click {quoted(values.subject)}",
             'click "Reply"',
-            *plan_steps.compose(text=f"Yes: {drawn.fact}."),
+            *plan_steps.compose(text=f"Yes: {values.fact}."),
             *plan_steps.SEND,
         ]
 
@@ -115,17 +116,17 @@ class MailWikiFact(Task):
         }
 
     def right_result(self, machine):
-        said = told_by(self.values.title, self.values.fact)
-        body = f"Dear {self.values.who},\n{said.upper()}\nBest regards,\nRobin\n> Dear Robin"
+        sentence = sentences_with_fact(self.values.title, self.values.fact)
+        body = f"Dear {self.values.who},\n{sentence.upper()}\nBest regards,\nRobin\n> Dear Robin"
         mail.store(machine, ["quiz@mail.test"], f"Re: {self.values.subject}", body)
 
 
-def told_by(title, fact):
+def sentences_with_fact(title, fact):
     """Return what an article says of a fact, the first sentence or line that has it."""
     article = articles("wiki")[title.replace(" ", "_")]
     facts = (f"{key}: {value}." for key, value in article.head["facts"].items())
-    said = [*re.split(r"(?<=[.!])\s", plain(article.body)), *facts]
-    return next(sentence for sentence in said if fact in sentence)
+    sentences = [*re.split(r"(?<=[.!])\s", plain(article.body)), *facts]
+    return next(sentence for sentence in sentences if fact in sentence)
 
 
 def edit(machine, title):

@@ -50,43 +50,43 @@ class OrderToNotedAddress(Task):
 
     def problems(self, machine):
         yield from machine.unexpected_changes()
-        drawn = self.values
-        how = {"delivery": drawn.delivery, "payment": drawn.payment}
-        wanted = {"lines": drawn.cart, **drawn.person, **how}
-        yield from shop.problems(machine, cart={}, orders=[wanted])
+        values = self.values
+        options = {"delivery": values.delivery, "payment": values.payment}
+        expected = {"lines": values.cart, **values.person, **options}
+        yield from shop.problems(machine, cart={}, orders=[expected])
 
     def oracle(self, hand):
-        drawn = self.values
-        panel.bring(hand, "chrom")
+        values = self.values
+        panel.bring_to_front(hand, "chrom")
         browser.visit(hand, shop.CART, "Your cart")
-        shop.check_out(hand, drawn.person, delivery=drawn.delivery, payment=drawn.payment)
+        shop.check_out(hand, values.person, delivery=values.delivery, payment=values.payment)
 
-    def order(self, machine, person, **changed):
+    def order(self, machine, person, **changes):
         """Store an order for somebody, with changes."""
-        how = {"delivery": self.values.delivery, "payment": self.values.payment, **changed}
-        shop.order(machine, how.pop("cart", self.values.cart), person, **how)
+        options = {"delivery": self.values.delivery, "payment": self.values.payment, **changes}
+        shop.order(machine, options.pop("cart", self.values.cart), person, **options)
 
     def plan(self):
-        drawn = self.values
+        values = self.values
         return [
             'window "Mousepad"',
-            f"wait for {quoted(drawn.who)}",
+            f"wait for {quoted(values.who)}",
             "press alt+f2",
             "wait",
             'type "chromium"',
             "press enter",
             'window "Chromium"',
             *plan_steps.visit(shop.CART, "Your cart"),
-            *plan_steps.check_out(drawn.person, delivery=drawn.delivery, payment=drawn.payment),
+            *plan_steps.check_out(values.person, delivery=values.delivery, payment=values.payment),
         ]
 
     def wrong_results(self):
         person = self.values.person
-        other = next(p for p in self.values.people if p is not person)
+        other_person = next(p for p in self.values.people if p is not person)
         fewer = dict.fromkeys(self.values.cart, 9)
         return {
-            "to another one": lambda m: self.order(m, other),
-            "another street": lambda m: self.order(m, {**person, "street": other["name"]}),
+            "to another one": lambda m: self.order(m, other_person),
+            "another street": lambda m: self.order(m, {**person, "street": other_person["name"]}),
             "another quantity": lambda m: self.order(m, person, cart=fewer),
             "picked up": lambda m: self.order(m, person, delivery="pickup"),
             "the file was changed": lambda m: [

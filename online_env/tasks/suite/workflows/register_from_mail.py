@@ -31,13 +31,13 @@ class RegisterFromMail(Task):
     def draw(self, stream):
         choices = forms.content()
         person = shop.recipient(stream)
-        born = date(1950, 1, 1) + timedelta(days=stream.integer(0, 20_000))
+        birth_date = date(1950, 1, 1) + timedelta(days=stream.integer(0, 20_000))
         course = stream.choice(list(choices["courses"]))
         level = stream.choice(list(choices["levels"]))
-        wanted = {
+        entry = {
             "name": person["name"],
             "email": person["email"],
-            "birth_date": born.isoformat(),
+            "birth_date": birth_date.isoformat(),
             "country": person["country"],
             "course": course,
             "level": level,
@@ -46,14 +46,16 @@ class RegisterFromMail(Task):
         }
         title, label = choices["courses"][course]["name"], choices["levels"][level]
         return {
-            "wanted": wanted,
+            "wanted": entry,
             "who": person["name"],
             "address": REGISTER,
             "title": title,
             "level": label,
             "body": f"Hello Robin,\n\nmy computer is broken. Could you register me for"
-            f' "{title}"? {label}, that is my level. I was born on {born.day} {born:%B %Y}, I live'
-            f" in {person['country']}, and my e-mail is {person['email']}.\n\n{person['name']}",
+            f' "{title}"? {label}, that is my level. I was born on'
+            f" {birth_date.day} {birth_date:%B %Y}, I live in {person['country']}, and my e-mail is"
+            f" {person['email']}."
+            f"\n\n{person['name']}",
         }
 
     def prepare(self, machine):
@@ -67,48 +69,48 @@ class RegisterFromMail(Task):
     def problems(self, machine):
         yield from machine.unexpected_changes()
         yield from mail.problems(machine)
-        yield from registrations.unlike(machine, self.values.wanted)
+        yield from registrations.registration_problems(machine, self.values.wanted)
 
     def oracle(self, hand):
-        wanted = self.values.wanted
-        year, month, day = wanted["birth_date"].split("-")
+        entry = self.values.wanted
+        year, month, day = entry["birth_date"].split("-")
         browser.begin(hand, mail.INBOX, "Inbox")
         mail.open_mail(hand, self.values.who, "A course")
         browser.visit(hand, REGISTER, "Course registration")
-        browser.enter(hand, "Full name", wanted["name"])
-        browser.enter(hand, "E-mail", wanted["email"])
+        browser.enter(hand, "Full name", entry["name"])
+        browser.enter(hand, "E-mail", entry["email"])
         hand.click_on("spin-button", "Month Date of birth", app=browser.APP)
         hand.type(f"{month}{day}{year}")
-        browser.select(hand, "Country", wanted["country"])
+        browser.select(hand, "Country", entry["country"])
         browser.select(hand, "Course", self.values.title)
         browser.tick(hand, self.values.level)
         browser.tick(hand, "I accept the house rules")
         browser.push(hand, "Send registration", "You are registered")
 
     def plan(self):
-        wanted = self.values.wanted
+        entry = self.values.wanted
         return [
             'window "Chromium"',
             f"click {quoted(self.values.who)}",
-            f"wait for {quoted(wanted['email'])}",
+            f"wait for {quoted(entry['email'])}",
             *plan_steps.visit(REGISTER, "Full name"),
-            *plan_steps.register(wanted),
+            *plan_steps.register(entry),
         ]
 
     def wrong_results(self):
-        wanted, store = self.values.wanted, registrations.store
+        entry, store = self.values.wanted, registrations.store
         return {
-            "born another day": lambda m: store(m, {**wanted, "birth_date": "1940-01-01"}),
-            "for Robin": lambda m: store(m, {**wanted, "email": owner()}),
-            "sent twice": lambda m: store(m, wanted, wanted),
-            "with a newsletter": lambda m: store(m, {**wanted, "interests": ["newsletter"]}),
-            "cancelled": lambda m: store(m, {**wanted, "cancelled": True}),
+            "born another day": lambda m: store(m, {**entry, "birth_date": "1940-01-01"}),
+            "for Robin": lambda m: store(m, {**entry, "email": owner()}),
+            "sent twice": lambda m: store(m, entry, entry),
+            "with a newsletter": lambda m: store(m, {**entry, "interests": ["newsletter"]}),
+            "cancelled": lambda m: store(m, {**entry, "cancelled": True}),
         }
 
     def right_result(self, machine):
-        wanted = self.values.wanted
-        mistaken = {**wanted, "birth_date": "1940-01-01", "cancelled": True}
-        registrations.store(machine, mistaken, dict(reversed(wanted.items())))
+        entry = self.values.wanted
+        mistaken = {**entry, "birth_date": "1940-01-01", "cancelled": True}
+        registrations.store(machine, mistaken, dict(reversed(entry.items())))
 
 
 def owner():

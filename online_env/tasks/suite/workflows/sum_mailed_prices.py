@@ -27,18 +27,18 @@ class SumMailedPrices(Task):
     )
 
     def draw(self, stream):
-        who = stream.choice(FIRST_NAMES)
+        sender = stream.choice(FIRST_NAMES)
         goods = sample(stream, GOODS, stream.integer(3, 5))
         cents = [stream.integer(150, 9999) for _ in goods]
         listed = [f"{thing}: ${c / 100:.2f}" for thing, c in zip(goods, cents, strict=True)]
         body = "Hello Robin,\n\nhere is what you asked for:\n\n  {}\n\n{}"
         return {
-            "who": who,
+            "who": sender,
             "file": f"{stream.choice(TOPICS)}-{stream.integer(10, 99)}.txt",
             "listed": listed,
             "prices": dict(zip(goods, (f"{c / 100:.2f}" for c in cents), strict=True)),
             "total": f"{sum(cents) / 100:.2f}",
-            "body": body.format("\n  ".join(listed), who),
+            "body": body.format("\n  ".join(listed), sender),
         }
 
     def prepare(self, machine):
@@ -57,8 +57,8 @@ class SumMailedPrices(Task):
     def problems(self, machine):
         yield from machine.unexpected_changes(self.path)
         yield from mail.problems(machine)
-        found = (machine.text(self.path) or "").lower()
-        lines = [line for line in found.splitlines() if line.strip()]
+        text = (machine.text(self.path) or "").lower()
+        lines = [line for line in text.splitlines() if line.strip()]
         expected = [*self.values.prices.items(), ("total", self.values.total)]
         if len(lines) != len(expected):
             yield f"{self.path} has {len(lines)} lines, not {len(expected)}"

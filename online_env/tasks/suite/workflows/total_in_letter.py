@@ -3,7 +3,13 @@
 import re
 
 from online_env.tasks.kit import plan_steps
-from online_env.tasks.kit.documents import TextTask, changed, document, find_paragraph, text_changes
+from online_env.tasks.kit.documents import (
+    TextTask,
+    document,
+    find_paragraph,
+    replace_paragraph,
+    text_changes,
+)
 from online_env.tasks.kit.office import dump, open_document, replace_all, save
 from online_env.tasks.kit.sheets import book, go_to, read_cells
 from online_env.tasks.kit.word_lists import FIRST_NAMES, GOODS, LAST_NAMES, MONTHS, sample
@@ -54,7 +60,7 @@ class TotalInLetter(TextTask):
             ),
         }
 
-    def made(self):
+    def initial_document(self):
         return document(f"Order of {self.values.month}", self.values.paragraphs)
 
     def prepare(self, machine):
@@ -67,13 +73,15 @@ class TotalInLetter(TextTask):
         """Return the sentence with a total."""
         return self.values.paragraphs[2].replace(BLANK, str(total))
 
-    def judge(self, now, before):
-        texts = {paragraph.text for paragraph in now.paragraphs}
+    def judge(self, after, before):
+        texts = {paragraph.text for paragraph in after.paragraphs}
         total = self.values.total
         forms = (f"{total}", f"{total:,}", f"{total}.00")
-        written = next((form for form in forms if self.sentence(form) in texts), forms[0])
-        wanted = changed(before, self.values.paragraphs[2], text=self.sentence(written))
-        yield from text_changes(now, wanted)
+        amount_text = next((form for form in forms if self.sentence(form) in texts), forms[0])
+        expected = replace_paragraph(
+            before, self.values.paragraphs[2], text=self.sentence(amount_text)
+        )
+        yield from text_changes(after, expected)
 
     def oracle(self, hand):
         open_document(hand, self.values.bill, "table", "Sheet Bill")
@@ -113,10 +121,10 @@ class TotalInLetter(TextTask):
     def put(self, text):
         """Return what writes a sentence in the place of the one with the blank."""
 
-        def change(found):
-            find_paragraph(found, self.values.paragraphs[2]).text = text
+        def change(document_file):
+            find_paragraph(document_file, self.values.paragraphs[2]).text = text
 
-        return self.edited(change)
+        return self.edit_document(change)
 
     def spoilt(self, machine):
         """Do it rightly, and save a total in the workbook."""

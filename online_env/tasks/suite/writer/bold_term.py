@@ -1,7 +1,13 @@
 """Make some words of a sentence bold."""
 
 from online_env.tasks.kit import plan_steps
-from online_env.tasks.kit.documents import TextTask, changed, document, find_paragraph, text_changes
+from online_env.tasks.kit.documents import (
+    TextTask,
+    document,
+    find_paragraph,
+    replace_paragraph,
+    text_changes,
+)
 from online_env.tasks.kit.office import find_text, save
 from online_env.tasks.kit.sample_reports import report
 
@@ -21,21 +27,21 @@ class BoldTerm(TextTask):
 
     def draw(self, stream):
         text = report(stream)
-        whole = "\n".join([text["title"], *text["paragraphs"]]).lower()
+        full_text = "\n".join([text["title"], *text["paragraphs"]]).lower()
         sentence = stream.choice(text["bodies"])
         words = sentence.rstrip(".").split()
         terms = [
             " ".join(words[start : start + 3]).rstrip(",") for start in range(1, len(words) - 3)
         ]
-        term = stream.choice([term for term in terms if whole.count(term.lower()) == 1])
+        term = stream.choice([term for term in terms if full_text.count(term.lower()) == 1])
         return {**text, "sentence": sentence, "term": term}
 
-    def made(self):
+    def initial_document(self):
         return document(self.values.title, self.values.paragraphs)
 
-    def judge(self, now, before):
+    def judge(self, after, before):
         bold = (self.values.term,)
-        yield from text_changes(now, changed(before, self.values.sentence, bold=bold))
+        yield from text_changes(after, replace_paragraph(before, self.values.sentence, bold=bold))
 
     def oracle(self, hand):
         find_text(hand, self.values.term)
@@ -54,25 +60,25 @@ class BoldTerm(TextTask):
 
     def wrong_results(self):
         sentence, term = self.values.sentence, self.values.term
-        other = next(text for text in self.values.bodies if text != sentence)
+        other_sentence = next(text for text in self.values.bodies if text != sentence)
         return {
-            "the whole sentence": self.marked(sentence, sentence),
-            "one word of them": self.marked(sentence, term.split()[0]),
-            "another sentence": self.marked(other, other),
+            "the whole sentence": self.with_bold(sentence, sentence),
+            "one word of them": self.with_bold(sentence, term.split()[0]),
+            "another sentence": self.with_bold(other_sentence, other_sentence),
         }
 
     def right_result(self, machine):
-        self.marked(self.values.sentence, self.values.term)(machine)
+        self.with_bold(self.values.sentence, self.values.term)(machine)
 
-    def marked(self, sentence, term):
+    def with_bold(self, sentence, term):
         """Return what makes a part of a paragraph bold."""
 
-        def change(found):
-            paragraph = find_paragraph(found, sentence)
+        def change(document_file):
+            paragraph = find_paragraph(document_file, sentence)
             before, _, after = sentence.partition(term)
             paragraph.clear()
             paragraph.add_run(before)
             paragraph.add_run(term).bold = True
             paragraph.add_run(after)
 
-        return self.edited(change)
+        return self.edit_document(change)

@@ -28,13 +28,13 @@ class DeleteParagraph(TextTask):
         index = stream.integer(0, 2)
         return {**text, "line": text["lines"][index], "body": text["bodies"][index]}
 
-    def made(self):
+    def initial_document(self):
         return document(self.values.title, self.values.paragraphs)
 
-    def judge(self, now, before):
-        gone = (self.values.line, self.values.body)
-        left = [paragraph for paragraph in before.paragraphs if paragraph.text not in gone]
-        yield from text_changes(now, replace(before, paragraphs=tuple(left)))
+    def judge(self, after, before):
+        removed_texts = (self.values.line, self.values.body)
+        left = [paragraph for paragraph in before.paragraphs if paragraph.text not in removed_texts]
+        yield from text_changes(after, replace(before, paragraphs=tuple(left)))
 
     def oracle(self, hand):
         for text in (self.values.line, self.values.body):
@@ -52,26 +52,34 @@ class DeleteParagraph(TextTask):
 
     def wrong_results(self):
         line, body = self.values.line, self.values.body
-        other = next(text for text in self.values.lines if text != line)
+        other_line = next(text for text in self.values.lines if text != line)
         return {
-            "the line alone": self.edited(lambda found: remove(found, line)),
-            "an empty line is left": self.edited(lambda found: blank(found, line, body)),
-            "another part": self.edited(lambda found: remove(found, other, body)),
-            "too much": self.edited(lambda found: remove(found, line, body, other)),
+            "the line alone": self.edit_document(lambda document_file: remove(document_file, line)),
+            "an empty line is left": self.edit_document(
+                lambda document_file: blank(document_file, line, body)
+            ),
+            "another part": self.edit_document(
+                lambda document_file: remove(document_file, other_line, body)
+            ),
+            "too much": self.edit_document(
+                lambda document_file: remove(document_file, line, body, other_line)
+            ),
         }
 
     def right_result(self, machine):
-        self.edited(lambda found: remove(found, self.values.body, self.values.line))(machine)
+        self.edit_document(
+            lambda document_file: remove(document_file, self.values.body, self.values.line)
+        )(machine)
 
 
-def remove(found, *texts):
+def remove(document_file, *texts):
     """Remove paragraphs of a document."""
     for text in texts:
-        remove_paragraph(found, text)
+        remove_paragraph(document_file, text)
 
 
-def blank(found, *texts):
+def blank(document_file, *texts):
     """Empty paragraphs of a document, and leave them there."""
-    for paragraph in found.paragraphs:
+    for paragraph in document_file.paragraphs:
         if paragraph.text in texts:
             paragraph.clear()

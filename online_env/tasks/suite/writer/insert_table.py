@@ -32,15 +32,15 @@ class InsertTable(TextTask):
             "head": stream.choice(("Name", "Person", "Who", "Day", "Task", "Guest")),
         }
 
-    def made(self):
+    def initial_document(self):
         return document(self.values.title, self.values.paragraphs)
 
-    def judge(self, now, before):
-        yield from text_changes(now, replace(before, tables=(self.wanted(),)))
-        if now.after_table:
-            yield f"{now.after_table!r} comes after the table"
+    def judge(self, after, before):
+        yield from text_changes(after, replace(before, tables=(self.expected_rows(),)))
+        if after.after_table:
+            yield f"{after.after_table!r} comes after the table"
 
-    def wanted(self):
+    def expected_rows(self):
         """Return the cells of the table by rows."""
         empty = ("",) * self.values.columns
         first = (self.values.head, *empty[1:])
@@ -95,10 +95,10 @@ class InsertTable(TextTask):
     def put(self, rows, columns, head, first=False):
         """Return what adds a table."""
 
-        def change(found):
-            table = found.add_table(rows, columns)
+        def change(document_file):
+            table = document_file.add_table(rows, columns)
             table.cell(0, 0).text = head
             if first:
-                found.paragraphs[0]._element.addprevious(table._element)
+                document_file.paragraphs[0]._element.addprevious(table._element)
 
-        return self.edited(change)
+        return self.edit_document(change)

@@ -26,16 +26,16 @@ class ListItems(TextTask):
         text = report(stream)
         return {**text, "count": len(text["items"])}
 
-    def made(self):
+    def initial_document(self):
         return document(self.values.title, self.values.paragraphs)
 
-    def judge(self, now, before):
-        wanted = [
+    def judge(self, after, before):
+        expected = [
             replace(paragraph, marker="bullet" if paragraph.text in self.values.items else "")
             for paragraph in before.paragraphs
         ]
-        yield from text_changes(now, replace(before, paragraphs=tuple(wanted)), {"style"})
-        for paragraph, was in zip(now.paragraphs, before.paragraphs, strict=False):
+        yield from text_changes(after, replace(before, paragraphs=tuple(expected)), {"style"})
+        for paragraph, was in zip(after.paragraphs, before.paragraphs, strict=False):
             if not paragraph.marker and paragraph.style != was.style:
                 yield f"{paragraph.text!r} has the style {paragraph.style}, not {was.style}"
 
@@ -66,20 +66,20 @@ class ListItems(TextTask):
     def wrong_results(self):
         items = self.values.items
         return {
-            "one is missing": self.styled(items[1:], "List Bullet"),
-            "the line above as well": self.styled(["Please bring:", *items], "List Bullet"),
-            "with numbers": self.styled(items, "List Number"),
-            "only indented": self.styled(items, "List Continue"),
+            "one is missing": self.with_style(items[1:], "List Bullet"),
+            "the line above as well": self.with_style(["Please bring:", *items], "List Bullet"),
+            "with numbers": self.with_style(items, "List Number"),
+            "only indented": self.with_style(items, "List Continue"),
         }
 
     def right_result(self, machine):
-        self.styled(self.values.items, "List Bullet")(machine)
+        self.with_style(self.values.items, "List Bullet")(machine)
 
-    def styled(self, texts, style):
+    def with_style(self, texts, style):
         """Return what gives paragraphs a style."""
 
-        def change(found):
+        def change(document_file):
             for text in texts:
-                find_paragraph(found, text).style = found.styles[style]
+                find_paragraph(document_file, text).style = document_file.styles[style]
 
-        return self.edited(change)
+        return self.edit_document(change)

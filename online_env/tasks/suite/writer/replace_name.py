@@ -29,16 +29,16 @@ class ReplaceName(TextTask):
         names = [name for name in FIRST_NAMES if name != first]
         return {**text, "new": f"{stream.choice(names)} {stream.choice(LAST_NAMES)}"}
 
-    def made(self):
+    def initial_document(self):
         return document(self.values.title, self.values.paragraphs)
 
-    def judge(self, now, before):
+    def judge(self, after, before):
         old, new = self.values.person, self.values.new
-        wanted = [
+        expected = [
             replace(paragraph, text=paragraph.text.replace(old, new))
             for paragraph in before.paragraphs
         ]
-        yield from text_changes(now, replace(before, paragraphs=tuple(wanted)))
+        yield from text_changes(after, replace(before, paragraphs=tuple(expected)))
 
     def oracle(self, hand):
         replace_all(hand, self.values.person, self.values.new)
@@ -54,17 +54,27 @@ class ReplaceName(TextTask):
     def wrong_results(self):
         old, new = self.values.person, self.values.new
         return {
-            "only the first one": self.edited(lambda found: rename(found, old, new, most=1)),
-            "another name": self.edited(lambda found: rename(found, old, new.upper())),
-            "the first name alone": self.edited(lambda found: rename(found, old.split()[0], new)),
+            "only the first one": self.edit_document(
+                lambda document_file: rename(document_file, old, new, max_count=1)
+            ),
+            "another name": self.edit_document(
+                lambda document_file: rename(document_file, old, new.upper())
+            ),
+            "the first name alone": self.edit_document(
+                lambda document_file: rename(document_file, old.split()[0], new)
+            ),
         }
 
     def right_result(self, machine):
         new = self.values.new.replace("'", "\u2019")  # Writer makes a typed one round
-        self.edited(lambda found: rename(found, self.values.person, new))(machine)
+        self.edit_document(lambda document_file: rename(document_file, self.values.person, new))(
+            machine
+        )
 
 
-def rename(found, old, new, most=99):
+def rename(document_file, old, new, max_count=99):
     """Replace a name in so many paragraphs of a document."""
-    for paragraph in [paragraph for paragraph in found.paragraphs if old in paragraph.text][:most]:
+    for paragraph in [paragraph for paragraph in document_file.paragraphs if old in paragraph.text][
+        :max_count
+    ]:
         paragraph.runs[0].text = paragraph.text.replace(old, new)

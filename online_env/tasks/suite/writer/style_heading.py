@@ -1,7 +1,13 @@
 """Give a line the style of a heading."""
 
 from online_env.tasks.kit import plan_steps
-from online_env.tasks.kit.documents import TextTask, changed, document, find_paragraph, text_changes
+from online_env.tasks.kit.documents import (
+    TextTask,
+    document,
+    find_paragraph,
+    replace_paragraph,
+    text_changes,
+)
 from online_env.tasks.kit.office import find_text, save
 from online_env.tasks.kit.sample_reports import report
 
@@ -24,11 +30,13 @@ class StyleHeading(TextTask):
         text = report(stream)
         return {**text, "line": stream.choice(text["lines"]), "level": stream.integer(1, 4)}
 
-    def made(self):
+    def initial_document(self):
         return document(self.values.title, self.values.paragraphs)
 
-    def judge(self, now, before):
-        yield from text_changes(now, changed(before, self.values.line, style=self.style))
+    def judge(self, after, before):
+        yield from text_changes(
+            after, replace_paragraph(before, self.values.line, style=self.style)
+        )
 
     @property
     def style(self):
@@ -50,24 +58,24 @@ class StyleHeading(TextTask):
         ]
 
     def wrong_results(self):
-        other = next(line for line in self.values.paragraphs if line != self.values.line)
+        other_line = next(line for line in self.values.paragraphs if line != self.values.line)
         return {
-            "another level": self.styled(self.values.line, f"Heading {self.values.level + 1}"),
-            "another line": self.styled(other, self.style),
-            "made bold by hand": self.edited(self.embolden),
+            "another level": self.with_style(self.values.line, f"Heading {self.values.level + 1}"),
+            "another line": self.with_style(other_line, self.style),
+            "made bold by hand": self.edit_document(self.embolden),
         }
 
     def right_result(self, machine):
-        self.styled(self.values.line, self.style)(machine)
+        self.with_style(self.values.line, self.style)(machine)
 
-    def styled(self, line, style):
+    def with_style(self, line, style):
         """Return what gives a line a style."""
 
-        def change(found):
-            find_paragraph(found, line).style = found.styles[style]
+        def change(document_file):
+            find_paragraph(document_file, line).style = document_file.styles[style]
 
-        return self.edited(change)
+        return self.edit_document(change)
 
-    def embolden(self, found):
+    def embolden(self, document_file):
         """Make the line bold."""
-        find_paragraph(found, self.values.line).runs[0].bold = True
+        find_paragraph(document_file, self.values.line).runs[0].bold = True

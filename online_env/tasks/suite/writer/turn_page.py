@@ -24,14 +24,14 @@ class TurnPage(TextTask):
     def draw(self, stream):
         return report(stream)
 
-    def made(self):
+    def initial_document(self):
         return document(self.values.title, self.values.paragraphs)
 
-    def judge(self, now, before):
-        for found, was in zip(now.sizes, before.sizes, strict=False):
-            if max(abs(a - b) for a, b in zip(sorted(found), sorted(was), strict=True)) > 0.1:
-                yield f"the paper has {found} inches, not {was[::-1]}"
-        yield from text_changes(now, replace(before, landscape=(True,)))
+    def judge(self, after, before):
+        for actual, was in zip(after.sizes, before.sizes, strict=False):
+            if max(abs(a - b) for a, b in zip(sorted(actual), sorted(was), strict=True)) > 0.1:
+                yield f"the paper has {actual} inches, not {was[::-1]}"
+        yield from text_changes(after, replace(before, landscape=(True,)))
 
     def oracle(self, hand):
         menu(hand, "Format", "Page Style...")
@@ -58,31 +58,33 @@ class TurnPage(TextTask):
     def wrong_results(self):
         first = self.values.paragraphs[0]
         return {
-            "wider than long": self.sized(20, 11),
-            "half as wide": self.sized(4, 11),
-            "the text changed, too": self.sized(11, 8.5, lambda found: drop(found, first)),
+            "wider than long": self.with_page_size(20, 11),
+            "half as wide": self.with_page_size(4, 11),
+            "the text changed, too": self.with_page_size(
+                11, 8.5, lambda document_file: drop(document_file, first)
+            ),
         }
 
     def right_result(self, machine):
-        self.sized(11, 8.5)(machine)
+        self.with_page_size(11, 8.5)(machine)
 
-    def sized(self, width, height, also=None):
+    def with_page_size(self, width, height, also=None):
         """Return what gives the page a width and a height in inches."""
 
-        def change(found):
+        def change(document_file):
             from docx.shared import Inches
 
-            for section in found.sections:
+            for section in document_file.sections:
                 section.page_width = Inches(width)
                 section.page_height = Inches(height)
             if also is not None:
-                also(found)
+                also(document_file)
 
-        return self.edited(change)
+        return self.edit_document(change)
 
 
-def drop(found, text):
+def drop(document_file, text):
     """Empty a paragraph of a document."""
-    for paragraph in found.paragraphs:
+    for paragraph in document_file.paragraphs:
         if paragraph.text == text:
             paragraph.clear()

@@ -28,17 +28,17 @@ class WriteHeader(TextTask):
         text = f"{stream.choice(CLUBS)}, {stream.choice(GOODS)} no. {stream.integer(100, 999)}"
         return {**report(stream), "kind": stream.choice(("header", "footer")), "text": text}
 
-    def made(self):
+    def initial_document(self):
         return document(self.values.title, self.values.paragraphs)
 
-    def judge(self, now, before):
-        wanted = replace(before, **{f"{self.values.kind}s": (self.values.text,)})
-        yield from text_changes(now, wanted)
+    def judge(self, after, before):
+        expected = replace(before, **{f"{self.values.kind}s": (self.values.text,)})
+        yield from text_changes(after, expected)
 
     def oracle(self, hand):
         kind = self.values.kind.capitalize()
-        shown = any(node.text == self.values.text for node in hand.look())
-        if not shown:
+        is_visible = any(node.text == self.values.text for node in hand.look())
+        if not is_visible:
             menu(hand, "Insert", "Header and Footer", kind, "Default Page Style")
             hand.type(self.values.text)
         save(hand)
@@ -57,12 +57,14 @@ class WriteHeader(TextTask):
 
     def wrong_results(self):
         kind, text = self.values.kind, self.values.text
-        other = "footer" if kind == "header" else "header"
+        other_kind = "footer" if kind == "header" else "header"
         return {
-            "at the other end": self.put({other: text}),
+            "at the other end": self.put({other_kind: text}),
             "at both ends": self.put({"header": text, "footer": text}),
             "half of it": self.put({kind: text.partition(",")[0]}),
-            "in the text": self.edited(lambda found: found.add_paragraph(text)),
+            "in the text": self.edit_document(
+                lambda document_file: document_file.add_paragraph(text)
+            ),
         }
 
     def right_result(self, machine):
@@ -71,8 +73,8 @@ class WriteHeader(TextTask):
     def put(self, texts):
         """Return what writes at the ends of the pages: texts by `header` or `footer`."""
 
-        def change(found):
+        def change(document_file):
             for kind, text in texts.items():
-                getattr(found.sections[0], kind).paragraphs[0].text = text
+                getattr(document_file.sections[0], kind).paragraphs[0].text = text
 
-        return self.edited(change)
+        return self.edit_document(change)
