@@ -1,6 +1,6 @@
 """Pipelines: recorded trajectories in, datasets out.
 
->>> from pipelines import build, inspect, open_dataset, verify
+>>> from pipelines import build, inspect_source, open_dataset, verify
 """
 
 from .building.build import BuildReport, build

@@ -23,8 +23,7 @@ from .engines import LOCAL
 from .exports import FORMATS, ONLOOKER
 from .exports import export as export_dataset
 from .exports.dialects import DIALECTS
-from .inspection import SAMPLE
-from .inspection import inspect as inspect_sources
+from .inspection import SAMPLE, inspect_source
 from .proof.rebuild import is_run, rebuild
 from .proof.verify import verify as verify_dataset
 from .readers.base import READERS
@@ -133,9 +132,9 @@ class Meter:
     help=f"The machine, if the source does not name it: {', '.join(PLATFORMS)}.",
 )
 @click.option(
-    "--foreign",
+    "--allow-platform-mismatch",
     is_flag=True,
-    help="Use our Xfce desktop on other platforms too (fidelity `foreign`).",
+    help="Show an Xfce desktop in recordings of other platforms (fidelity `foreign`).",
 )
 @click.option(
     "--workers",
@@ -213,7 +212,11 @@ def _end(result: Any, code: int) -> None:
 )
 @click.option("--apps", metavar="A,B", help="Applications shown, if the source names none.")
 @click.option("--platform", metavar="NAME", help="The machine, if the source names none.")
-@click.option("--foreign", is_flag=True, help="Show our Xfce desktop on other platforms, too.")
+@click.option(
+    "--allow-platform-mismatch",
+    is_flag=True,
+    help="Show an Xfce desktop in recordings of other platforms.",
+)
 @click.option(
     "--corruptions", metavar="A,B|all", default="all", show_default=True, help="Which to try."
 )
@@ -234,7 +237,7 @@ def _end(result: Any, code: int) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def inspect(source: tuple[str, ...], format_: str | None, as_json: bool, **options: Any) -> None:
     """Show the content of recordings, and the result of a build, without building."""
-    found = inspect_sources(source, format=format_, **options)
+    found = inspect_source(source, format=format_, **options)
     if as_json:
         click.echo(json.dumps(found.to_data()))
     else:

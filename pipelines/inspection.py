@@ -221,7 +221,7 @@ def inspect(
     boxes: str | None = None,
     apps: Sequence[str] | str | None = None,
     platform: str | None = None,
-    foreign: bool = False,
+    allow_platform_mismatch: bool = False,
 ) -> Inspection:
     """Return what one source or several contain, and which rows a build would make of them.
 
@@ -240,7 +240,7 @@ def inspect(
         boxes: the order of a box's numbers, if the recording does not state it.
         apps: applications in the trajectories whose source names none.
         platform: the machine of the trajectories whose source names none.
-        foreign: count rows that show our Xfce desktop on other platforms, too.
+        allow_platform_mismatch: count rows that show our Xfce desktop on other platforms, too.
 
     Raises:
         SourceError: no such source, nothing in it, or no known format.
@@ -272,7 +272,14 @@ def inspect(
     found.notes += [*sources.advice(), *sources.exclusions()]
     found.coordinates = {name: coordinates_of(name) for name in found.formats}
     if taken:
-        _plan(found, taken, corruptions=corruptions, seed=seed, assets=assets, foreign=foreign)
+        _plan(
+            found,
+            taken,
+            corruptions=corruptions,
+            seed=seed,
+            assets=assets,
+            allow_platform_mismatch=allow_platform_mismatch,
+        )
     return found
 
 
@@ -294,10 +301,15 @@ def _plan(
     corruptions: Mapping[str, Planner] | str,
     seed: int,
     assets: PathLike | None,
-    foreign: bool,
+    allow_platform_mismatch: bool,
 ) -> None:
     """Plan the corruptions of the sampled trajectories, and add the report to `found`."""
-    options = BuildOptions(corruptions=corruptions, seed=seed, assets=assets, foreign=foreign)
+    options = BuildOptions(
+        corruptions=corruptions,
+        seed=seed,
+        assets=assets,
+        allow_platform_mismatch=allow_platform_mismatch,
+    )
     settings, notes = settings_of(options.resolved())
 
     def tasks(reject: Callable[[Rejected], None]) -> Iterator[ShardTask]:

@@ -18,7 +18,7 @@ from ..knowledge import LIST
 from ..readers import get_reader
 from .loaded import LOADED
 from .options import ROWS_PER_SHARD
-from .settings import FOREIGN
+from .settings import ALLOW_PLATFORM_MISMATCH
 
 CARD = "README.md"
 CONFIG = "config.yaml"
@@ -309,7 +309,12 @@ def _stated_options(parameters: Mapping[str, Any]) -> list[str]:
         if name in parameters
         for word in (f"--{name.replace('_', '-')}", parameters[name])
     ]
-    return [*apps, *platform, *spaces, *(["--foreign"] if parameters.get(FOREIGN) else [])]
+    return [
+        *apps,
+        *platform,
+        *spaces,
+        *(["--allow-platform-mismatch"] if parameters.get(ALLOW_PLATFORM_MISMATCH) else []),
+    ]
 
 
 def _fidelity(assets: Mapping[str, str] | None) -> list[str]:

@@ -67,8 +67,8 @@ class BuildOptions:
             `pipelines.knowledge`.
         platform: the machine of the trajectories whose source does not name it: `linux-xfce`,
             `linux`, `windows`, `macos`, `android`, `ios` or `web`.
-        foreign: use the desktop of the recorded pictures (Xfce) also for recordings of another or
-            an unknown platform; the `fidelity` of such rows is `foreign`.
+        allow_platform_mismatch: show the desktop of the recorded pictures (Xfce) in recordings of
+            another or an unknown platform, too; the `fidelity` of such rows is `foreign`.
         strict: stop with `SourceError` at the first input that cannot be read.
         rows_per_shard: the most rows in a file, which holds at least one trajectory; at least 1.
         workers: number of processes, at least 1. With more than one, call `build` from under
@@ -105,7 +105,7 @@ class BuildOptions:
     assets: PathLike | None = None
     apps: Sequence[str] | str | None = None
     platform: str | None = None
-    foreign: bool = False
+    allow_platform_mismatch: bool = False
     strict: bool = False
     rows_per_shard: int = ROWS_PER_SHARD
     workers: int = 1
@@ -180,7 +180,7 @@ class BuildKeywords(TypedDict, total=False):
     assets: PathLike | None
     apps: Sequence[str] | str | None
     platform: str | None
-    foreign: bool
+    allow_platform_mismatch: bool
     strict: bool
     rows_per_shard: int
     workers: int

@@ -52,7 +52,8 @@ class RowSettings:
         detect: whether to detect elements in pictures if none are recorded.
         lazy: whether to store plans instead of corrupted pictures.
         assets: the folder of the asset pack, if not the default one.
-        foreign: whether to show the desktop of the pack also in recordings of other platforms.
+        allow_platform_mismatch: whether to show the desktop of the pack in recordings of other
+            platforms, too.
     """
 
     planners: tuple[tuple[str, Planner], ...]
@@ -62,7 +63,7 @@ class RowSettings:
     detect: bool = False
     lazy: bool = False
     assets: str | None = None
-    foreign: bool = False
+    allow_platform_mismatch: bool = False
 
     @property
     def variants(self) -> int:
@@ -178,7 +179,9 @@ def made_of(
     if settings.clean:
         plan = Plan.clean(sample.scene.size)
         yield from counter.rows(CLEAN, iter([Variant(sample, plan, plan)]))
-    chooser = VariantPlanner(settings.seed, settings.label_policy, settings.pack, settings.foreign)
+    chooser = VariantPlanner(
+        settings.seed, settings.label_policy, settings.pack, settings.allow_platform_mismatch
+    )
     for label, planner in settings.planners:
         if sample.position == 0 and not ever_due(sample.trajectory, planner):
             tally.skip(label, NEVER)

@@ -25,7 +25,7 @@ from .rows import RowSettings
 from .selection import config_text, needs_boxes, select
 from .splits import Splits
 
-FOREIGN = "foreign"
+ALLOW_PLATFORM_MISMATCH = "allow_platform_mismatch"
 
 
 def settings_of(options: BuildOptions) -> tuple[RowSettings, tuple[str, ...]]:
@@ -60,7 +60,7 @@ def settings_of(options: BuildOptions) -> tuple[RowSettings, tuple[str, ...]]:
         detect=detect,
         lazy=options.output == LAZY,
         assets=_asset_folder(options),
-        foreign=bool(options.foreign),
+        allow_platform_mismatch=bool(options.allow_platform_mismatch),
     )
     _ = settings.pack  # raises for a missing pack before anything is written
     if wanted and not detect:
@@ -101,8 +101,8 @@ def parameters_of(
     loaded = files_of(planners.values())
     if loaded:
         parameters[LOADED] = loaded
-    if settings.foreign:
-        parameters[FOREIGN] = True
+    if settings.allow_platform_mismatch:
+        parameters[ALLOW_PLATFORM_MISMATCH] = True
     parameters |= splits.parameters()
     parameters |= sources.told_parameters()
     if options.limit is not None:
@@ -177,7 +177,7 @@ def _settings_from(parameters: Mapping[str, Any]) -> RowSettings | None:
         label_policy=parameters["label_policy"],
         detect=parameters["elements"] == "picture",
         lazy=parameters["output"] == LAZY,
-        foreign=bool(parameters.get(FOREIGN, False)),
+        allow_platform_mismatch=bool(parameters.get(ALLOW_PLATFORM_MISMATCH, False)),
     )
 
 

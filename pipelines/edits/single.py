@@ -58,7 +58,7 @@ def _edited(
             image=image,
             pack=pack,
             stream=stream,
-            foreign=True,
+            allow_platform_mismatch=True,
             guess=True,
         )
         try:

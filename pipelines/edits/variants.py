@@ -52,13 +52,13 @@ class VariantPlanner:
         seed: 0 to 2**64 - 1.
         label_policy: the treatment of a row whose target is hidden.
         pack: the recorded pictures; `None` if no planner acts on the machine.
-        foreign: whether they may be shown on recordings of other platforms.
+        allow_platform_mismatch: whether they may be shown on recordings of other platforms.
     """
 
     seed: int
     label_policy: str
     pack: AssetPack | None
-    foreign: bool = False
+    allow_platform_mismatch: bool = False
 
     def variants(self, sample: Sample, planner: Planner) -> Iterator[Variant | None]:
         """Yield the rows of a step under a planner; `None` for one that the label policy drops.
@@ -147,7 +147,7 @@ class VariantPlanner:
             image=sample.image,
             pack=self.pack,
             stream=stream,
-            foreign=self.foreign,
+            allow_platform_mismatch=self.allow_platform_mismatch,
         )
         made = edit.apply(frame, effect)
         return replace(made, fidelity=fidelity_of(made.fidelity, is_foreign=frame.is_foreign))

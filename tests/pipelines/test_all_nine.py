@@ -76,7 +76,7 @@ MAYBE_OPEN = (
     " no elements"
 )
 # The pack's desktop is shown where that is asked for; these screens are of a Mac.
-UNKNOWN: dict[str, Any] = {"foreign": True, "platform": "macos"}
+UNKNOWN: dict[str, Any] = {"allow_platform_mismatch": True, "platform": "macos"}
 FOREIGN: dict[str, Any] = {**UNKNOWN, "apps": "gimp"}
 BROWSING: dict[str, Any] = {**UNKNOWN, "apps": "chrome"}
 

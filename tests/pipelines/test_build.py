@@ -11,7 +11,7 @@ from PIL import Image
 
 import hijack_data as hj
 from hijack_data.files import load_image
-from pipelines import build, inspect, open_dataset, verify
+from pipelines import build, inspect_source, open_dataset, verify
 from pipelines.building.card import _size_category
 from pipelines.building.rows import RowSettings
 from pipelines.dataset.columns import COLUMNS
@@ -569,7 +569,7 @@ def test_pictures_that_could_be_read_in_two_ways(
     assert "animated, 3 frames; save the one frame" in report.examples[0]
     tried = build(folder, tmp_path / "dry", corruptions=small, dry_run=True)
     assert [text for text in tried.notes if note in text]
-    assert [text for text in inspect(folder, corruptions=small).notes if note in text]
+    assert [text for text in inspect_source(folder, corruptions=small).notes if note in text]
     assert verify(tmp_path / "out", source=folder).ok
 
 

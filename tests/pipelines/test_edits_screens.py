@@ -139,8 +139,8 @@ def test_where_no_window_is_open_none_is_minimised(assets: Path) -> None:
 
 
 def test_on_a_foreign_desktop_the_application_must_be_known_all_the_same(several: Path) -> None:
-    """`foreign` changes the desktop, not the rule about the application."""
-    about: dict[str, Any] = {"platform": "windows", "foreign": True}
+    """`allow_platform_mismatch` changes the desktop, not the rule about the application."""
+    about: dict[str, Any] = {"platform": "windows", "allow_platform_mismatch": True}
     assert edit("minimise", several, apps=("Chromium",), **about)[0].response.action.type == "click"
     for apps, reason in (
         (("thunderbird",), r"what the recording uses \(thunderbird\)"),
