@@ -1,4 +1,4 @@
-"""`inspect`: the content of a source and the rows that a build would make of it."""
+"""`inspect_source`: the content of a source and the rows that a build would make of it."""
 
 import os
 import re
@@ -36,7 +36,7 @@ ONE_SHARD = 10**9  # rows: more than any sample has
 
 @dataclass
 class Inspection:
-    """The result of `inspect`; all counts except those of `outlook` cover every trajectory.
+    """The result of `inspect_source`; all counts except those of `outlook` cover every trajectory.
 
     Args:
         sources: names of the inspected sources.
@@ -209,7 +209,7 @@ class Inspection:
             yield f"note: {escape(note)}"
 
 
-def inspect(
+def inspect_source(
     source: PathLike | Sequence[PathLike],
     *,
     format: str | None = None,
@@ -240,7 +240,8 @@ def inspect(
         boxes: the order of a box's numbers, if the recording does not state it.
         apps: applications in the trajectories whose source names none.
         platform: the machine of the trajectories whose source names none.
-        allow_platform_mismatch: count rows that show our Xfce desktop on other platforms, too.
+        allow_platform_mismatch: count rows that show an Xfce desktop in recordings of other
+            platforms, too.
 
     Raises:
         SourceError: no such source, nothing in it, or no known format.

@@ -108,7 +108,7 @@ def screen_of(trajectory: Trajectory) -> ScreenKind | None:
 
 @dataclass(frozen=True)
 class RecordingFacts:
-    """What a recording states, as builds and `inspect` read it.
+    """What a recording states, as builds and `inspect_source` read it.
 
     Args:
         screen: what its pictures show, or `None` if it does not say.
