@@ -10,6 +10,7 @@ from hijack_data.errors import ParameterTypeError, counted
 from hijack_data.paths import PathLike
 from hijack_data.types import Trajectory
 
+from .dataset.manifest import holds_build
 from .errors import SourceError
 from .knowledge import LIST, Knowledge, knowledge_of
 from .readers import Rejected, Survey, existing, get_reader, names, survey
@@ -219,8 +220,6 @@ class Sources:
 
 def _refuse_dataset(path: Path) -> None:
     """Raise `SourceError` if a folder is a dataset of ours, whose rows are corrupted already."""
-    from .building.folder import holds_build
-
     if holds_build(path):
         raise SourceError(
             f"{path}: is a dataset that hijack build wrote, not recordings; hijack stats and hijack"

@@ -13,13 +13,13 @@ from hijack_data.paths import PathLike
 from ..dataset.columns import pyarrow
 from ..dataset.manifest import TRANSPARENT, make_manifest, total_counts, write_manifest
 from ..dataset.shard import ShardRecord
-from ..engines import Engine, get_engine
 from ..errors import BuildError
 from ..readers import Rejected
 from ..readers.choices import ReaderOptions
 from ..readers.files import is_utf8
 from ..sources import SourceItem, Sources
 from .card import CARD, CONFIG, make_card
+from .engine_registry import Engine, get_engine
 from .folder import OutFolder, parameters_in
 from .loaded import require
 from .options import BuildKeywords, BuildOptions, Progress, with_options

@@ -16,18 +16,11 @@ from hijack_data.errors import StorageError
 from hijack_data.files import is_full, unwritable, write_atomic
 from hijack_data.locking import Lock, LockedError, lock
 
-from ..dataset.manifest import FORMAT, MANIFEST, read_manifest
+from ..dataset.manifest import FILES, MANIFEST, PARAMETERS, STATE, read_manifest
 from ..dataset.shard import ShardRecord, file_sha256, record_from
 from ..errors import OVERWRITE, RESUME, BuildError, DatasetError
 from .shards import DATA, ShardTask, inputs_of
 from .splits import NAMES
-
-STATE = ".build"
-PARAMETERS = "parameters.json"
-# A manifest names its format at its beginning.
-HEAD_BYTES = 200
-# The files of a finished dataset other than its shards and its manifest.
-BESIDE = ("README.md", "config.yaml", "quarantine.jsonl")
 
 
 def parameters_in(path: Path) -> dict[str, Any]:
@@ -39,17 +32,6 @@ def parameters_in(path: Path) -> dict[str, Any]:
     except (OSError, ValueError):  # `opened` will report what is wrong
         return {}
     return found if isinstance(found, dict) else {}
-
-
-def holds_build(path: Path) -> bool:
-    """Return whether a folder is a dataset of ours, also an unfinished, newer or damaged one."""
-    if (path / STATE / PARAMETERS).is_file():
-        return True
-    try:
-        with (path / MANIFEST).open("rb") as manifest:
-            return FORMAT.encode() in manifest.read(HEAD_BYTES)
-    except OSError:  # there is none
-        return False
 
 
 class OutFolder:
@@ -172,7 +154,7 @@ class OutFolder:
 
     def _clear(self) -> None:
         """Remove the files that `_holds_nothing` has checked."""
-        for name in (MANIFEST, *BESIDE):
+        for name in (MANIFEST, *FILES):
             (self.path / name).unlink(missing_ok=True)
         for folder in (self.path / DATA, self.state):
             shutil.rmtree(folder, ignore_errors=True)

@@ -7,10 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..dataset.manifest import MANIFEST
+from ..dataset.manifest import MANIFEST, STATE
 from ..errors import BuildError
 from .card import CARD, CONFIG
-from .folder import STATE
 from .quarantine import QUARANTINE
 from .shards import DATA
 

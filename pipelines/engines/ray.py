@@ -21,11 +21,10 @@ from hijack_data.errors import HijackError
 from hijack_data.files import write_atomic
 from hijack_data.pack import VARIABLE
 
-from ..building.folder import STATE
 from ..building.rows import RowSettings
 from ..building.settings import assets_of
 from ..building.shards import ONE_THREAD, ShardTask
-from ..dataset.manifest import libraries
+from ..dataset.manifest import STATE, libraries
 from ..dataset.shard import ShardRecord
 from ..errors import RESUME, BuildError
 from .ray_session import data_options, session, without_warnings

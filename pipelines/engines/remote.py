@@ -10,11 +10,10 @@ from typing import Any
 
 from hijack_data.errors import HijackError
 
-from ..building.folder import STATE
 from ..building.rows import RowSettings
 from ..building.settings import assets_of
 from ..building.shards import ShardTask, build_shard, records_hash
-from ..dataset.manifest import libraries
+from ..dataset.manifest import STATE, libraries
 from ..dataset.shard import ShardRecord
 from ..errors import BuildError
 

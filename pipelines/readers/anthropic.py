@@ -10,7 +10,7 @@ from .base import FileReader, Rejected, register
 from .dialects import ANTHROPIC
 from .fields import FieldError, FieldTypeError, JsonObject
 from .files import Source
-from .heads import FileHead
+from .heads import LISTS, FileHead, one_of_each
 from .logs import Conversation, JsonPath, LogEntry, parts_of, read_logs
 
 TOOL = "computer"
@@ -41,6 +41,7 @@ class Anthropic(FileReader):
 
     name = "anthropic"
     adopts = True
+    keys = one_of_each(("content", *LISTS))
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether one of the first messages uses the tool `computer`."""

@@ -70,6 +70,7 @@ class Atif(DocumentReader):
     """
 
     name = "atif"
+    keys = (frozenset({"schema_version"}),)
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether the document states a version of ATIF."""

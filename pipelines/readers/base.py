@@ -76,30 +76,35 @@ class Reader(Protocol):
 class FileReader:
     """Base of readers that are recognized by a file's name, or else by its first records.
 
-    A file whose name is in `file_names` is of the format and is not opened to find that out. Any
-    other file is if its suffix is in `suffixes` and `recognizes` returns true: that a record has
-    all `keys` of one set, unless the reader overrides it. Without `keys`, the suffix decides.
+    A file whose name is one of `file_names` (names, or patterns with * and ?) is of the format, and
+    is not opened to find that out. Any other file is of the format if its name ends with one of the
+    `suffixes` (`""` is the end of every name), one of its first records has all `keys` of one set
+    (any record will do if there are no `keys`), and `recognizes` returns true.
     """
 
     file_names: tuple[str, ...] = ()
     suffixes: tuple[str, ...] = (".json", ".jsonl")
     keys: tuple[frozenset[str], ...] = ()
 
-    def recognizes(self, head: FileHead) -> bool:
-        """Return whether a file with one of the `suffixes` is of this format."""
-        return not self.keys or any(keys <= found for keys in self.keys for found in head.keys)
+    def may_hold(self, head: FileHead) -> bool:
+        """Return whether a file has one of the `suffixes` and the `keys` of a record."""
+        is_named = head.path.name.endswith(self.suffixes)
+        return is_named and (not self.keys or head.has_keys(self.keys))
 
-    def accepts(self, head: FileHead) -> bool:
-        """Return whether a file is of this format, if its name does not decide."""
-        return head.path.suffix in self.suffixes and self.recognizes(head)
+    def recognizes(self, head: FileHead) -> bool:
+        """Return whether a file is of this format, whose suffix and keys are those declared."""
+        return True
 
     def detect(self, path: Path) -> bool:
         """Return whether a file, or one in a folder, is of this format."""
-        return any(
-            file.name in self.file_names or self.accepts(FileHead(file))
-            for file in files_below(path)
-            if isinstance(file, Path)
-        )
+        for file in files_below(path):
+            if isinstance(file, Path):
+                head = FileHead(file)
+                if head.is_named(self.file_names):
+                    return True
+                if self.may_hold(head) and self.recognizes(head):
+                    return True
+        return False
 
 
 class DocumentReader(FileReader, ABC):

@@ -43,6 +43,7 @@ class BrowserUse(DocumentReader):
     """
 
     name = "browser_use"
+    keys = (frozenset({"history"}),)
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether a file is a history with model outputs and states."""

@@ -13,7 +13,7 @@ from .base import FileReader, Rejected, register
 from .choices import NO_CHOICES, ReaderOptions
 from .fields import FieldError, JsonObject
 from .files import Source, relative_name, root_of
-from .heads import FileHead
+from .heads import one_of_each
 from .json_rows import JsonRow, json_rows, picture_at, picture_inside, read_tables
 from .parquet_rows import platform_of
 from .screens import ROW_EPISODES, RecordedTrajectory, stated_episode
@@ -26,11 +26,6 @@ _PICTURES = ("images", "image")
 # A row of our own export has these; its picture may be corrupted.
 _OWN = ("corruption", "plan_digest", "image_sha256")
 _BESIDE = ("dataset_info.json", "export.json")
-
-
-def is_chat(head: FileHead) -> bool:
-    """Return whether one of the first records is a chat row that names pictures."""
-    return any(keys & set(_MESSAGES) and keys & set(_PICTURES) for keys in head.keys)
 
 
 @register
@@ -57,12 +52,9 @@ class Chat(FileReader):
 
     choices: ReaderOptions = NO_CHOICES
     name = "chat"
+    keys = one_of_each(_MESSAGES, _PICTURES)
     takes = ("coordinates", "episode_key")
     episodes = ROW_EPISODES
-
-    def recognizes(self, head: FileHead) -> bool:
-        """Return whether one of the first records is a chat row that names pictures."""
-        return is_chat(head)
 
     def beside(self, file: Path) -> bool:
         """Return whether a file describes the rows of LLaMA-Factory or of our own export."""

@@ -43,6 +43,7 @@ class Cua(FolderReader):
 
     name = "cua"
     records = METADATA
+    suffixes = (METADATA,)
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether a file is a `metadata.json` beside turns."""

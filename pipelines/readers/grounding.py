@@ -15,7 +15,7 @@ from .boxes import Form, box_in, form_of, middle_of
 from .choices import FRACTIONS, NO_CHOICES, PIXELS, XYWH, XYXY, ReaderOptions
 from .fields import FieldError, JsonObject
 from .files import Source, relative_name, root_of
-from .heads import FileHead
+from .heads import FileHead, one_of_each
 from .json_rows import FOLDERS, JsonRow, json_rows, picture_at, read_tables
 from .parquet_rows import platform_of
 from .screens import PICTURE_EPISODES, RecordedTrajectory, stated_episode
@@ -50,6 +50,7 @@ class Grounding(FileReader):
     name = "grounding"
     takes = ("coordinates", "boxes", "episode_key")
     episodes = PICTURE_EPISODES
+    keys = one_of_each(PICTURES, (*BOXES, "elements"))
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether one of the first records names a picture and a box, or boxes in it."""

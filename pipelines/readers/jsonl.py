@@ -24,11 +24,10 @@ from .files import (
     root_of,
 )
 from .heads import FileHead
-from .plain import LineProblems, apps_of, step_of
+from .plain import LineProblems, apps_of, identity, step_of
 
 RECORDS = "trajectories.jsonl"
-_SIGNS = {"trajectory_id", "step"}
-_TABLES = (".parquet", ".arrow")  # they hold no lines, which are then not looked for
+_KEYS = frozenset({"trajectory_id", "step"})
 
 
 @dataclass
@@ -44,9 +43,7 @@ class _Index:
         """Take in a line; one that is broken or repeats an id is a `FieldError`."""
         record = line.record()
         problems = LineProblems()
-        name = problems.of(lambda: fields.text(record, "trajectory_id"))
-        step = problems.of(lambda: fields.step_number(record, "step"))
-        own = problems.of(lambda: fields.text(record, "id", default=""))
+        name, step, own = identity(record, problems)
         if own and own in self.ids:
             problems.found.append(FieldError("id", f"{own!r} was used by an earlier line"))
         if problems.found or name is None or step is None:
@@ -84,14 +81,12 @@ class Jsonl(FileReader):
     name = "jsonl"
 
     file_names = (RECORDS,)
-
-    def accepts(self, head: FileHead) -> bool:
-        """Return whether a file is of our format: lines may have any suffix but that of a table."""
-        return head.path.suffix not in _TABLES and self.recognizes(head)
+    suffixes = ("",)
+    keys = (_KEYS,)
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether the first lines are steps, and not the chat rows of an export."""
-        return any(keys >= _SIGNS and "messages" not in keys for keys in head.keys)
+        return any(keys >= _KEYS and "messages" not in keys for keys in head.keys)
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, in the order in which they begin."""

@@ -45,11 +45,12 @@ class LeRobot(FolderReader):
 
     name = "lerobot"
     records = INFO
+    suffixes = (INFO,)
+    keys = (frozenset({"codebase_version", "features"}),)
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether a file is the description of a set."""
-        is_info = head.path.name == INFO and head.path.parent.name == META
-        return is_info and any({"codebase_version", "features"} <= keys for keys in head.keys)
+        return head.path.name == INFO and head.path.parent.name == META
 
     def beside(self, file: Path) -> bool:
         """Return whether a file is part of a set."""

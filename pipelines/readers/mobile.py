@@ -1,6 +1,5 @@
 """Recordings of phones: GUI-Odyssey's annotations, and AndroidControl converted to JSON."""
 
-import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,7 +24,8 @@ from .screens import RecordedTrajectory
 _FOLDERS = (*FOLDERS, "screenshots")
 _KEYS = ("KEY_HOME", "KEY_BACK", "KEY_APPSELECT")
 _DIRECTIONS = ("up", "down", "left", "right")
-_RECORDS = re.compile(r".*(?:\.tfrecords?|-\d{5}-of-\d{5})")
+_FIVE_DIGITS = "[0-9]" * 5
+_TFRECORDS = ("*.tfrecord", "*.tfrecords", f"*-{_FIVE_DIGITS}-of-{_FIVE_DIGITS}")
 _WAY_OUT = (
     "a TFRecord file, which is not read: write a JSON an episode (episode_id, goal, actions,"
     ' screenshots) and its PNGs with tf.data.TFRecordDataset(files, compression_type="GZIP")'
@@ -48,7 +48,7 @@ class _Phone(FileReader, ABC):
                 yield file
             elif file.suffix == ".json":
                 yield from self._episode(file, root, seen)
-            elif _RECORDS.fullmatch(file.name):
+            elif FileHead(file).is_named(_TFRECORDS):
                 yield Rejected(relative_name(file, root), "", "", _WAY_OUT)
 
     def _episode(self, file: Path, root: Path, seen: set[str]) -> Iterator[Trajectory | Rejected]:
@@ -191,11 +191,8 @@ class AndroidControl(_Phone):
     """
 
     name = "android_control"
+    file_names = _TFRECORDS
     keys = (frozenset({"episode_id", "goal", "actions"}),)
-
-    def accepts(self, head: FileHead) -> bool:
-        """Return whether a file is of this format, by its first record or a TFRecord's name."""
-        return bool(_RECORDS.fullmatch(head.path.name)) or super().accepts(head)
 
     def about(self, record: JsonObject) -> tuple[str, str, tuple[str, ...]]:
         """Return the id, the instruction and the apps. Raises `FieldError`."""

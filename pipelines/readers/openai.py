@@ -11,7 +11,7 @@ from .base import FileReader, Rejected, register
 from .dialects import OPENAI
 from .fields import FieldError
 from .files import Source
-from .heads import FileHead
+from .heads import LISTS, FileHead, one_of_each
 from .logs import Conversation, LogEntry, parts_of, read_logs
 
 CALL = "computer_call"
@@ -40,6 +40,7 @@ class OpenAI(FileReader):
 
     name = "openai"
     adopts = True
+    keys = one_of_each(("type", *LISTS))
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether one of the first items is a `computer_call` or its output."""

@@ -118,6 +118,16 @@ def extra_of(record: JsonObject, known: tuple[str, ...] = FIELDS) -> str:
     return fields.storable(text, first)
 
 
+def identity(
+    record: JsonObject, problems: LineProblems
+) -> tuple[str | None, int | None, str | None]:
+    """Return the trajectory, the step and the id of a line; `None` for each that is wrong."""
+    trajectory = problems.of(lambda: fields.text(record, "trajectory_id"))
+    step = problems.of(lambda: fields.step_number(record, "step"))
+    own = problems.of(lambda: fields.text(record, "id", default=""))
+    return trajectory, step, own
+
+
 def step_of(
     record: JsonObject, root: Path, folder: Path, *, problems: LineProblems | None = None
 ) -> Step:

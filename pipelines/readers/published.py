@@ -17,7 +17,7 @@ from hijack_data.types import Action, Box, Size, Step, Trajectory
 
 from ..errors import SourceError
 from . import fields
-from .base import Rejected, files_below
+from .base import FileReader, Rejected, files_below
 from .boxes import Form, box_in, middle_of
 from .fields import FieldError, JsonObject
 from .files import Source, inside, relative_name, root_of
@@ -52,8 +52,10 @@ class _Shown:
     target: GroundingTarget
 
 
-class PublishedSet(ABC):
-    """Base of the readers of one published set.
+class PublishedSet(FileReader, ABC):
+    """Base of the readers of one published set, which is selected by name (`--format`).
+
+    Its files are not recognized: detection leaves them to `grounding`.
 
     A subclass sets `name`; `layout`, how its folder looks, for errors; `picture`, the field that
     names the picture; `folder`, where pictures lie; `stated`, the field with the size of the
@@ -66,6 +68,7 @@ class PublishedSet(ABC):
     folder: str = ""
     stated: str = ""
     kept: tuple[str, ...] = ()
+    suffixes = ()
     episodes: str = PICTURE_EPISODES
 
     @abstractmethod
@@ -83,10 +86,6 @@ class PublishedSet(ABC):
         Raises:
             FieldError: the row does not have the form of the published set.
         """
-
-    def detect(self, path: Path) -> bool:
-        """Return False: the set is selected by name; detection leaves it to `grounding`."""
-        return False
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories of one click each, files by name, rows in order.

@@ -93,13 +93,14 @@ def survey(path: str | os.PathLike[str], format: str | None = None) -> Survey:
     taken: dict[str, list[Path]] = {}
     left: list[Path] = []
     found = Survey(root)
+    readers = list(_readers(fallback=False))
     for item in files_below(source):
         if isinstance(item, Rejected):
             found.refused.append(item)
             continue
         if source.is_dir() and item.suffix.lower() in OPAQUE:
             continue
-        name = _format_of(item, root)
+        name = _format_of(item, root, readers)
         if name:
             taken.setdefault(name, []).append(item)
         else:
@@ -138,17 +139,18 @@ def detect_format(path: str | os.PathLike[str]) -> str:
     return found[0]
 
 
-def _format_of(file: Path, root: Path) -> str:
+def _format_of(file: Path, root: Path, readers: list[Reader]) -> str:
     """Return the format of one file, or `""`: its name decides, or else its first records.
+
+    Only readers that declare its suffix and its keys, or nothing, are asked about the file.
 
     Raises:
         SourceError: it could be of several.
     """
-    readers = list(_readers(fallback=False))
-    for reader in readers:
-        if isinstance(reader, FileReader) and file.name in reader.file_names:
-            return reader.name
     head = FileHead(file)
+    for reader in readers:
+        if isinstance(reader, FileReader) and head.is_named(reader.file_names):
+            return reader.name
     found = [reader.name for reader in readers if _accepts(reader, head)]
     if len(found) > 1:
         named = " or ".join(found)
@@ -161,7 +163,7 @@ def _format_of(file: Path, root: Path) -> str:
 
 def _accepts(reader: Reader, head: FileHead) -> bool:
     if isinstance(reader, FileReader):
-        return reader.accepts(head)
+        return reader.may_hold(head) and reader.recognizes(head)
     return reader.detect(head.path)
 
 

@@ -8,11 +8,11 @@ from hijack_data.types import Trajectory
 
 from . import fields
 from .base import FileReader, Rejected, register
-from .chat import is_chat
+from .chat import Chat
 from .dialects import UI_TARS, UI_TARS_15
 from .fields import FieldError, JsonObject
 from .files import Source
-from .heads import FileHead
+from .heads import LISTS, FileHead, one_of_each
 from .logs import Conversation, LogEntry, WrongFile, parts_of, read_logs
 
 _ACTION = re.compile(
@@ -28,10 +28,11 @@ _THOUSAND = re.compile(r"doubao|ui-?tars-?(?:1[.\-]0|2b|7b|72b)", re.IGNORECASE)
 class _UITars(FileReader):
     name = ""
     adopts = True
+    keys = one_of_each(("role", *LISTS))
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether one of the first replies has UI-TARS actions of this version."""
-        if is_chat(head):
+        if head.has_keys(Chat.keys):
             return False
         models = {_version(entry.get("model")) for entry in head.entries}
         replies = (_text(entry) for entry in head.entries if entry.get("role") == "assistant")
