@@ -21,12 +21,12 @@ if TYPE_CHECKING:  # the same names, for type checkers; tests/test_api.py compar
 # Where each name is defined. They are imported on first use (PEP 562), as those of `hijack_data`:
 # a process that opens a dataset does not wait for the readers of recordings.
 _HOMES = {
-    "building.build": ("build",),
-    "building.report": ("BuildReport",),
-    "dataset.lazy": ("render",),
-    "dataset.opening": ("Dataset", "open_dataset"),
-    "inspection": ("Inspection", "inspect_source"),
-    "proof.verify": ("VerifyReport", "verify"),
+    "pipelines.building.build": ("build",),
+    "pipelines.building.report": ("BuildReport",),
+    "pipelines.dataset.lazy": ("render",),
+    "pipelines.dataset.opening": ("Dataset", "open_dataset"),
+    "pipelines.inspection": ("Inspection", "inspect_source"),
+    "pipelines.proof.verify": ("VerifyReport", "verify"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -41,8 +41,7 @@ def __getattr__(name: str) -> object:
     """
     if name not in _HOME_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    home = importlib.import_module(f".{_HOME_OF[name]}", __name__)
-    value = getattr(home, name)
+    value = getattr(importlib.import_module(_HOME_OF[name]), name)
     globals()[name] = value
     return value
 
