@@ -28,8 +28,8 @@ from hijack_data.drawing.text import load_font
 from hijack_data.files import decode_image, sha256_of
 from hijack_data.types import Action, Step, Trajectory
 from pipelines import build, open_dataset, render
-from pipelines.building.rows import RowCounts, RowSettings, rows_of
-from pipelines.building.writers import write_parquet
+from pipelines.building.parquet_writer import write_parquet
+from pipelines.building.step_rows import RowCounts, RowSettings, make_rows
 from pipelines.dataset.columns import BASE
 from pipelines.dataset.images import Base, decode, encode, touched
 from pipelines.dataset.lazy import draw
@@ -136,7 +136,7 @@ def rebuild(pictures: Iterable[bytes], names: Iterable[str]) -> None:
     ]
     trajectory = Trajectory("t", "jsonl", "do it", tuple(step for step, _ in steps))
     rows = chain.from_iterable(
-        rows_of(trajectory, step, data, "x.png", settings, RowCounts()) for step, data in steps
+        make_rows(trajectory, step, data, "x.png", settings, RowCounts()) for step, data in steps
     )
     with tempfile.TemporaryDirectory(
         dir="/dev/shm" if os.path.isdir("/dev/shm") else None
@@ -219,7 +219,7 @@ def _rows(data: bytes) -> Iterable[tuple[str, dict[str, Any], bytes]]:
         tuple((name, hj.get(name, **_plain(name))) for name in NAMES), seed=1, lazy=True
     )
     step = Step(0, "x.png", Action("click", 700, 500), "")
-    for row in rows_of(
+    for row in make_rows(
         Trajectory("t", "jsonl", "do it", (step,)), step, data, "x.png", settings, RowCounts()
     ):
         yield row["corruption"], row, row[BASE]["bytes"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # the same names, for type checkers; tests/test_api.py compares the two
     from .building.build import build as build
-    from .building.report import BuildReport as BuildReport
+    from .building.build_report import BuildReport as BuildReport
     from .dataset.lazy import render as render
     from .dataset.opening import Dataset as Dataset
     from .dataset.opening import open_dataset as open_dataset
@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # the same names, for type checkers; tests/test_api.py compar
 # a process that opens a dataset does not wait for the readers of recordings.
 _HOMES = {
     "pipelines.building.build": ("build",),
-    "pipelines.building.report": ("BuildReport",),
+    "pipelines.building.build_report": ("BuildReport",),
     "pipelines.dataset.lazy": ("render",),
     "pipelines.dataset.opening": ("Dataset", "open_dataset"),
     "pipelines.inspection": ("Inspection", "inspect_source"),

@@ -17,7 +17,7 @@ from hijack_data.printable import printable
 from hijack_data.runs import seal
 
 from .building.build import build as build_dataset
-from .building.report import Findings
+from .building.build_report import Findings
 from .dataset.manifest import OUTPUTS
 from .engines import LOCAL
 from .exports import FORMATS, ONLOOKER
@@ -27,7 +27,7 @@ from .inspection import SAMPLE, inspect_source
 from .proof.rebuild import is_run, rebuild
 from .proof.verify import verify as verify_dataset
 from .readers.base import READERS
-from .readers.choices import BOXES, COORDINATES
+from .readers.reader_options import BOXES, COORDINATES
 
 
 class Meter:

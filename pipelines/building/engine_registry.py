@@ -9,8 +9,8 @@ from hijack_data.registry import Registry
 
 from ..dataset.shard import ShardRecord
 from ..errors import BuildError
-from .rows import RowSettings
 from .shards import ShardTask
+from .step_rows import RowSettings
 
 Tick: TypeAlias = Callable[[int], None]
 # Called with tasks, settings, output folder, workers and `tick`; yields the record of each task, in

@@ -12,7 +12,7 @@ from hijack_data.planner import Planner, advice_for, leaves
 
 from ..edits import EDITS
 from ..errors import BuildError
-from . import inline
+from . import inline_corruptions
 
 ALL = "all"
 VISUAL = "all-visual"
@@ -70,7 +70,7 @@ def _named(text: str) -> dict[str, Planner]:
         case "all-visual":
             return {name: hj.get(name) for name in hj.names() if find(name).scope == SCOPE}
         case _:
-            return inline.parse(text).planners
+            return inline_corruptions.parse(text).planners
 
 
 def _check_label(label: object) -> None:

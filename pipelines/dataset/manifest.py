@@ -75,7 +75,7 @@ def make_manifest(
     """Return the manifest as JSON data.
 
     Args:
-        parameters: see `building.settings.parameters_of`; a resumed build must have the same.
+        parameters: see `building.settings.manifest_parameters`; a resumed build must have the same.
         config: YAML of the same build, if a file can hold it.
         source: the sources as they are published, none of them an absolute path.
         shards: records in order.

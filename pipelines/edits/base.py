@@ -28,7 +28,7 @@ from hijack_data.types import (
     UInt8Array,
 )
 
-from ..readers.screens import RecordingFacts, ScreenKind, read_facts
+from ..readers.recording_facts import RecordingFacts, ScreenKind, read_facts
 
 WAIT = RecordedAction(Action("wait"))
 NO_DESKTOP: dict[ScreenKind, str] = {

@@ -9,8 +9,8 @@ from hijack_data.plan import Effect, Plan
 from hijack_data.rng import Stream
 from hijack_data.types import Action, Box, Scene, Step, UInt8Array
 
-from ..fidelity import fidelity_of
-from ..readers.screens import RecordedTrajectory
+from ..fidelity import row_fidelity
+from ..readers.recording_facts import RecordedTrajectory
 from . import EDITS
 from .base import Edit, EditedStep, Frame, NotApplicable
 
@@ -35,7 +35,7 @@ def composite(
     step = _edited(EDITS[effect.kind], effect, image, scene, stream)
     notes = (step.event, *step.notes, *plan.notes)
     whole = replace(plan, ops=step.ops + plan.ops, notes=notes)
-    fidelity = fidelity_of(step.fidelity, is_drawn_over=bool(plan.ops))
+    fidelity = row_fidelity(step.fidelity, is_drawn_over=bool(plan.ops))
     return Composite(whole, fidelity, step.event)
 
 
@@ -66,7 +66,7 @@ def _edited(
         except NotApplicable as reason:
             problem = reason
             continue
-        return replace(made, fidelity=fidelity_of(made.fidelity, is_foreign=frame.is_foreign))
+        return replace(made, fidelity=row_fidelity(made.fidelity, is_foreign=frame.is_foreign))
     raise problem
 
 

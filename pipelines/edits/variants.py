@@ -17,8 +17,8 @@ from hijack_data.types import Trajectory, as_boxes, as_target
 
 from ..dataset.sample import Sample
 from ..errors import BuildError
-from ..fidelity import fidelity_of
-from ..readers.dialects import RecordedStep
+from ..fidelity import row_fidelity
+from ..readers.recorded_actions import RecordedStep
 from . import EDITS
 from .base import EditedStep, Frame, NotApplicable
 
@@ -150,7 +150,7 @@ class VariantPlanner:
             allow_platform_mismatch=self.allow_platform_mismatch,
         )
         made = edit.apply(frame, effect)
-        return replace(made, fidelity=fidelity_of(made.fidelity, is_foreign=frame.is_foreign))
+        return replace(made, fidelity=row_fidelity(made.fidelity, is_foreign=frame.is_foreign))
 
     def _edited(
         self, sample: Sample, planner: Planner, plan: Plan, edit: EditedStep, number: int
@@ -162,7 +162,7 @@ class VariantPlanner:
             over = self._plan(changed, planner, number)
         if over is None:
             return None
-        edit = replace(edit, fidelity=fidelity_of(edit.fidelity, is_drawn_over=bool(over.ops)))
+        edit = replace(edit, fidelity=row_fidelity(edit.fidelity, is_drawn_over=bool(over.ops)))
         notes = over.notes if plan.ops else plan.notes
         whole = replace(plan, ops=edit.ops + over.ops, notes=notes + edit.notes)
         hiding = whole if edit.response is None else replace(over, effects=())

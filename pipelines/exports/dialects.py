@@ -49,7 +49,7 @@ def _pyautogui(row: Mapping[str, Any]) -> str:
     return write_pyautogui(own_action(row["action"]))
 
 
-def _ui_tars(row: Mapping[str, Any], scaling_of: Callable[[Size], Scaling], dialect: str) -> str:
+def _ui_tars(row: Mapping[str, Any], space_scaling: Callable[[Size], Scaling], dialect: str) -> str:
     action = own_action(row["action"])
     kind = action.type
     if kind in _UI_TARS_WORDS:
@@ -64,7 +64,7 @@ def _ui_tars(row: Mapping[str, Any], scaling_of: Callable[[Size], Scaling], dial
     if action.keys:
         raise cannot_say(action, dialect)
     screen = (int(row["height"]), int(row["width"]))
-    return _ui_tars_pointing(action, scaling_of(screen), dialect)
+    return _ui_tars_pointing(action, space_scaling(screen), dialect)
 
 
 def _ui_tars_pointing(action: Action, scaling: Scaling, dialect: str) -> str:

@@ -9,7 +9,7 @@ from hijack_data import Corruption
 from hijack_data.errors import shown
 from hijack_data.plan import CLEAN
 
-from ..building.rows import RowSettings
+from ..building.step_rows import RowSettings
 from ..dataset.shard import ShardRecord
 from ..edits.variants import acts
 

@@ -16,7 +16,7 @@ from hijack_data.errors import counted
 from hijack_data.runs import seal
 from hijack_data.runs.run_log import CHAINED, EPISODE, EPISODES, RECORDS, RUN, SEAL, STEPS
 
-from ..building.report import Findings
+from ..building.build_report import Findings
 from ..errors import SourceError
 from .retrace.episode import Seen, check_episode
 from .retrace.journal import Journal, read_journal

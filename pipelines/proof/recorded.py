@@ -17,9 +17,9 @@ from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner, leaves
 from hijack_data.types import Action, Scene, Step, Trajectory, UInt8Array, as_target
 
-from ..building.rows import RowCounts, RowSettings, sample_of
 from ..building.selection import needs_boxes
 from ..building.shards import ShardTask
+from ..building.step_rows import RowCounts, RowSettings, decode_sample
 from ..dataset.columns import BASE
 from ..dataset.images import Base, decode
 from ..dataset.lazy import picture_bytes, plan_of
@@ -27,8 +27,8 @@ from ..dataset.sample import Sample
 from ..dataset.shard import ShardRecord
 from ..edits.variants import acts
 from ..errors import DatasetError
-from ..readers.dialects import RecordedStep
-from ..readers.pictures import picture_name, read_picture
+from ..readers.recorded_actions import RecordedStep
+from ..readers.recorded_pictures import picture_name, read_picture
 
 OURS = "hijack_data."
 
@@ -200,7 +200,7 @@ class Recordings:
             self.tally.reject(where, f"{trajectory.id}, step {step.index}", "image", error)
             return None
         self._inputs.update(hashlib.sha256(data).digest())
-        sample = sample_of(trajectory, step, data, where, self.settings, self.tally)
+        sample = decode_sample(trajectory, step, data, where, self.settings, self.tally)
         if sample is None:
             return None
         return RecordedFacts(sample, self.settings, where=where, tally=self.tally)

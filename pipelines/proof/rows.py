@@ -17,7 +17,7 @@ from hijack_data.planner import Planner, leaves
 from hijack_data.safety import changed_pixels
 from hijack_data.types import UInt8Array
 
-from ..building.rows import MadeRow, digest_of, keeps, labels_of, lazy_plan, made_of
+from ..building.step_rows import DrawnRow, draw_rows, keeps, lazy_plan, picture_digest, row_labels
 from ..dataset.columns import BASE
 from ..dataset.images import decode
 from ..dataset.lazy import picture_bytes
@@ -85,7 +85,7 @@ class StepProof:
             yield from self._missing(following)
             following = next(made, None)
 
-    def _missing(self, made: MadeRow) -> Iterator[str]:
+    def _missing(self, made: DrawnRow) -> Iterator[str]:
         sample = made.variant.sample
         place = f"{sample.trajectory.id}, step {sample.step.index}, {made.label}"
         if place not in self.rejected:
@@ -94,15 +94,15 @@ class StepProof:
                 " give it"
             )
 
-    def _made(self) -> Iterator[MadeRow]:
+    def _made(self) -> Iterator[DrawnRow]:
         known = self.known
         if known is not None and known.picture:
-            yield from made_of(known.sample, known.where, known.settings, known.tally)
+            yield from draw_rows(known.sample, known.where, known.settings, known.tally)
 
     def _rank(self, row: Mapping[str, Any]) -> int:
         return self.ranks.get(row["corruption"], len(self.ranks))
 
-    def _problem(self, row: dict[str, Any], expected: MadeRow | None) -> str:
+    def _problem(self, row: dict[str, Any], expected: DrawnRow | None) -> str:
         try:
             stored = self._stored(row, expected)
             if self.known is not None:
@@ -117,7 +117,7 @@ class StepProof:
 
     # --- A row on its own
 
-    def _stored(self, row: dict[str, Any], expected: MadeRow | None) -> Stored:
+    def _stored(self, row: dict[str, Any], expected: DrawnRow | None) -> Stored:
         if BASE in row:
             stored = self._lazy(row, expected)
         else:
@@ -128,7 +128,7 @@ class StepProof:
         _check_plan(row, stored.picture, stored.plan)
         return stored
 
-    def _lazy(self, row: dict[str, Any], expected: MadeRow | None) -> Stored:
+    def _lazy(self, row: dict[str, Any], expected: DrawnRow | None) -> Stored:
         # returns a lazy row with its picture drawn
         before = self._base(row)
         plan = stored_plan_of(row, before)
@@ -162,12 +162,12 @@ class StepProof:
     def _digest(self, picture: UInt8Array, plan: Plan) -> str:
         """Return the SHA-256 of a lazy row's picture, reusing the hash of its step's picture."""
         if self._same and self.known is not None:
-            return digest_of(self.known.sample.base, picture, plan)
+            return picture_digest(self.known.sample.base, picture, plan)
         return sha256_of(picture)
 
     # --- A row and its step
 
-    def _compare(self, stored: Stored, expected: MadeRow | None, known: RecordedFacts) -> None:
+    def _compare(self, stored: Stored, expected: DrawnRow | None, known: RecordedFacts) -> None:
         row = stored.row
         if expected is None and known.picture and row["corruption"] in self._proved(known):
             raise DatasetError(
@@ -186,13 +186,13 @@ class StepProof:
                 raise DatasetError(f"{name} is {shown(row[name])}, it should be {shown(value)}")
 
     def _labels(
-        self, stored: Stored, expected: MadeRow | None, variant: Variant, known: RecordedFacts
+        self, stored: Stored, expected: DrawnRow | None, variant: Variant, known: RecordedFacts
     ) -> dict[str, Any]:
         """Return the values that the columns of a row must have."""
         row = stored.row
         plan = stored.plan
         variant = replace(variant, plan=plan)
-        labels = labels_of(variant, row["corruption"], self.seed)
+        labels = row_labels(variant, row["corruption"], self.seed)
         if known.picture:
             changed = 0
             if plan.ops:
@@ -214,7 +214,7 @@ class StepProof:
             labels.append(CLEAN)
         return labels
 
-    def _check_made(self, stored: Stored, expected: MadeRow | None, known: RecordedFacts) -> None:
+    def _check_made(self, stored: Stored, expected: DrawnRow | None, known: RecordedFacts) -> None:
         plan = stored.plan
         if BASE not in stored.row:
             if expected is not None and expected.variant.plan == plan:

@@ -1,4 +1,4 @@
-"""Recorded sessions of ScreenAgent: a folder a session, a JSON file and a picture a step."""
+"""RecordedAction sessions of ScreenAgent: a folder a session, a JSON file and a picture a step."""
 
 import math
 import os
@@ -16,17 +16,17 @@ from hijack_data.types import Action, Size, Step, Trajectory, are_fractions
 
 from . import fields
 from .base import FileReader, Rejected, files_below, register
-from .dialects import RecordedStep, code_of
 from .fields import FieldError, JsonObject
-from .files import Source, inside, parse_file, relative_name, root_of, size_of
-from .screens import RecordedTrajectory
+from .recorded_actions import RecordedStep, raw_action_text
+from .recording_facts import RecordedTrajectory
+from .safe_files import Source, image_size, inside, parse_file, relative_name, source_root
 
 IMAGES = "images"
 _BUTTONS = {"click": 1, "double_click": 2}
 _PLAIN = {"move": "move", "down": "mouse_down", "up": "mouse_up"}
 _SCROLLS = {"scroll_up": 1, "scroll_down": -1}
 _ON_SCREEN = ("MouseAction", "KeyboardAction", "WaitAction")
-_TALK = ("PlanAction", "EvaluateSubTaskAction")
+_TEXT_ACTIONS = ("PlanAction", "EvaluateSubTaskAction")
 _SYSTEM = re.compile(r"\b(\w+) operating system")
 
 
@@ -56,7 +56,7 @@ class ScreenAgent(FileReader):
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of their folders."""
-        root = root_of(path)
+        root = source_root(path)
         seen: set[str] = set()
         session = _Session(root, root)
         for file in files_below(path):
@@ -136,12 +136,12 @@ class _Session:
         folder = relative_name(self.folder, self.root)
         place = IMAGES if (self.folder / IMAGES).is_dir() else ""
         image = inside(self.root, os.path.join(folder, place, name), "saved_image_name")
-        size = _checked_size(record, size_of(image, "saved_image_name"))
+        size = _checked_size(record, image_size(image, "saved_image_name"))
         listed = fields.items(record, "actions")
         entries = [fields.mapping(entry, f"actions[{i}]") for i, entry in enumerate(listed)]
         action = _action(entries, size)
-        code = code_of(entries, "actions")
-        is_talk = all(entry.get("action_type") in _TALK for entry in entries)
+        code = raw_action_text(entries, "actions")
+        is_talk = all(entry.get("action_type") in _TEXT_ACTIONS for entry in entries)
         return RecordedStep(
             index=index,
             image=os.fspath(image),
@@ -176,12 +176,12 @@ def _action(entries: list[JsonObject], size: Size) -> Action:
         if kind in _ON_SCREEN:
             where = f"actions[{index}]"
             try:
-                return fields.on_screen(_read(entry, str(kind)), size, where)
+                return fields.check_on_screen(_read(entry, str(kind)), size, where)
             except FieldError:
                 raise
             except HijackError as error:
                 raise FieldError(where, str(error)) from None
-        if kind not in _TALK:
+        if kind not in _TEXT_ACTIONS:
             raise FieldError(
                 f"actions[{index}].action_type",
                 f"{fields.shown(kind)} is not an action of ScreenAgent",

@@ -16,7 +16,7 @@ from ..dataset.manifest import is_lazy, read_manifest
 from ..dataset.opening import Dataset, opened
 from ..errors import DatasetError
 from ..readers.fields import FieldError
-from ..readers.files import inside
+from ..readers.safe_files import inside
 from .index import Index
 from .source import INSERTED, Detail, Fields, action_text, points_of, text_of, tidy
 

@@ -23,7 +23,7 @@ import hijack_data as hj
 from hijack_data.actions import parse_pyautogui
 from hijack_data.cli import hijack
 from pipelines import build, open_dataset, render, verify
-from pipelines.building.report import BuildReport
+from pipelines.building.build_report import BuildReport
 from pipelines.dataset.stats import stats
 from pipelines.exports import export
 from pipelines.readers import names

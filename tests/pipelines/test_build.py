@@ -12,8 +12,8 @@ from PIL import Image
 import hijack_data as hj
 from hijack_data.files import load_image
 from pipelines import build, inspect_source, open_dataset, verify
-from pipelines.building.card import _size_category
-from pipelines.building.rows import RowSettings
+from pipelines.building.dataset_card import _size_category
+from pipelines.building.step_rows import RowSettings
 from pipelines.dataset.columns import COLUMNS
 from pipelines.errors import BuildError
 from pipelines.readers import get_reader
@@ -481,9 +481,9 @@ def test_the_fingerprint_covers_every_pixel_of_the_source(recording: Any, tmp_pa
 def test_row_groups_stay_small(
     recording: Any, small: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pipelines.building.writers.GROUP_ROWS", 4)
+    monkeypatch.setattr("pipelines.building.parquet_writer.GROUP_ROWS", 4)
     build(recording(), tmp_path / "rows", corruptions=small)
-    monkeypatch.setattr("pipelines.building.writers.GROUP_BYTES", 1)
+    monkeypatch.setattr("pipelines.building.parquet_writer.GROUP_BYTES", 1)
     build(tmp_path / "source", tmp_path / "bytes", corruptions=small)
     groups = [
         pq.ParquetFile(tmp_path / name / "data" / "train-00000.parquet").num_row_groups

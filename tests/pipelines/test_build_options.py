@@ -30,7 +30,7 @@ def quarantined(out: Path) -> list[dict[str, str]]:
 
 def test_shards_are_cut_between_trajectories(recording: Any, tmp_path: Path) -> None:
     folder = recording(trajectories=4, steps=3)
-    items = list(Sources.of(folder).read())
+    items = list(Sources.open(folder).read())
     for per_shard, expected in (
         (1, [1, 1, 1, 1]),
         (6, [1] * 4),

@@ -291,7 +291,7 @@ def test_elements_are_looked_for_where_none_are_recorded(
         looked.append(image)
         return hj.Scene(image.shape[:2], [(200, 100, 250, 120)], **known)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("pipelines.building.rows.scene_from", found)
+    monkeypatch.setattr("pipelines.building.step_rows.scene_from", found)
     report = build(folder, tmp_path / "out", assets=assets, corruptions="accidental_touch")
     assert report.rows["accidental_touch"] == 1
     (row,) = rows_by_label(tmp_path / "out")["accidental_touch"]

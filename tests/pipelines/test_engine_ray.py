@@ -17,8 +17,8 @@ import pytest
 
 import hijack_data as hj
 from pipelines import build, verify
-from pipelines.building.rows import RowSettings
 from pipelines.building.shards import ShardTask, shard_tasks
+from pipelines.building.step_rows import RowSettings
 from pipelines.engines import ray as engine
 from pipelines.errors import BuildError, SourceError
 from pipelines.sources import Sources
@@ -254,14 +254,14 @@ def test_strict_stops_at_the_first_bad_input(recording: Any, cluster: Any, tmp_p
 
 
 def tasks_of(source: Path) -> list[ShardTask]:
-    return list(shard_tasks(Sources.of(source).read(), 1, 2, print))
+    return list(shard_tasks(Sources.open(source).read(), 1, 2, print))
 
 
 def test_the_source_is_read_as_shards_are_done(
     recording: Any, cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(engine, "FIRST", 1)
-    monkeypatch.setattr(engine, "MOST", 2)
+    monkeypatch.setattr(engine, "FIRST_WAVE_SHARDS", 1)
+    monkeypatch.setattr(engine, "MAX_WAVE_SHARDS", 2)
     tasks, taken = tasks_of(recording(trajectories=9, steps=1)), []
 
     def source() -> Iterator[ShardTask]:
@@ -351,7 +351,7 @@ AGENTS = {"ray::DashboardAgent", "ray::RuntimeEnvAgent"}
 SHORT = """
 import sys
 from pipelines import cli
-from pipelines.building.options import BuildOptions
+from pipelines.building.build_options import BuildOptions
 
 if __name__ == "__main__":
     BuildOptions.__init__.__kwdefaults__["rows_per_shard"] = 1

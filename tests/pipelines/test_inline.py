@@ -2,7 +2,7 @@ import pytest
 
 import hijack_data as hj
 from hijack_data.errors import UnknownNameError
-from pipelines.building.inline import parse
+from pipelines.building.inline_corruptions import parse
 from pipelines.errors import BuildError
 
 

@@ -11,7 +11,7 @@ import hijack_data as hj
 from hijack_data.cli import hijack
 from pipelines import build, inspect_source
 from pipelines.errors import BuildError, SourceError
-from pipelines.inspection import UNKNOWN, coordinates_of
+from pipelines.inspection import UNKNOWN, coordinate_space
 from pipelines.readers import names
 
 from support.events import with_apps
@@ -134,7 +134,7 @@ def test_facts_are_those_of_the_build_over_all_rows(
 
 @pytest.mark.parametrize("name", names())
 def test_every_reader_says_what_its_coordinates_are(name: str) -> None:
-    assert coordinates_of(name) not in ("", UNKNOWN)
+    assert coordinate_space(name) not in ("", UNKNOWN)
 
 
 def test_pictures_inside_records_have_a_size_too(tmp_path: Path) -> None:

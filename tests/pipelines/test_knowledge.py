@@ -15,9 +15,9 @@ from hijack_data.errors import ConfigError, ParameterError, ParameterTypeError
 from hijack_data.platforms import as_platform, find_platform
 from hijack_data.types import Trajectory
 from pipelines import build, inspect_source, open_dataset, verify
-from pipelines.building.folder import parameters_in
+from pipelines.building.output_folder import parameters_in
 from pipelines.errors import BuildError, SourceError
-from pipelines.knowledge import SIDECAR, knowledge_of
+from pipelines.knowledge import SIDECAR, read_knowledge
 from pipelines.readers import get_reader
 
 from support.events import FIVE, with_apps
@@ -235,7 +235,7 @@ def test_options_hold_where_the_source_does_not_say(
     shard = Path("data", "train-00000.parquet")
     assert (tmp_path / "plain" / shard).read_bytes() == (tmp_path / "told" / shard).read_bytes()
     with_apps(browsing, ["chrome"], platform=lambda row: "linux")
-    known = knowledge_of(browsing, platform="linux-xfce")
+    known = read_knowledge(browsing, platform="linux-xfce")
     assert {item.platform for item in known.told(get_reader("jsonl").read(browsing))} == {
         "linux-xfce"
     }  # type: ignore[union-attr]
@@ -352,7 +352,7 @@ def test_a_file_in_the_source_says_it_by_trajectory(
         "recordings:\n- {match: t0, apps: [Chromium]}\n- {match: 't[01]', apps: [vlc], platform:"
         " xfce}\n"
     )
-    items = list(knowledge_of(source, "gimp", "macos").told(get_reader("jsonl").read(source)))
+    items = list(read_knowledge(source, "gimp", "macos").told(get_reader("jsonl").read(source)))
     found = [(item.id, item.apps, item.platform) for item in items if isinstance(item, Trajectory)]
     assert found == [
         ("t0", ("chrome",), "linux-xfce"),

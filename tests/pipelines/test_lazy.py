@@ -84,7 +84,7 @@ def test_each_picture_is_stored_once(
     recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "pipelines.building.writers.GROUP_ROWS", 3
+        "pipelines.building.parquet_writer.GROUP_ROWS", 3
     )  # a group must not end inside a step
     _, lazy = pair(recording(), tmp_path)
     (file,) = (lazy / "data").iterdir()
@@ -101,7 +101,7 @@ def test_each_picture_is_stored_once(
 def test_groups_close_at_both_limits(
     group_bytes: int, recording: Any, tmp_path: Path, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr("pipelines.building.writers.GROUP_BYTES", group_bytes)
+    monkeypatch.setattr("pipelines.building.parquet_writer.GROUP_BYTES", group_bytes)
     _, lazy = pair(recording(), tmp_path)
     (file,) = (lazy / "data").iterdir()
     assert pq.ParquetFile(file).num_row_groups == (6 if group_bytes == 1 else 2)

@@ -15,7 +15,7 @@ from hijack_data.labels.rows import dialect_of, moved_code
 from hijack_data.plan import Plan
 from hijack_data.types import Action
 from pipelines import build, open_dataset
-from pipelines.readers.dialects import RecordedStep, observed_code
+from pipelines.readers.recorded_actions import RecordedStep, observed_code
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("torchvision")

@@ -15,7 +15,7 @@ from hijack_data.types import Scene, Size
 
 from ...readers import fields
 from ...readers.fields import FieldError
-from ...readers.files import lines, parse_file
+from ...readers.safe_files import lines, parse_file
 from . import facts
 from .journal import Journal, given_problems
 from .observation import Key, ReplayedObservation, answer_points, check_observation

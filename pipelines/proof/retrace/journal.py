@@ -33,7 +33,7 @@ from hijack_data.runs.run_planners import planners_of
 
 from ...readers import fields
 from ...readers.fields import FieldError, FieldTypeError
-from ...readers.files import parse, parse_file
+from ...readers.safe_files import parse, parse_file
 from . import facts
 from .facts import base_of
 from .library import Library

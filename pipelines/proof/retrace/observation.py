@@ -18,7 +18,7 @@ from hijack_data.types import Scene, Size, UInt8Array, as_boxes
 
 from ...dataset.images import decode
 from ...readers import fields
-from ...readers.files import inside
+from ...readers.safe_files import inside
 
 NO_TEXT = "an action must be a string"  # the log has the `repr` of an answer that was not a string
 

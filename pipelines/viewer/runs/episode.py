@@ -11,7 +11,7 @@ from hijack_data.types import Size, UInt8Array
 from ...dataset.images import decode
 from ...errors import DatasetError
 from ...readers.fields import FieldError, listed, mapping, objects
-from ...readers.files import inside, lines, parse_file, size_of
+from ...readers.safe_files import image_size, inside, lines, parse_file
 from ..source import Fields, text_of
 from .drawing import strokes_of
 from .listing import number
@@ -204,7 +204,7 @@ def _step(
     }
     size: Size | None = None
     try:
-        size = size_of(picture_file(found.home, line, False))
+        size = image_size(picture_file(found.home, line, False))
         step["size"] = [size[1], size[0]]
     except FieldError as error:
         step["lost"] = found.broken.get(place) or str(error)

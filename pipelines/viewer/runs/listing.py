@@ -18,7 +18,7 @@ from hijack_data.runs.run_log import CHAINED, EPISODE, EPISODES, RECORDS, RUN, V
 
 from ...errors import DatasetError
 from ...readers.fields import FieldError, mapping
-from ...readers.files import parse, parse_file
+from ...readers.safe_files import parse, parse_file
 
 SUCCESS = "success"
 PARTIAL = "partial"

@@ -12,7 +12,7 @@ from typing import Any, cast
 from hijack_data.runs.run_log import REQUESTS
 
 from ...readers.fields import FieldError, listed
-from ...readers.files import inside, lines
+from ...readers.safe_files import inside, lines
 
 FOLDER = REQUESTS
 CHECK = "check"  # of the first screens, before the agent acts

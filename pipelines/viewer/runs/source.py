@@ -15,7 +15,7 @@ from ...errors import DatasetError
 from ...proof.retrace.episode import Seen, check_episode
 from ...proof.retrace.journal import Journal
 from ...readers.fields import FieldError, mapping
-from ...readers.files import parse, parse_file
+from ...readers.safe_files import parse, parse_file
 from .columns import columns
 from .episode import EpisodeLines, episode_data, picture_file, read_lines, read_picture
 from .listing import EpisodeEntry, read_listing

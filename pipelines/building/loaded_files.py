@@ -16,7 +16,7 @@ from ..errors import DatasetError
 LOADED = "loaded"
 
 
-def files_of(planners: Iterable[Planner]) -> list[dict[str, Any]]:
+def loaded_file_entries(planners: Iterable[Planner]) -> list[dict[str, Any]]:
     """Return the loaded files that define planners, sorted, as JSON data for the manifest."""
     files: dict[str, LoadedFile] = {}
     for planner in planners:
@@ -37,7 +37,7 @@ def _entry(file: LoadedFile) -> dict[str, Any]:
     return {"file": name, "sha256": file.sha256, "corruptions": sorted(file.corruptions)}
 
 
-def require(parameters: Mapping[str, Any], where: str) -> None:
+def check_loaded(parameters: Mapping[str, Any], where: str) -> None:
     """Check that the files of corruptions that a build used are loaded.
 
     Args:

@@ -9,7 +9,7 @@ from hijack_data.types import Step, Trajectory
 
 from .base import FileReader, Rejected, files_below
 from .fields import FieldError, JsonObject
-from .files import Source, inside, lines, relative_name, root_of
+from .safe_files import Source, inside, lines, relative_name, source_root
 
 
 def folder_id(folder: Path, root: Path) -> str:
@@ -33,7 +33,7 @@ class FolderReader(FileReader, ABC):
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of their paths."""
-        root = root_of(path)
+        root = source_root(path)
         for file in files_below(path):
             if isinstance(file, Rejected):
                 yield file

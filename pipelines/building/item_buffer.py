@@ -10,7 +10,7 @@ from ..sources import SourceItem, Sources
 
 # While the steps of a source are counted, its records are kept up to this number of steps; a larger
 # source is read a second time.
-KEPT_STEPS = 2000
+MAX_BUFFERED_STEPS = 2000
 
 
 def read_items(
@@ -31,7 +31,7 @@ def read_items(
     kept, steps = _counted(items)
     if kept is None:
         return sources.read(limit), steps
-    return _handed_out(kept), steps
+    return _drained(kept), steps
 
 
 def _counted(items: Iterator[SourceItem]) -> tuple[deque[SourceItem] | None, int]:
@@ -43,13 +43,13 @@ def _counted(items: Iterator[SourceItem]) -> tuple[deque[SourceItem] | None, int
         number = len(read.item.steps) if isinstance(read.item, Trajectory) else 0
         steps += number
         size += max(1, number)
-        if size > KEPT_STEPS:
+        if size > MAX_BUFFERED_STEPS:
             kept = None
         if kept is not None:
             kept.append(read)
     return kept, steps
 
 
-def _handed_out(kept: deque[SourceItem]) -> Iterator[SourceItem]:
+def _drained(kept: deque[SourceItem]) -> Iterator[SourceItem]:
     while kept:
         yield kept.popleft()

@@ -19,8 +19,8 @@ from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Action, Size, Step
 
 from . import fields
-from .choices import COORDINATES, FRACTIONS, PIXELS, RESIZED, THOUSAND, Space, scaling_of
 from .fields import FieldError
+from .reader_options import COORDINATES, FRACTIONS, PIXELS, RESIZED, THOUSAND, Space, space_scaling
 
 PYAUTOGUI = "pyautogui"
 COMPUTER_13 = "computer_13"
@@ -60,7 +60,7 @@ class RecordedStep(Step):
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RecordedAction:
     """A recorded action: the text that a step keeps, and its dialect."""
 
     action: Action
@@ -85,15 +85,15 @@ def first_action(
     """
     own = OWN_SPACES.get(dialect, PIXELS)
     try:
-        action = _parsed(raw, dialect, scaling_of(space or own, size))
+        action = _parsed(raw, dialect, space_scaling(space or own, size))
     except HijackError as error:
         raise FieldError(field, str(error)) from None
-    return fields.on_screen(action, size, field)
+    return fields.check_on_screen(action, size, field)
 
 
-def recorded(
+def read_recorded(
     raw: object, dialect: str, size: Size, field: str, choice: str | None, default: Space | None
-) -> Recorded:
+) -> RecordedAction:
     """Return an action whose coordinates are in the chosen space, or in the default one.
 
     If a family of models has a version with that space, its dialect is used. If there is none, or
@@ -121,12 +121,12 @@ def recorded(
         raise FieldError(field, f"{error.reason}{fit}") from None
     version = _VERSIONS.get(dialect, {PIXELS: dialect}).get(space)
     if version is not None:
-        return Recorded(action, code_of(raw, field), version)
-    code = _in_pixels(raw, dialect, action, scaling_of(space, size))
-    return Recorded(action, code, PYAUTOGUI)
+        return RecordedAction(action, raw_action_text(raw, field), version)
+    code = _in_pixels(raw, dialect, action, space_scaling(space, size))
+    return RecordedAction(action, code, PYAUTOGUI)
 
 
-def _pointless(raw: object, dialect: str, size: Size, field: str) -> Recorded:
+def _pointless(raw: object, dialect: str, size: Size, field: str) -> RecordedAction:
     try:
         action = _parsed(raw, dialect, Scaling((1, 1), (1, 1), clamp=False))
     except HijackError as error:
@@ -134,7 +134,9 @@ def _pointless(raw: object, dialect: str, size: Size, field: str) -> Recorded:
     if action.point or action.end:
         fit = _hint(raw, dialect, size, None)
         raise FieldError(field, f"nothing says what its coordinates count{fit}")
-    return Recorded(fields.on_screen(action, size, field), code_of(raw, field), dialect)
+    return RecordedAction(
+        fields.check_on_screen(action, size, field), raw_action_text(raw, field), dialect
+    )
 
 
 def _in_pixels(raw: object, dialect: str, action: Action, scaling: Scaling) -> str:
@@ -164,7 +166,7 @@ def _hint(raw: object, dialect: str, size: Size, known: Space | None) -> str:
     return f"; it fits {' or '.join(fit)}: say which with --coordinates"
 
 
-def code_of(raw: object, field: str) -> str:
+def raw_action_text(raw: object, field: str) -> str:
     """Return the text that `action_code` keeps of a recorded action.
 
     Raises:

@@ -99,7 +99,7 @@ def with_choices(reader: Reader, choices: ReaderOptions) -> Reader:
     return cast("Reader", replace(cast("Any", reader), choices=choices))
 
 
-def scaling_of(space: Space, size: Size) -> Scaling:
+def space_scaling(space: Space, size: Size) -> Scaling:
     """Return the scaling from a space to pixels of a picture of `size`, (height, width).
 
     A point outside the picture is moved into it by at most the slack of the space.

@@ -6,8 +6,8 @@ from typing import Any
 
 from hijack_data.errors import counted
 
-SHOWN = 5
-SHOWN_PROBLEMS = 20
+MAX_SHOWN_INPUTS = 5
+MAX_SHOWN_PROBLEMS = 20
 
 
 @dataclass
@@ -34,8 +34,8 @@ class Findings:
 
     def listed(self) -> list[str]:
         """Return the first problems as lines of text, then the number of the remaining ones."""
-        text = [f"  {problem}" for problem in self.problems[:SHOWN_PROBLEMS]]
-        more = len(self.problems) - SHOWN_PROBLEMS
+        text = [f"  {problem}" for problem in self.problems[:MAX_SHOWN_PROBLEMS]]
+        more = len(self.problems) - MAX_SHOWN_PROBLEMS
         if more > 0:
             text.append(f"  and {more} more")
         return text

@@ -14,15 +14,15 @@ from hijack_data.platforms import find_platform
 from hijack_data.types import Action, Platform, Size, Step, Trajectory
 
 from . import fields
-from .dialects import OPENAI, PYAUTOGUI, RecordedStep, code_of, first_action
 from .fields import FieldError, JsonObject
-from .files import parsed
 from .parquet_rows import SOURCE, ParquetRow
+from .recorded_actions import OPENAI, PYAUTOGUI, RecordedStep, first_action, raw_action_text
+from .safe_files import parse_embedded
 
 TRACE = ("event_name", "data_json", "data_images", "trajectory_id")
 TESS = ("episode_id", "step_idx", "image", "instruction", "action_type", "click_type")
-TESS_REST = ("mouse_x", "mouse_y", "keyboard_text", "os_type")
-_POINTED = {
+TESS_OPTIONAL = ("mouse_x", "mouse_y", "keyboard_text", "os_type")
+_POINTER_ACTIONS = {
     "ClickAction": "click",
     "RightClickAction": "right_click",
     "DoubleClickAction": "double_click",
@@ -33,7 +33,7 @@ _POINTED = {
 _CLICKS = ("move", "click", "right_click", "double_click", "middle_click")
 _CLICKS_TESS = (*_CLICKS, "other", "other", "mouse_down", "mouse_up")
 _MOUSE, _KEYBOARD = 0, 1
-_BEFORE = "step:before"
+_FRAME_BEFORE = "step:before"
 _AGENT = "agent_step"
 
 
@@ -73,7 +73,7 @@ class StepRows(ABC):
 
     def _append(self, index: int, image: str, size: Size, action: Action, kept: str) -> None:
         """Add a step whose code is made of its action, or else is `kept`."""
-        fields.on_screen(action, size, "action")
+        fields.check_on_screen(action, size, "action")
         dialect = PYAUTOGUI
         try:
             code = write_pyautogui(action)
@@ -107,15 +107,15 @@ class CuaBenchTrace(StepRows):
         if count:
             self.screen = row.picture("data_images", count - 1)
         event = fields.text(row.record, "event_name")
-        data = fields.mapping(parsed(row.record.get("data_json"), "data_json"), "data_json")
-        if not count and event not in (_BEFORE, _AGENT):
+        data = fields.mapping(parse_embedded(row.record.get("data_json"), "data_json"), "data_json")
+        if not count and event not in (_FRAME_BEFORE, _AGENT):
             self.screen = before
         if event == "reset":
             self.instruction = self.instruction or _description(data.get("task"))
             setup: Any = data.get("setup_config")
             system = setup.get("os_type") if isinstance(setup, dict) else None
             self.platform = find_platform(system)
-        elif event == _BEFORE:
+        elif event == _FRAME_BEFORE:
             self.stepped = True
             image, size = self._shown(self.screen)
             self._append(self.actions, image, size, *_python_action(data.get("action")))
@@ -134,7 +134,7 @@ class CuaBenchTrace(StepRows):
                 continue
             image, size = self._shown(screen)
             said = first_action(action, OPENAI, size, "data_json.output")
-            code = code_of(action, "data_json.output")
+            code = raw_action_text(action, "data_json.output")
             self.steps.append(RecordedStep(self.actions, image, said, code, dialect=OPENAI))
             return
 
@@ -225,8 +225,8 @@ def _action(name: str, given: dict[str, Any]) -> Action:
     def place(x: str, y: str) -> tuple[int, int]:
         return round(number(given.get(x), x)), round(number(given.get(y), y))
 
-    if name in _POINTED:
-        return at(_POINTED[name], place("x", "y"))
+    if name in _POINTER_ACTIONS:
+        return at(_POINTER_ACTIONS[name], place("x", "y"))
     match name:
         case "DragAction":
             x2, y2 = place("to_x", "to_y")

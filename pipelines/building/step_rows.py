@@ -34,10 +34,10 @@ from ..edits.base import EditedStep
 from ..edits.variants import Variant, VariantPlanner, acts, due, ever_due, step_numbers
 from ..errors import BuildError
 from ..readers import Rejected
-from ..readers.dialects import observed_code
+from ..readers.recorded_actions import observed_code
 from .selection import needs_boxes
 
-NEVER = "the recording ends before the step at which it acts"
+NEVER_DUE = "the recording ends before the step at which it acts"
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class RowCounts:
 
 
 @dataclass(frozen=True)
-class MadeRow:
+class DrawnRow:
     """A row before its picture is stored.
 
     Args:
@@ -124,7 +124,7 @@ class MadeRow:
     labels: dict[str, Any]
 
 
-def rows_of(
+def make_rows(
     trajectory: Trajectory,
     step: Step,
     data: bytes,
@@ -142,14 +142,14 @@ def rows_of(
         settings: those of the build.
         tally: counts the rows, and the samples that gave none.
     """
-    sample = sample_of(trajectory, step, data, where, settings, tally)
+    sample = decode_sample(trajectory, step, data, where, settings, tally)
     if sample is None:
         return
-    for made in made_of(sample, where, settings, tally):
+    for made in draw_rows(sample, where, settings, tally):
         yield _stored(made, settings)
 
 
-def sample_of(
+def decode_sample(
     trajectory: Trajectory,
     step: Step,
     data: bytes,
@@ -157,7 +157,7 @@ def sample_of(
     settings: RowSettings,
     tally: RowCounts,
 ) -> Sample | None:
-    """Return a step with its screenshot decoded, or `None` if it is rejected; see `rows_of`."""
+    """Return a step with its screenshot decoded, or `None` if it is rejected; see `make_rows`."""
     place = f"{trajectory.id}, step {step.index}"
     try:
         image = decode(data, where)
@@ -171,9 +171,9 @@ def sample_of(
     return None
 
 
-def made_of(
+def draw_rows(
     sample: Sample, where: str, settings: RowSettings, tally: RowCounts
-) -> Iterator[MadeRow]:
+) -> Iterator[DrawnRow]:
     """Yield the clean row of a step and those of each corruption, in the order of the dataset."""
     counter = _Counter(sample, where, settings, tally)
     if settings.clean:
@@ -184,7 +184,7 @@ def made_of(
     )
     for label, planner in settings.planners:
         if sample.position == 0 and not ever_due(sample.trajectory, planner):
-            tally.skip(label, NEVER)
+            tally.skip(label, NEVER_DUE)
         yield from counter.rows(label, chooser.variants(sample, planner))
 
 
@@ -197,7 +197,7 @@ class _Counter:
     settings: RowSettings
     tally: RowCounts
 
-    def rows(self, label: str, variants: Iterator[Variant | None]) -> Iterator[MadeRow]:
+    def rows(self, label: str, variants: Iterator[Variant | None]) -> Iterator[DrawnRow]:
         # after an error, no further rows of the label are made
         try:
             for variant in variants:
@@ -213,7 +213,7 @@ class _Counter:
         except HijackError as error:
             self.tally.skip(label, str(error))
 
-    def _made(self, label: str, variant: Variant | None) -> MadeRow | None:
+    def _made(self, label: str, variant: Variant | None) -> DrawnRow | None:
         """Return the row of a variant, or count why there is none."""
         if variant is None:
             self.tally.dropped[label] += 1
@@ -223,7 +223,7 @@ class _Counter:
             reason = "; ".join(plan.notes) or "the plan leaves the picture as it is"
             self.tally.skip(label, reason)
             return None
-        made = made_by_plan(variant, label, self.settings.seed)
+        made = draw_row(variant, label, self.settings.seed)
         if plan.ops and not made.labels["changed_pixels"]:
             self.tally.skip(label, "no pixel differs from the clean picture")
             return None
@@ -260,7 +260,7 @@ def keeps(label_policy: str, plan: Plan, seen: float | None) -> bool:
     return seen is None or seen >= VISIBLE
 
 
-def made_by_plan(variant: Variant, label: str, seed: int) -> MadeRow:
+def draw_row(variant: Variant, label: str, seed: int) -> DrawnRow:
     """Return the row made by the plan of a variant, whether or not the label policy keeps it."""
     plan = variant.plan
     image = variant.sample.image
@@ -269,12 +269,12 @@ def made_by_plan(variant: Variant, label: str, seed: int) -> MadeRow:
     if plan.ops:
         picture = cast("UInt8Array", apply(plan, image))
         changed = changed_pixels(image, picture, plan)
-    labels = labels_of(variant, label, seed)
+    labels = row_labels(variant, label, seed)
     labels["changed_pixels"] = changed
-    return MadeRow(label, variant, picture, labels)
+    return DrawnRow(label, variant, picture, labels)
 
 
-def labels_of(variant: Variant, label: str, seed: int) -> dict[str, Any]:
+def row_labels(variant: Variant, label: str, seed: int) -> dict[str, Any]:
     """Return the columns of a materialised row that are computed from its plan and its step."""
     sample = variant.sample
     plan = variant.plan
@@ -293,7 +293,7 @@ def labels_of(variant: Variant, label: str, seed: int) -> dict[str, Any]:
     }
 
 
-def _stored(made: MadeRow, settings: RowSettings) -> dict[str, Any]:
+def _stored(made: DrawnRow, settings: RowSettings) -> dict[str, Any]:
     """Return a row in the form in which it is stored."""
     sample = made.variant.sample
     stored = _picture(sample.base, made.picture, made.variant.plan, settings)
@@ -303,7 +303,7 @@ def _stored(made: MadeRow, settings: RowSettings) -> dict[str, Any]:
     return row
 
 
-def lazy_plan(made: MadeRow, row: Mapping[str, Any], settings: RowSettings) -> str:
+def lazy_plan(made: DrawnRow, row: Mapping[str, Any], settings: RowSettings) -> str:
     """Return the value of the column `plan` of a lazy row."""
     planner = dict(settings.planners).get(made.label)
     return stored_plan(made.variant.plan, row, made.variant.sample.key, planner)
@@ -335,7 +335,7 @@ def _picture(base: Base, picture: UInt8Array, plan: Plan, settings: RowSettings)
     Parts that the picture shares with other pictures of its step are neither compressed nor hashed
     again.
     """
-    digest = digest_of(base, picture, plan)
+    digest = picture_digest(base, picture, plan)
     if settings.lazy:
         return {BASE: {"bytes": base.png, "path": None}, "image_sha256": digest}
     rows = touched(plan)
@@ -343,7 +343,7 @@ def _picture(base: Base, picture: UInt8Array, plan: Plan, settings: RowSettings)
     return {"screenshot": {"bytes": data, "path": None}, "image_sha256": digest}
 
 
-def digest_of(base: Base, picture: UInt8Array, plan: Plan) -> str:
+def picture_digest(base: Base, picture: UInt8Array, plan: Plan) -> str:
     """Return the SHA-256 of the picture that `plan` made from `base`.
 
     Rows at the top that both pictures share are not hashed again.

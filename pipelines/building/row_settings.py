@@ -17,18 +17,18 @@ from hijack_data.rng import Stream
 
 from ..dataset.manifest import LAZY, OUTPUTS, libraries
 from ..errors import BuildError, DatasetError
-from ..readers.base import source_of_reader
+from ..readers.base import reader_source
 from ..sources import Sources
-from .loaded import LOADED, files_of
-from .options import BuildOptions
-from .rows import RowSettings
+from .build_options import BuildOptions
+from .loaded_files import LOADED, loaded_file_entries
 from .selection import config_text, needs_boxes, select
 from .splits import Splits
+from .step_rows import RowSettings
 
 ALLOW_PLATFORM_MISMATCH = "allow_platform_mismatch"
 
 
-def settings_of(options: BuildOptions) -> tuple[RowSettings, tuple[str, ...]]:
+def make_settings(options: BuildOptions) -> tuple[RowSettings, tuple[str, ...]]:
     """Return the settings computed from options, and notes for the user.
 
     The asset pack is opened only if a corruption acts on the machine.
@@ -77,7 +77,7 @@ def has_detector() -> bool:
     return bool(cv2.__version__)
 
 
-def parameters_of(
+def manifest_parameters(
     settings: RowSettings, options: BuildOptions, sources: Sources, splits: Splits
 ) -> dict[str, Any]:
     """Return everything that decides the bytes of a dataset, as JSON data for the manifest.
@@ -92,28 +92,28 @@ def parameters_of(
         "seed": settings.seed,
         "clean": settings.clean,
         "label_policy": settings.label_policy,
-        "output": output_of(settings),
+        "output": output_mode(settings),
         "elements": "picture" if settings.detect else "recorded",
         "rows_per_shard": options.rows_per_shard,
         "libraries": libraries(settings.detect),
-        "assets": assets_of(settings),
+        "assets": pack_identity(settings),
     }
-    loaded = files_of(planners.values())
+    loaded = loaded_file_entries(planners.values())
     if loaded:
         parameters[LOADED] = loaded
     if settings.allow_platform_mismatch:
         parameters[ALLOW_PLATFORM_MISMATCH] = True
     parameters |= splits.parameters()
-    parameters |= sources.told_parameters()
+    parameters |= sources.knowledge_parameters()
     if options.limit is not None:
         parameters["limit"] = options.limit
     if options.format is not None:
         parameters["format"] = options.format
-        parameters |= source_of_reader(options.format)
+        parameters |= reader_source(options.format)
     return parameters
 
 
-def assets_of(settings: RowSettings) -> dict[str, str] | None:
+def pack_identity(settings: RowSettings) -> dict[str, str] | None:
     """Return the digest and the licence of the asset pack, or `None` if none is used."""
     pack = settings.pack
     if pack is None:
@@ -121,17 +121,17 @@ def assets_of(settings: RowSettings) -> dict[str, str] | None:
     return {"sha256": pack.digest, "licence": pack.licence}
 
 
-def config_of(settings: RowSettings, splits: Splits) -> str | None:
+def build_config(settings: RowSettings, splits: Splits) -> str | None:
     """Return the configuration (YAML) of the same build, or `None` if no file can hold it."""
     options = splits.parameters()
     options["seed"] = settings.seed
     options["clean"] = settings.clean
     options["label_policy"] = settings.label_policy
-    options["output"] = output_of(settings)
+    options["output"] = output_mode(settings)
     return config_text(dict(settings.planners), options)
 
 
-def output_of(settings: RowSettings) -> str:
+def output_mode(settings: RowSettings) -> str:
     """Return how pictures are stored, one of `OUTPUTS`."""
     return LAZY if settings.lazy else OUTPUTS[0]
 

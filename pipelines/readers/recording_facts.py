@@ -83,7 +83,7 @@ def stated_episode(record: Mapping[str, Any], key: str | None = None) -> str:
     return UNKNOWN_EPISODE
 
 
-def platform_of(trajectory: Trajectory) -> Platform | None:
+def stated_platform(trajectory: Trajectory) -> Platform | None:
     """Return the machine's platform: the trajectory's, or its domain if that names one."""
     if trajectory.platform:
         return trajectory.platform
@@ -93,14 +93,14 @@ def platform_of(trajectory: Trajectory) -> Platform | None:
     return find_platform(trajectory.domain)
 
 
-def screen_of(trajectory: Trajectory) -> ScreenKind | None:
+def stated_screen(trajectory: Trajectory) -> ScreenKind | None:
     """Return what the pictures show, by the reader, the platform or the domain.
 
     `None` if none of them says it: the pictures may show a phone as well as a desktop.
     """
     if isinstance(trajectory, RecordedTrajectory) and trajectory.screen is not None:
         return trajectory.screen
-    platform = platform_of(trajectory)
+    platform = stated_platform(trajectory)
     if platform is not None:
         return SCREENS.get(platform, "desktop")
     return DOMAINS.get(normalize_app(trajectory.domain))
@@ -124,5 +124,7 @@ class RecordingFacts:
 def read_facts(trajectory: Trajectory) -> RecordingFacts:
     """Return what a recording states."""
     return RecordingFacts(
-        screen_of(trajectory), platform_of(trajectory), names_of(trajectory.apps, trajectory.domain)
+        stated_screen(trajectory),
+        stated_platform(trajectory),
+        names_of(trajectory.apps, trajectory.domain),
     )

@@ -13,13 +13,13 @@ from typing import TypeAlias
 from hijack_data.types import Box, Size, are_fractions
 
 from . import fields
-from .choices import BOXES, FRACTIONS, PIXELS, THOUSAND, XYWH, ReaderOptions
 from .fields import FieldError, FieldTypeError
+from .reader_options import BOXES, FRACTIONS, PIXELS, THOUSAND, XYWH, ReaderOptions
 
 Form: TypeAlias = tuple[str, str]  # the space and the order
 Forms: TypeAlias = frozenset[Form]
 SLACK = 0.01  # annotated boxes overshoot the edge a little; what is further out is in another space
-_ENDLESS = (math.inf, math.inf)
+_UNBOUNDED = (math.inf, math.inf)
 
 
 def box_in(form: Form, value: object, size: Size, field: str) -> Box:
@@ -51,13 +51,13 @@ def box_in(form: Form, value: object, size: Size, field: str) -> Box:
     return box
 
 
-def middle_of(box: Box) -> tuple[int, int]:
+def box_center(box: Box) -> tuple[int, int]:
     """Return the pixel in the middle of a box."""
     x1, y1, x2, y2 = box
     return (x1 + x2) // 2, (y1 + y2) // 2
 
 
-def form_of(
+def detect_form(
     boxes: Sequence[object],
     size: Callable[[int], Size | None],
     choices: ReaderOptions,
@@ -105,7 +105,7 @@ def _are_widths(forms: Forms) -> bool:
 def _unseen(boxes: Sequence[object], among: Forms) -> Iterator[tuple[int, Forms]]:
     """Yield the forms that each row may have whatever its picture is."""
     for index, box in enumerate(boxes):
-        yield index, _forms(box, _ENDLESS, among)
+        yield index, _forms(box, _UNBOUNDED, among)
 
 
 def _seen(

@@ -55,14 +55,14 @@ class _Item:
 
 
 @dataclass(frozen=True)
-class Named:
+class NamedPlanners:
     """The planners of a line by label, and whether the line names the clean rows."""
 
     planners: dict[str, Planner]
     clean: bool
 
 
-def parse(text: str) -> Named:
+def parse(text: str) -> NamedPlanners:
     """Return the corruptions in a line; raises `UnknownNameError` for an unknown name.
 
     Raises:
@@ -80,7 +80,7 @@ def parse(text: str) -> Named:
             advice = f"label one of them, such as {entry.name}:as={entry.name}_2"
             raise BuildError(f"corruptions: {label!r} is given twice; {advice}")
         planners[label] = planner
-    return Named(planners, clean)
+    return NamedPlanners(planners, clean)
 
 
 def _entries(text: str) -> Iterator[_Entry]:

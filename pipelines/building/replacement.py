@@ -9,16 +9,16 @@ from pathlib import Path
 
 from ..dataset.manifest import MANIFEST, STATE
 from ..errors import BuildError
-from .card import CARD, CONFIG
+from .dataset_card import CARD, CONFIG
 from .quarantine import QUARANTINE
 from .shards import DATA
 
-_OURS = {CARD, CONFIG, MANIFEST, QUARANTINE, DATA, STATE}
+_DATASET_FILES = {CARD, CONFIG, MANIFEST, QUARANTINE, DATA, STATE}
 _SHARD = re.compile(r"(train|validation|test)-\d{5}\.parquet|\..*\.tmp")
 
 
 @contextmanager
-def replaced(out: Path, overwrite: bool) -> Iterator[Path]:
+def replacement_folder(out: Path, overwrite: bool) -> Iterator[Path]:
     """Yield the folder to build in; with `overwrite`, it replaces `out` once it is complete.
 
     The new dataset is built in `.NAME.new` next to the old one. When it is complete, the old one is
@@ -73,7 +73,7 @@ def _check(folder: Path, shown: Path) -> None:
     if not found & {MANIFEST, STATE}:
         raise BuildError(f"{shown}: is not a dataset of ours, so --overwrite does not replace it")
     names = os.listdir(folder / DATA) if DATA in found else []
-    others = sorted(found - _OURS) + [
+    others = sorted(found - _DATASET_FILES) + [
         f"{DATA}/{n}" for n in sorted(names) if not _SHARD.fullmatch(n)
     ]
     if others:

@@ -20,7 +20,7 @@ from ..dataset.columns import pyarrow
 from .arrow import SUFFIX as ARROW
 from .arrow import ArrowTable
 from .fields import FieldError, mapping
-from .files import MAX_RECORD, line_at, parse, parse_any, relative_name
+from .safe_files import MAX_RECORD_BYTES, line_at, parse, parse_any, relative_name
 
 _MARK = "\0inside:"
 _WHOLE_FILE = -1
@@ -70,7 +70,7 @@ def read_picture(image: str, name: str) -> bytes:
         place = json.loads(image.removeprefix(_MARK))
         if "json" in place:
             offset, *pointer = place["json"]
-            return decoded(_at(_record(place["file"], offset), pointer))
+            return decode_base64(_at(_record(place["file"], offset), pointer))
         return as_bytes(_parquet_value(place["file"], *place["parquet"]))
     except FieldError as error:
         raise ImageError(f"{name}: {error}") from None
@@ -100,7 +100,7 @@ def picture_file(image: str) -> Path:
     return Path(_place(image).get("file", image))
 
 
-def decoded(value: object) -> bytes:
+def decode_base64(value: object) -> bytes:
     """Decode base64 text, with or without `data:image/...;base64,` before it.
 
     Raises:
@@ -156,7 +156,7 @@ def _stamp(file: str) -> tuple[Any, ...]:
 
 
 @dataclass
-class _Kept:
+class _LastRead:
     """The record or column read last.
 
     This suffices because pictures are read in order, and a record may contain hundreds.
@@ -171,13 +171,13 @@ class _Kept:
         self.value = None
 
 
-_record_kept = _Kept()
-_column_kept = _Kept()
+_last_record = _LastRead()
+_last_column = _LastRead()
 
 
 def _record(file: str, offset: int) -> object:
     key = (*_stamp(file), offset)
-    kept = _record_kept
+    kept = _last_record
     if kept.key != key:
         kept.clear()
         is_whole = offset == _WHOLE_FILE
@@ -189,8 +189,8 @@ def _record(file: str, offset: int) -> object:
 def _line(file: str, offset: int) -> object:
     with open(file, "rb") as lines:
         data = line_at(lines, offset)
-    if len(data) > MAX_RECORD:
-        raise FieldError("", f"longer than {MAX_RECORD // 2**20} MiB")
+    if len(data) > MAX_RECORD_BYTES:
+        raise FieldError("", f"longer than {MAX_RECORD_BYTES // 2**20} MiB")
     return mapping(parse(data), "")
 
 
@@ -227,7 +227,7 @@ class _Column:
 
 def _parquet_value(file: str, group: int, row: int, column: str, item: int | None) -> object:
     key = (*_stamp(file), group, column)
-    kept = _column_kept
+    kept = _last_column
     if kept.key != key or kept.value.row > row:
         kept.clear()
         kept.value = _Column(file, group, column)

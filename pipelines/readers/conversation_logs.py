@@ -10,12 +10,12 @@ from hijack_data.types import Platform, Size, Step, Trajectory
 
 from . import fields
 from .base import Rejected, files_below
-from .dialects import RecordedStep, code_of, first_action
 from .fields import FieldError, FieldTypeError, JsonObject
-from .files import Source, inside, lines, parse_any, relative_name, root_of, size_of
-from .heads import LISTS
+from .file_head import LISTS
 from .json_rows import is_json
-from .pictures import decoded, in_json
+from .recorded_actions import RecordedStep, first_action, raw_action_text
+from .recorded_pictures import decode_base64, in_json
+from .safe_files import Source, image_size, inside, lines, parse_any, relative_name, source_root
 
 PICTURES = (".png", ".jpg", ".jpeg", ".webp")
 JsonPath = tuple[str | int, ...]
@@ -38,7 +38,7 @@ class LogEntry:
     pointer: JsonPath
 
 
-class WrongFile(FieldError):
+class OtherFormatError(FieldError):
     """Raised by a reader if a whole file is of another format."""
 
 
@@ -80,10 +80,10 @@ class Conversation:
         if _is_path(value):
             folder = relative_name(self.file.parent, self.root)
             path = inside(self.root, os.path.join(folder, value))
-            self.size = size_of(path)
+            self.size = image_size(path)
             self.image = os.fspath(path)
         else:
-            self.size = size_of(decoded(value))
+            self.size = image_size(decode_base64(value))
             self.image = in_json(self.file, entry.offset, (*entry.pointer, *pointer))
 
     def act(self, raw: object, dialect: str, where: str, code: object = None) -> None:
@@ -107,7 +107,7 @@ class Conversation:
         if not image:
             raise FieldError("screenshot", why)
         action = first_action(raw, dialect, self.size, where)
-        text = code_of(raw if code is None else code, where)
+        text = raw_action_text(raw if code is None else code, where)
         self.steps.append(RecordedStep(self.actions, image, action, text, dialect=dialect))
 
     def ask(self, text: object) -> None:
@@ -133,10 +133,10 @@ class Conversation:
             )
 
 
-TakeEntry: TypeAlias = Callable[[Conversation, LogEntry], Iterator[FieldError]]
+ReadEntry: TypeAlias = Callable[[Conversation, LogEntry], Iterator[FieldError]]
 
 
-def read_logs(path: Source, source: str, take: TakeEntry) -> Iterator[Trajectory | Rejected]:
+def read_logs(path: Source, source: str, take: ReadEntry) -> Iterator[Trajectory | Rejected]:
     """Read every log of a source; each file is a trajectory.
 
     Args:
@@ -144,7 +144,7 @@ def read_logs(path: Source, source: str, take: TakeEntry) -> Iterator[Trajectory
         source: name of the format.
         take: handles an entry, and yields the errors in it.
     """
-    root = root_of(path)
+    root = source_root(path)
     seen: set[str] = set()
     for file in files_below(path):
         if isinstance(file, Rejected):
@@ -154,7 +154,7 @@ def read_logs(path: Source, source: str, take: TakeEntry) -> Iterator[Trajectory
 
 
 def _conversation(
-    talk: Conversation, take: TakeEntry, seen: set[str]
+    talk: Conversation, take: ReadEntry, seen: set[str]
 ) -> Iterator[Trajectory | Rejected]:
     file = relative_name(talk.file, talk.root)
     name = os.path.splitext(file)[0]
@@ -176,10 +176,10 @@ def _conversation(
         yield Rejected(file, "", "", f"cannot be read ({error.strerror or error})")
 
 
-def _taken(talk: Conversation, entry: LogEntry, take: TakeEntry) -> Iterator[FieldError]:
+def _taken(talk: Conversation, entry: LogEntry, take: ReadEntry) -> Iterator[FieldError]:
     try:
         yield from take(talk, entry)
-    except WrongFile:
+    except OtherFormatError:
         raise
     except FieldError as error:
         yield error
@@ -206,7 +206,7 @@ def entries(file: Path) -> Iterator[LogEntry | Rejected]:
         yield from _spread(fields.mapping(data, ""), "", None, ())
 
 
-def parts_of(entry: LogEntry) -> Iterator[tuple[JsonPath, JsonObject]]:
+def content_parts(entry: LogEntry) -> Iterator[tuple[JsonPath, JsonObject]]:
     """Yield the parts of a message's `content`, with the pointer to each; text is one part."""
     content: object = entry.data.get("content")
     if isinstance(content, str):

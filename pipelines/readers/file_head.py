@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import cast
 
 from .fields import FieldError, JsonObject, listed, objects
-from .files import MAX_RECORD, SNIFFED, first_records, parse_any
+from .safe_files import MAX_HEAD_RECORDS, MAX_RECORD_BYTES, first_records, parse_any
 
 JSON = ".json"
 # Bodies of logs hold their entries in one of these lists.
 LISTS = ("messages", "items", "input", "output")
 _TABLES = (".parquet", ".arrow")  # binary files without lines
-_START = 1 << 18
+_HEAD_BYTES = 1 << 18
 
 
 def one_of_each(*alternatives: Iterable[str]) -> tuple[frozenset[str], ...]:
@@ -52,7 +52,7 @@ class FileHead:
                 return []
             if self.path.suffix != JSON:
                 return first_records(self.path)
-            if self.path.stat().st_size > MAX_RECORD:
+            if self.path.stat().st_size > MAX_RECORD_BYTES:
                 return self._first_of_many()
             value = parse_any(self.path, unique=False)
         except FieldError:
@@ -60,7 +60,7 @@ class FileHead:
         except (OSError, RecursionError):
             return []
         if isinstance(value, list):
-            return objects(list(islice(cast("list[object]", value), SNIFFED)))
+            return objects(list(islice(cast("list[object]", value), MAX_HEAD_RECORDS)))
         return objects([value])
 
     @cached_property
@@ -76,13 +76,13 @@ class FileHead:
             entries.append(record)
             if "role" not in record:
                 for name in LISTS:
-                    entries += objects(listed(record.get(name))[:SNIFFED])
+                    entries += objects(listed(record.get(name))[:MAX_HEAD_RECORDS])
         return entries
 
     def _first_of_many(self) -> list[JsonObject]:
         """Return the first object of a `.json` file that is too large to be parsed."""
         with self.path.open("rb") as file:
-            text = file.read(_START).decode("utf-8-sig", errors="ignore").lstrip()
+            text = file.read(_HEAD_BYTES).decode("utf-8-sig", errors="ignore").lstrip()
         try:
             value, _ = json.JSONDecoder().raw_decode(text.removeprefix("[").lstrip())
         except (ValueError, RecursionError):

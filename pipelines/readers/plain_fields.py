@@ -13,7 +13,7 @@ from hijack_data.types import Action, Point, Size, Step
 
 from . import fields
 from .fields import ACTION_FIELDS, FieldError, FieldTypeError, JsonObject
-from .files import inside, relative_name, size_of
+from .safe_files import image_size, inside, relative_name
 
 FIELDS = (
     "trajectory_id",
@@ -101,7 +101,7 @@ def check_names(
             problems.found.append(FieldError(name, f"is not a field; did you mean {meant!r}?"))
 
 
-def extra_of(record: JsonObject, known: tuple[str, ...] = FIELDS) -> str:
+def extra_json(record: JsonObject, known: tuple[str, ...] = FIELDS) -> str:
     """Return the fields of a record that are not known, as JSON; `""` if there are none.
 
     Raises:
@@ -128,7 +128,7 @@ def identity(
     return trajectory, step, own
 
 
-def step_of(
+def read_step(
     record: JsonObject, root: Path, folder: Path, *, problems: LineProblems | None = None
 ) -> Step:
     """Return the step of a line; mistakes in it are one `FieldError` that names them all.
@@ -144,16 +144,16 @@ def step_of(
     if not any(error.field == "step" for error in problems.found):
         problems.of(lambda: fields.step_number(record, "step"))
     problems.of(lambda: fields.text(record, "instruction"))
-    problems.of(lambda: apps_of(record))
+    problems.of(lambda: read_apps(record))
     problems.of(lambda: fields.platform(record.get("platform"), "platform"))
-    picture = problems.of(lambda: picture_of(record, root, folder))
+    picture = problems.of(lambda: find_image(record, root, folder))
     image, size = picture or ("", None)
-    action = action_of(record.get("action"), size or ANY_SIZE, problems)
+    action = read_action(record.get("action"), size or ANY_SIZE, problems)
     code = problems.of(lambda: fields.text(record, "action_code", default=""))
     if action and code and size:
         problems.of(lambda: check_agreement(action, code, size))
-    target, elements = boxes_of(record, size, problems)
-    extra = problems.of(lambda: extra_of(record))
+    target, elements = read_boxes(record, size, problems)
+    extra = problems.of(lambda: extra_json(record))
     own = problems.of(lambda: fields.text(record, "id", default=""))
     problems.check()
     return Step(
@@ -168,12 +168,12 @@ def step_of(
     )
 
 
-def picture_of(record: JsonObject, root: Path, folder: Path) -> tuple[str, Size]:
+def find_image(record: JsonObject, root: Path, folder: Path) -> tuple[str, Size]:
     """Return the path of the picture of a line, and its (height, width)."""
     name = fields.text(record, "image")
     below = "" if folder == root else relative_name(folder, root)
     image = inside(root, os.path.join(below, name))
-    return os.fspath(image), size_of(image)
+    return os.fspath(image), image_size(image)
 
 
 def check_agreement(action: Action, code: str, size: Size) -> None:
@@ -252,7 +252,7 @@ def _in_words(action: Action) -> str:
     return f"{action.type}{place}{end}{amount}"
 
 
-def boxes_of(
+def read_boxes(
     record: JsonObject, size: Size | None, problems: LineProblems
 ) -> tuple[Any, tuple[Any, ...]]:
     """Return the target and the elements; empty if the size of the picture is unknown."""
@@ -268,7 +268,7 @@ def boxes_of(
     return target, elements or ()
 
 
-def action_of(value: object, size: Size, problems: LineProblems) -> Action | None:
+def read_action(value: object, size: Size, problems: LineProblems) -> Action | None:
     """Return the action of a line; all mistakes in it are noted."""
     if value is None:
         problems.found.append(FieldError("action", "is missing"))
@@ -305,7 +305,7 @@ def _without(action: dict[str, Any], field: str) -> bool:
     return was_there
 
 
-def apps_of(record: JsonObject) -> tuple[str, ...]:
+def read_apps(record: JsonObject) -> tuple[str, ...]:
     """Return the applications of a line.
 
     Raises:

@@ -18,13 +18,13 @@ from hijack_data.types import Action, Box, Size, Step, Trajectory
 from ..errors import SourceError
 from . import fields
 from .base import FileReader, Rejected, files_below
-from .boxes import Form, box_in, middle_of
+from .box_forms import Form, box_center, box_in
 from .fields import FieldError, JsonObject
-from .files import Source, inside, relative_name, root_of
-from .grounding import machine_of
+from .grounding import program_and_platform
 from .json_rows import JsonRow, json_rows, picture_at
-from .parquet_rows import platform_of
-from .screens import PICTURE_EPISODES, RecordedTrajectory
+from .parquet_rows import screen_domain
+from .recording_facts import PICTURE_EPISODES, RecordedTrajectory
+from .safe_files import Source, inside, relative_name, source_root
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class GroundingTarget:
 
 
 @dataclass(frozen=True)
-class _Shown:
+class _Target:
     """A row and its picture."""
 
     row: JsonRow
@@ -93,7 +93,7 @@ class PublishedSet(FileReader, ABC):
         Raises:
             SourceError: the source has another layout.
         """
-        root = root_of(path)
+        root = source_root(path)
         found = False
         for file in files_below(path):
             if isinstance(file, Rejected):
@@ -106,7 +106,7 @@ class PublishedSet(FileReader, ABC):
 
     def _read(self, file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
         name = relative_name(file, root)
-        shown: list[_Shown] = []
+        shown: list[_Target] = []
         try:
             inside(root, name, "")
             for row in json_rows(file):
@@ -126,17 +126,17 @@ class PublishedSet(FileReader, ABC):
             except FieldError as error:
                 yield Rejected(name, one.row.where, error.field, error.reason)
 
-    def _shown(self, row: JsonRow, file: Path, root: Path) -> _Shown:
+    def _shown(self, row: JsonRow, file: Path, root: Path) -> _Target:
         record = row.record
         value = record.get(self.picture)
         image, size = picture_at(value, file, root, self.picture, (self.folder,))
         if self.stated:
             _check_stated(record.get(self.stated), size, self.stated)
-        return _Shown(row, image, size, self.target(record, size))
+        return _Target(row, image, size, self.target(record, size))
 
-    def _trajectory(self, shown: _Shown, stem: str, around: tuple[Box, ...]) -> Trajectory:
+    def _trajectory(self, shown: _Target, stem: str, around: tuple[Box, ...]) -> Trajectory:
         record = shown.row.record
-        program, platform = machine_of(record)
+        program, platform = program_and_platform(record)
         target = shown.target
         extra: dict[str, Any] = {key: record[key] for key in self.kept if key in record}
         extra.update(target.more or {})
@@ -154,7 +154,7 @@ class PublishedSet(FileReader, ABC):
             source=self.name,
             instruction=fields.text(record, "instruction"),
             steps=(step,),
-            domain=platform_of(platform),
+            domain=screen_domain(platform),
             apps=fields.strings([program]),
             episode=Path(shown.image).name,
         )
@@ -163,7 +163,7 @@ class PublishedSet(FileReader, ABC):
 def click_at(record: JsonObject, key: str, form: Form, size: Size) -> GroundingTarget:
     """Return a click at the middle of a row's box."""
     box = box_in(form, record.get(key), size, key)
-    x, y = middle_of(box)
+    x, y = box_center(box)
     return GroundingTarget(action=Action("click", x, y), box=box)
 
 
@@ -179,7 +179,7 @@ def _check_stated(stated: object, size: Size, field: str) -> None:
         raise FieldError(field, reason)
 
 
-def _elements(shown: list[_Shown]) -> dict[str, tuple[Box, ...]]:
+def _elements(shown: list[_Target]) -> dict[str, tuple[Box, ...]]:
     """Return the boxes of each picture, each once."""
     found: dict[str, dict[Box, None]] = {}
     for one in shown:

@@ -11,7 +11,7 @@ from hijack_data.paths import PathLike
 from hijack_data.planner import Planner
 
 from ..errors import BuildError
-from .inline import parse
+from .inline_corruptions import parse
 from .selection import ALL, VISUAL
 
 ConfigLike: TypeAlias = str | os.PathLike[str] | Mapping[str, Any]

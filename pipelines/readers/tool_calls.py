@@ -10,17 +10,17 @@ from hijack_data.types import Action, Size
 
 from . import fields
 from .fields import FieldError, JsonObject
-from .files import parsed
+from .safe_files import parse_embedded
 
 # A call of one of these holds a list of actions; any other call is one action itself.
 BATCHES = ("computer", "mobile")
-LOOKS = ("screenshot", "cursor_position")
+LOOKING_CALLS = ("screenshot", "cursor_position")
 NamedCall: TypeAlias = tuple[str, JsonObject]
 _KEYS = {"key": "hotkey", "hold_key": "hotkey", "key_down": "key_down", "key_up": "key_up"}
 _POINTERS = {"mouse_move": "move", "long_press": "other", "point": "other"}
 
 
-def actions_of(calls: object) -> list[NamedCall]:
+def acting_calls(calls: object) -> list[NamedCall]:
     """Return the actions in `tool_calls` (names and arguments) that do more than look.
 
     A call that is broken is a `FieldError`.
@@ -28,13 +28,13 @@ def actions_of(calls: object) -> list[NamedCall]:
     found: list[NamedCall] = []
     for call in fields.listed(calls):
         function = fields.mapping(call, "tool_calls").get("function")
-        found += _actions_in(fields.mapping(function, "tool_calls.function"))
-    return [(name, given) for name, given in found if name not in LOOKS]
+        found += _read_calls(fields.mapping(function, "tool_calls.function"))
+    return [(name, given) for name, given in found if name not in LOOKING_CALLS]
 
 
-def _actions_in(function: JsonObject) -> Iterator[NamedCall]:
+def _read_calls(function: JsonObject) -> Iterator[NamedCall]:
     name = fields.text(function, "name", "tool_calls.function.name")
-    given = arguments_of(function)
+    given = call_arguments(function)
     if name not in BATCHES:
         yield name, given
         return
@@ -42,7 +42,7 @@ def _actions_in(function: JsonObject) -> Iterator[NamedCall]:
         yield fields.text(one, "action", "tool_calls.actions.action"), one
 
 
-def called_action(name: str, given: JsonObject, size: Size, scaling: Scaling) -> Action:
+def parse_call(name: str, given: JsonObject, size: Size, scaling: Scaling) -> Action:
     """Return one action in pixels of a picture.
 
     Args:
@@ -59,16 +59,16 @@ def called_action(name: str, given: JsonObject, size: Size, scaling: Scaling) ->
         action = _action(name, given, scaling)
     except HijackError as error:
         raise FieldError(field, str(error)) from None
-    return fields.on_screen(action, size, field)
+    return fields.check_on_screen(action, size, field)
 
 
-def arguments_of(function: JsonObject) -> JsonObject:
+def call_arguments(function: JsonObject) -> JsonObject:
     """Return the arguments of a call, an object or JSON text; others are a `FieldError`."""
     given: object = function.get("arguments")
     if given is None:
         return {}
     field = "tool_calls.function.arguments"
-    return fields.mapping(parsed(given, field), field)
+    return fields.mapping(parse_embedded(given, field), field)
 
 
 def _action(name: str, given: JsonObject, scaling: Scaling) -> Action:

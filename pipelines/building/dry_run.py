@@ -9,16 +9,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from ..readers import Rejected
+from .build_report import BuildReport, transparency_note
 from .quarantine import Quarantine
-from .report import BuildReport, transparency_note
-from .rows import RowCounts, RowSettings
-from .settings import in_order
-from .shards import ShardTask, rows_in
+from .row_settings import in_order
+from .shards import ShardTask, shard_rows
+from .step_rows import RowCounts, RowSettings
 
 Tasks = Callable[[Callable[[Rejected], None]], Iterable[ShardTask]]
 
 
-def tried(
+def run_dry(
     tasks: Tasks,
     settings: RowSettings,
     *,
@@ -39,7 +39,7 @@ def tried(
     files = 0
     with TemporaryDirectory() as state, closing(Quarantine(Path(state), strict)) as quarantine:
         for task in tasks(quarantine.reject):
-            deque(rows_in(task, settings, tally, hashlib.sha256(), tick), maxlen=0)
+            deque(shard_rows(task, settings, tally, hashlib.sha256(), tick), maxlen=0)
             files += 1
         for record in tally.rejected:
             quarantine.reject(record)

@@ -28,10 +28,10 @@ from hijack_data.errors import HijackError
 from hijack_data.types import Action, Box, Size
 
 from . import fields
-from .boxes import box_in, middle_of
-from .choices import FRACTIONS, PIXELS, THOUSAND, XYXY, Space, scaling_of
-from .dialects import PYAUTOGUI, QWEN_3, UI_TARS, Recorded, recorded
+from .box_forms import box_center, box_in
 from .fields import FieldError
+from .reader_options import FRACTIONS, PIXELS, THOUSAND, XYXY, Space, space_scaling
+from .recorded_actions import PYAUTOGUI, QWEN_3, UI_TARS, RecordedAction, read_recorded
 
 SCROLL_NOTCHES = 5  # the distance of a scroll without one, as in UI-TARS's own code
 _CODE = re.compile(r"```(?:python|py)?\s*\n?(.*?)```\s*\Z", re.DOTALL)
@@ -78,7 +78,7 @@ _ATLAS_WORDS = {
 }
 _WORDS = ("wait", "sleep", "terminate")
 _PYAUTOGUI = (*POINTER, *KEYBOARD, *_WORDS)
-_OWN = {
+_OWN_CALLS = {
     "open_app": Action("other"),
     "back": Action("other"),
     "home": Action("other"),
@@ -97,12 +97,12 @@ _ATLAS_CLICKS = {
 class ModelReply:
     """The action of a reply, and the box of its target if it names one."""
 
-    said: Recorded
+    said: RecordedAction
     box: Box | None = None
 
 
 @dataclass(frozen=True)
-class Asked:
+class ReplyContext:
     """The facts that decide the space of a reply's coordinates.
 
     Args:
@@ -115,9 +115,11 @@ class Asked:
     choice: str | None = None
     told: Space | None = None
 
-    def read(self, raw: str, dialect: str, field: str, default: Space | None = None) -> Recorded:
+    def read(
+        self, raw: str, dialect: str, field: str, default: Space | None = None
+    ) -> RecordedAction:
         """Return an action in a dialect; raises `FieldError` if it cannot be read."""
-        return recorded(raw, dialect, self.size, field, self.choice, self.told or default)
+        return read_recorded(raw, dialect, self.size, field, self.choice, self.told or default)
 
     def reply(self, raw: str, dialect: str, field: str, default: Space | None = None) -> ModelReply:
         """Return a reply that is an action in a dialect, see `read`."""
@@ -129,7 +131,7 @@ def is_action(text: str) -> bool:
     return _family(text) is not None
 
 
-def reply_of(text: str, field: str, asked: Asked) -> ModelReply:
+def parse_reply(text: str, field: str, asked: ReplyContext) -> ModelReply:
     """Return the action of a reply.
 
     Raises:
@@ -141,7 +143,7 @@ def reply_of(text: str, field: str, asked: Asked) -> ModelReply:
     return family(text, field, asked)
 
 
-def _family(text: str) -> Callable[[str, str, Asked], ModelReply] | None:
+def _family(text: str) -> Callable[[str, str, ReplyContext], ModelReply] | None:
     """Return the function that reads replies such as this one, if it is an action."""
     if holds_tool_call(text):
         return lambda text, field, asked: asked.reply(text, QWEN_3, field)
@@ -154,7 +156,7 @@ def _family(text: str) -> Callable[[str, str, Asked], ModelReply] | None:
         return lambda text, field, asked: asked.reply(text, UI_TARS, field)
     if _ACTION.search(text):
         return _scale_cua
-    code = python_of(text)
+    code = reply_code(text)
     if code:
         return lambda _, field, asked: asked.reply(code, PYAUTOGUI, field, PIXELS)
     if _ATLAS_BOX.search(text):
@@ -162,9 +164,9 @@ def _family(text: str) -> Callable[[str, str, Asked], ModelReply] | None:
     return _atlas if _is_atlas(_atlas_body(text)) else None
 
 
-def _defined(dialect: str, space: Space, text: str, field: str, asked: Asked) -> ModelReply:
+def _defined(dialect: str, space: Space, text: str, field: str, asked: ReplyContext) -> ModelReply:
     # What the prompt says of the size of the screen does not change the space of these models.
-    return ModelReply(recorded(text, dialect, asked.size, field, asked.choice, space))
+    return ModelReply(read_recorded(text, dialect, asked.size, field, asked.choice, space))
 
 
 def _is_atlas(body: str) -> bool:
@@ -173,7 +175,7 @@ def _is_atlas(body: str) -> bool:
     return _ATLAS_TEXT.fullmatch(body) is not None
 
 
-def python_of(text: str) -> str:
+def reply_code(text: str) -> str:
     """Return the pyautogui code of a reply that is code or ends in code; `""` for any other."""
     block = _CODE.search(text)
     code = block[1].strip() if block else text.strip()
@@ -191,7 +193,7 @@ def _last_lines(text: str) -> str:
     return code if code and calls_pyautogui(code) else ""
 
 
-def _scale_cua(text: str, field: str, asked: Asked) -> ModelReply:
+def _scale_cua(text: str, field: str, asked: ReplyContext) -> ModelReply:
     """Read calls such as `click(x=0.5, y=0.5)`: most have pyautogui's names and arguments."""
     body = _ACTION.findall(text)[-1]
     calls = _calls(body)
@@ -222,7 +224,7 @@ def _module(name: str) -> str:
     return "computer" if name in _WORDS else "pyautogui"
 
 
-def _own_call(name: str, call: ast.Call, field: str, asked: Asked) -> Recorded:
+def _own_call(name: str, call: ast.Call, field: str, asked: ReplyContext) -> RecordedAction:
     """Read a call that pyautogui does not have.
 
     Raises:
@@ -230,11 +232,11 @@ def _own_call(name: str, call: ast.Call, field: str, asked: Asked) -> Recorded:
     """
     given = {keyword.arg: ast.unparse(keyword.value) for keyword in call.keywords if keyword.arg}
     text = ast.unparse(call)
-    if name in _OWN:
-        return Recorded(_OWN[name], text, SIZELESS)
+    if name in _OWN_CALLS:
+        return RecordedAction(_OWN_CALLS[name], text, SIZELESS)
     if name == "response":
         done = Action("done", text=_answer(call))
-        return Recorded(fields.on_screen(done, asked.size, field), text, SIZELESS)
+        return RecordedAction(fields.check_on_screen(done, asked.size, field), text, SIZELESS)
     if name == "swipe" and {"from_coord", "to_coord"} <= given.keys():
         start = f"pyautogui.moveTo({given['from_coord']})"
         end = f"pyautogui.dragTo({given['to_coord']})"
@@ -242,7 +244,7 @@ def _own_call(name: str, call: ast.Call, field: str, asked: Asked) -> Recorded:
     if name == "long_press" and {"x", "y"} <= given.keys():
         move = f"pyautogui.moveTo({given['x']}, {given['y']})"
         held = asked.read(move, PYAUTOGUI, field, PIXELS)
-        return Recorded(replace(held.action, type="other"), "", PYAUTOGUI)
+        return RecordedAction(replace(held.action, type="other"), "", PYAUTOGUI)
     raise FieldError(field, f"{fields.shown(text)} is not an action that is known")
 
 
@@ -260,10 +262,10 @@ def _atlas_body(text: str) -> str:
     return (found[1] if found else text).strip()
 
 
-def _atlas(text: str, field: str, asked: Asked) -> ModelReply:
+def _atlas(text: str, field: str, asked: ReplyContext) -> ModelReply:
     body = _atlas_body(text)
     if body in _ATLAS_WORDS:
-        return ModelReply(Recorded(_ATLAS_WORDS[body], text, SIZELESS))
+        return ModelReply(RecordedAction(_ATLAS_WORDS[body], text, SIZELESS))
     place = _ATLAS_POINT.fullmatch(body)
     if place:
         x, y = _atlas_point(place, field, asked)
@@ -271,12 +273,14 @@ def _atlas(text: str, field: str, asked: Asked) -> ModelReply:
         return ModelReply(_kept(action, text, field, asked))
     said = _ATLAS_TEXT.fullmatch(body)
     action = _atlas_text(said[1], said[2]) if said else Action("other")
-    return ModelReply(Recorded(fields.on_screen(action, asked.size, field), text, SIZELESS))
+    return ModelReply(
+        RecordedAction(fields.check_on_screen(action, asked.size, field), text, SIZELESS)
+    )
 
 
-def _atlas_point(place: re.Match[str], field: str, asked: Asked) -> tuple[int, int]:
+def _atlas_point(place: re.Match[str], field: str, asked: ReplyContext) -> tuple[int, int]:
     try:
-        scaling = scaling_of(asked.choice or THOUSAND, asked.size)
+        scaling = space_scaling(asked.choice or THOUSAND, asked.size)
         return scaling.point(float(place[2]), float(place[3]))
     except HijackError as error:
         raise FieldError(field, str(error)) from None
@@ -293,23 +297,23 @@ def _atlas_text(name: str, argument: str) -> Action:
     return Action("other")
 
 
-def _atlas_box(text: str, field: str, asked: Asked) -> ModelReply:
+def _atlas_box(text: str, field: str, asked: ReplyContext) -> ModelReply:
     boxes = _ATLAS_BOX.findall(text)
     if len(boxes) > 1:
         raise FieldError(field, f"names {len(boxes)} boxes; one is a click, several are none")
     numbers = [float(number) for number in boxes[0].split(",")]
     box = box_in((asked.choice or THOUSAND, XYXY), numbers, asked.size, field)
-    x, y = middle_of(box)
+    x, y = box_center(box)
     action = Action("click", x, y)
     return ModelReply(_kept(action, text, field, asked), box)
 
 
-def _kept(action: Action, text: str, field: str, asked: Asked) -> Recorded:
+def _kept(action: Action, text: str, field: str, asked: ReplyContext) -> RecordedAction:
     """Return the text that a step keeps: a reply in thousandths, else the action in pixels."""
-    fields.on_screen(action, asked.size, field)
+    fields.check_on_screen(action, asked.size, field)
     if asked.choice in (None, THOUSAND):
-        return Recorded(action, text, SIZELESS)
+        return RecordedAction(action, text, SIZELESS)
     code = ""
     if action.type == "click":
         code = f"pyautogui.click({action.x}, {action.y})"
-    return Recorded(action, code, PYAUTOGUI)
+    return RecordedAction(action, code, PYAUTOGUI)

@@ -13,16 +13,16 @@ from hijack_data.errors import counted
 
 from ..dataset.columns import VISIBLE, Kind, stored
 from ..dataset.manifest import is_lazy
-from ..fidelity import MEANINGS
-from ..knowledge import LIST
+from ..fidelity import FIDELITY_MEANINGS
+from ..knowledge import RECORDINGS
 from ..readers import get_reader
-from .loaded import LOADED
-from .options import ROWS_PER_SHARD
-from .settings import ALLOW_PLATFORM_MISMATCH
+from .build_options import ROWS_PER_SHARD
+from .loaded_files import LOADED
+from .row_settings import ALLOW_PLATFORM_MISMATCH
 
 CARD = "README.md"
 CONFIG = "config.yaml"
-AGAIN = "../built-again"
+REBUILD_FOLDER = "../built-again"
 _POLICIES = {
     "keep": "Rows whose target is hidden are kept; `target_visible` says how much of it shows.",
     "avoid": (
@@ -266,7 +266,7 @@ def _how(manifest: Mapping[str, Any]) -> list[str]:
     # configuration.
     files = parameters.get(LOADED, ())
     hijack = ["hijack", *(word for entry in files for word in ("--load", entry["file"]))]
-    again = ["--out", AGAIN, "--config", CONFIG]
+    again = ["--out", REBUILD_FOLDER, "--config", CONFIG]
     known = [*_limit(parameters), *_stated_options(parameters)]
     command = [*hijack, "build", *manifest["source"]["paths"], *known, *again]
     check = shlex.join([*hijack, "verify", "."])
@@ -300,7 +300,7 @@ def _limit(parameters: Mapping[str, Any]) -> list[str]:
 
 def _stated_options(parameters: Mapping[str, Any]) -> list[str]:
     """Return the options that describe the recordings of a build."""
-    told = parameters.get(LIST, {})
+    told = parameters.get(RECORDINGS, {})
     apps = ["--apps", ",".join(told["apps"])] if told.get("apps") else []
     platform = ["--platform", told["platform"]] if told.get("platform") else []
     spaces = [
@@ -319,11 +319,11 @@ def _stated_options(parameters: Mapping[str, Any]) -> list[str]:
 
 def _fidelity(assets: Mapping[str, str] | None) -> list[str]:
     if assets is None:
-        return [f"`fidelity` is `exact`: {MEANINGS['exact']}"]
+        return [f"`fidelity` is `exact`: {FIDELITY_MEANINGS['exact']}"]
     return [
         "`fidelity` says how true a row is:",
         "",
-        *(f"* `{name}`: {text}" for name, text in MEANINGS.items()),
+        *(f"* `{name}`: {text}" for name, text in FIDELITY_MEANINGS.items()),
         "",
         (
             "`event` says what happened to the machine, `reminder` what an onlooker should say,"

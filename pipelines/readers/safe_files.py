@@ -1,7 +1,7 @@
 """Safe reading of untrusted recordings: no path outside the source, no pickles, bounded sizes.
 
 Nothing outside the source folder is opened, links to folders are not followed, only regular files
-are opened, pickles are never opened, lines and files over `MAX_RECORD` bytes are not read into
+are opened, pickles are never opened, lines and files over `MAX_RECORD_BYTES` are not read into
 memory, and anything that is not JSON is a `FieldError`.
 
 A snapshot in the cache of the Hugging Face Hub is a folder of links into the `blobs` of its
@@ -29,17 +29,17 @@ from hijack_data.files import FORMATS, open_regular
 from hijack_data.surrogates import has_half
 from hijack_data.types import Size
 
-from .fields import HALF, FieldError, JsonObject, mapping, shown
+from .fields import LONE_SURROGATE, FieldError, JsonObject, mapping, shown
 
-MAX_RECORD = 50 * 2**20
-SNIFFED = 20
-LONGEST_NAME = 60  # characters of a field in a report
+MAX_RECORD_BYTES = 50 * 2**20
+MAX_HEAD_RECORDS = 20
+MAX_FIELD_CHARS = 60  # characters of a field in a report
 PICKLES = (".pkl", ".pickle", ".pkl.xz", ".pkl.gz", ".pt", ".pth", ".joblib", ".npy", ".npz")
 PICKLE = (
     "a pickle (or a file that may hold one) is never opened: reading it would run what is in it"
 )
 # How an archive is unpacked, by the end of its name.
-UNPACKING = {
+UNPACK_COMMANDS = {
     ".tar.zst": "tar --zstd -xf",
     ".tar": "tar -xf",
     ".tgz": "tar -xf",
@@ -60,7 +60,7 @@ CACHED = ("datasets--", "models--", "spaces--")
 BLOBS = "blobs"
 SNAPSHOTS = "snapshots"
 REFS = "refs"
-_CHUNK = 1 << 20
+_CHUNK_BYTES = 1 << 20
 _BROKEN = (
     OSError,
     SyntaxError,
@@ -95,7 +95,7 @@ class RecordLine:
     Args:
         number: the number of the line in the file, from 1.
         offset: where it begins, in bytes.
-        data: its bytes; `None` if there are more than `MAX_RECORD`.
+        data: its bytes; `None` if there are more than `MAX_RECORD_BYTES`.
     """
 
     number: int
@@ -109,13 +109,13 @@ class RecordLine:
             FieldError: the line is too long, or not a JSON object.
         """
         if self.data is None:
-            raise FieldError("", f"longer than {MAX_RECORD // 2**20} MiB")
+            raise FieldError("", f"longer than {MAX_RECORD_BYTES // 2**20} MiB")
         return mapping(parse(self.data, unique=unique), "")
 
 
 def lines(path: Path, limit: int | None = None) -> Iterator[RecordLine]:
     """Yield the lines of a file, never holding more than one of at most `limit` bytes."""
-    limit = MAX_RECORD if limit is None else limit
+    limit = MAX_RECORD_BYTES if limit is None else limit
     number = 0
     with open_regular(path) as file:
         while True:
@@ -134,7 +134,7 @@ def lines(path: Path, limit: int | None = None) -> Iterator[RecordLine]:
 def line_at(file: Any, offset: int) -> bytes:
     """Read again a line that `lines` found at `offset`."""
     file.seek(offset)
-    return file.readline(MAX_RECORD + 1)
+    return file.readline(MAX_RECORD_BYTES + 1)
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> JsonObject:
@@ -143,7 +143,7 @@ def _unique(pairs: list[tuple[str, Any]]) -> JsonObject:
     if len(record) == len(pairs):
         return record
     ((twice, _),) = Counter(key for key, _ in pairs).most_common(1)
-    field = twice if twice.isprintable() and len(twice) <= LONGEST_NAME else ""
+    field = twice if twice.isprintable() and len(twice) <= MAX_FIELD_CHARS else ""
     raise FieldError(field, f"the key {shown(twice)} stands twice in one object; keep one")
 
 
@@ -175,7 +175,7 @@ def parse(data: bytes, *, unique: bool = True) -> object:
         raise FieldError("", f"not JSON ({error})") from None
 
 
-def parsed(value: object, field: str) -> object:
+def parse_embedded(value: object, field: str) -> object:
     """Return a value that may be given as JSON text.
 
     Raises:
@@ -184,7 +184,7 @@ def parsed(value: object, field: str) -> object:
     if not isinstance(value, str):
         return value
     if has_half(value):
-        raise FieldError(field, HALF)
+        raise FieldError(field, LONE_SURROGATE)
     try:
         return parse(value.encode())
     except FieldError as error:
@@ -202,21 +202,21 @@ def refuse_array(path: Path) -> None:
     Raises:
         FieldError: it does; the message has the command that writes lines.
     """
-    first = next(lines(path, limit=_CHUNK), None)
+    first = next(lines(path, limit=_CHUNK_BYTES), None)
     start = b"" if first is None or first.data is None else first.data
     if first is not None and first.data is None:
         with open_regular(path) as file:
-            start = file.read(_CHUNK)
+            start = file.read(_CHUNK_BYTES)
     if not start.lstrip(b" \t\r\n\xef\xbb\xbf").startswith(b"["):
         return
     with open_regular(path) as file:
-        file.seek(max(0, os.fstat(file.fileno()).st_size - _CHUNK))
-        end = file.read(_CHUNK)
+        file.seek(max(0, os.fstat(file.fileno()).st_size - _CHUNK_BYTES))
+        end = file.read(_CHUNK_BYTES)
     if end.rstrip().endswith(b"]"):  # otherwise one line is broken, and others may be good
-        raise FieldError("", f"holds a JSON array, not an object a line: {lines_of(path)}")
+        raise FieldError("", f"holds a JSON array, not an object a line: {json_lines_advice(path)}")
 
 
-def lines_of(path: Path) -> str:
+def json_lines_advice(path: Path) -> str:
     """Return the advice for a JSON array in a file that should have an object a line."""
     return f"write one object a line, as jq -c '.[]' {path.name} does"
 
@@ -229,11 +229,11 @@ def parse_any(path: Path, *, unique: bool = True) -> object:
     """
     try:
         with open_regular(path) as file:
-            data = file.read(MAX_RECORD + 1)
+            data = file.read(MAX_RECORD_BYTES + 1)
     except OSError as error:
         raise FieldError("", f"cannot be read ({error.strerror or error})") from None
-    if len(data) > MAX_RECORD:
-        raise FieldError("", f"larger than {MAX_RECORD // 2**20} MiB")
+    if len(data) > MAX_RECORD_BYTES:
+        raise FieldError("", f"larger than {MAX_RECORD_BYTES // 2**20} MiB")
     if not data.strip():
         raise FieldError("", "the file is empty")
     return parse(data, unique=unique)
@@ -245,11 +245,11 @@ def first_records(path: Path) -> list[JsonObject]:
     An archive has none, though the lines of a file in it may lie there uncompressed.
     """
     found: list[JsonObject] = []
-    if unpacking(path):
+    if unpack_command(path):
         return found
     try:
-        for line in islice(lines(path), SNIFFED):
-            if line.data is None or line.offset > MAX_RECORD:
+        for line in islice(lines(path), MAX_HEAD_RECORDS):
+            if line.data is None or line.offset > MAX_RECORD_BYTES:
                 break
             try:
                 found.append(line.record(unique=False))
@@ -260,14 +260,14 @@ def first_records(path: Path) -> list[JsonObject]:
     return found
 
 
-def unpacking(path: Path) -> str:
+def unpack_command(path: Path) -> str:
     """Return the command that unpacks an archive, by the end of its name; `""` for others."""
     name = path.name.lower()
-    command = next((UNPACKING[end] for end in UNPACKING if name.endswith(end)), "")
+    command = next((UNPACK_COMMANDS[end] for end in UNPACK_COMMANDS if name.endswith(end)), "")
     return f"{command} {path.name}" if command else ""
 
 
-def root_of(source: Source) -> Path:
+def source_root(source: Source) -> Path:
     """Return the folder from which a source may be read: the source, or the folder of a file."""
     if isinstance(source, Part):
         return source.root
@@ -287,7 +287,7 @@ def inside(root: Path, name: str, field: str = "image") -> Path:
         )
     path = root / relative
     try:
-        below = _stays(path, root)
+        below = _is_inside(path, root)
         is_file = path.is_file()
     except FileNotFoundError:
         raise FieldError(field, f"{_missing(root, name)}{_slashes(name)}") from None
@@ -304,7 +304,7 @@ def inside(root: Path, name: str, field: str = "image") -> Path:
     return path
 
 
-def size_of(picture: Path | bytes, field: str = "image") -> Size:
+def image_size(picture: Path | bytes, field: str = "image") -> Size:
     """Return `(height, width)` from the header of a picture, given as a file or as bytes.
 
     Raises:
@@ -338,13 +338,13 @@ def walk(path: Path, *, pictures: bool = False) -> Iterator[Path | tuple[Path, s
     circular), links that leave the source, files that are not regular (reading a pipe or a device
     may never end), names that are not UTF-8, and pickles (which run code when they are read).
     """
-    root = root_of(path)
+    root = source_root(path)
     if path.is_file():
-        yield _looked_at(path, root)
+        yield _check_file(path, root)
         return
     closed: list[OSError] = []
     for folder, folders, files in os.walk(path, onerror=closed.append):
-        folders[:] = sorted(_entered(folder, folders))
+        folders[:] = sorted(_folders_to_walk(folder, folders))
         for name in list(folders):
             if not is_utf8(name):
                 folders.remove(name)
@@ -352,14 +352,14 @@ def walk(path: Path, *, pictures: bool = False) -> Iterator[Path | tuple[Path, s
             elif Path(folder, name).is_symlink():
                 yield Path(folder, name), "a link to a folder, which is not followed"
         for name in sorted(files):
-            found = _looked_at(Path(folder, name), root)
+            found = _check_file(Path(folder, name), root)
             if isinstance(found, Path) or pictures or not is_picture(found[0]):
                 yield found
     for error in closed:
         yield Path(os.fspath(error.filename)), f"cannot be entered ({error.strerror})"
 
 
-def _entered(folder: str, folders: list[str]) -> list[str]:
+def _folders_to_walk(folder: str, folders: list[str]) -> list[str]:
     """Return the folders to walk; in a repository of the Hub's cache, only its snapshots."""
     if Path(folder).name.startswith(CACHED) and {BLOBS, SNAPSHOTS} <= set(folders):
         return [name for name in folders if name not in (BLOBS, REFS)]
@@ -371,22 +371,22 @@ def is_picture(path: Path) -> bool:
     return path.name.lower().endswith(SCREENS)
 
 
-def _looked_at(file: Path, root: Path) -> Path | tuple[Path, str]:
+def _check_file(file: Path, root: Path) -> Path | tuple[Path, str]:
     """Return a file, and the reason why it is not opened, if any."""
     if not is_utf8(file.name):
         return file, NOT_UTF8
     if is_pickle(file):
         return file, PICKLE
-    reason = _closed(file, root)
+    reason = _refusal_reason(file, root)
     return (file, reason) if reason else file
 
 
-def _closed(file: Path, root: Path) -> str:
+def _refusal_reason(file: Path, root: Path) -> str:
     """Return the reason why a file is not opened, or `""`."""
     try:
         mode = file.lstat().st_mode
         if stat.S_ISLNK(mode):
-            if not _stays(file, root):
+            if not _is_inside(file, root):
                 return "a link that leaves the source folder, which is not followed"
             mode = file.stat().st_mode
     except (OSError, RuntimeError) as error:  # a dangling or circular link
@@ -396,7 +396,7 @@ def _closed(file: Path, root: Path) -> str:
     return ""
 
 
-def _stays(path: Path, root: Path) -> bool:
+def _is_inside(path: Path, root: Path) -> bool:
     """Return whether a path leads to a file below `root`, or to a blob of the same snapshot.
 
     Raises `OSError` or `RuntimeError` for a path that leads nowhere.
@@ -457,4 +457,4 @@ def _missing(root: Path, name: str) -> str:
 
 def _skip_line(file: Any, data: bytes) -> None:
     while data and not data.endswith(b"\n"):
-        data = cast("bytes", file.readline(_CHUNK))
+        data = cast("bytes", file.readline(_CHUNK_BYTES))

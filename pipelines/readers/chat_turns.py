@@ -14,14 +14,14 @@ from hijack_data.errors import ParameterError
 from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Action, Size, Step
 
-from ..prompts import task_of
+from ..prompts import parse_question
 from . import fields
-from .choices import FRACTIONS, RESIZED, THOUSAND, Space, scaling_of
-from .dialects import PYAUTOGUI, Recorded, RecordedStep, code_of
 from .fields import FieldError, JsonObject
-from .files import parsed
-from .replies import Asked, ModelReply, is_action, reply_of
-from .thousand import actions_of, arguments_of, called_action
+from .model_replies import ModelReply, ReplyContext, is_action, parse_reply
+from .reader_options import FRACTIONS, RESIZED, THOUSAND, Space, space_scaling
+from .recorded_actions import PYAUTOGUI, RecordedAction, RecordedStep, raw_action_text
+from .safe_files import parse_embedded
+from .tool_calls import acting_calls, call_arguments, parse_call
 
 IMAGE = "<image>"
 USER = "user"
@@ -46,10 +46,10 @@ _TASKS = tuple(
         r"The user query: *(.*?)(?:\s*\n?\(?You have done the following.*|\s*Task progress.*)?\Z",
     )
 )
-TalkPicture = tuple[str, Size]
+TurnImage = tuple[str, Size]
 
 
-class Talk:
+class ChatTurns:
     """A conversation, while it is read.
 
     Args:
@@ -58,9 +58,7 @@ class Talk:
         choice: the space of the coordinates that the user chose.
     """
 
-    def __init__(
-        self, picture: Callable[[int], TalkPicture], count: int, choice: str | None
-    ) -> None:
+    def __init__(self, picture: Callable[[int], TurnImage], count: int, choice: str | None) -> None:
         self.picture = picture
         self.count = count
         self.choice = choice
@@ -116,7 +114,7 @@ class Talk:
         if stated:
             self.told = (int(stated[2]), int(stated[1]))
         bare = text.replace(IMAGE, "").strip()
-        asked = task_of(bare)
+        asked = parse_question(bare)
         task = _task(bare)
         if asked:
             task, self.told = asked
@@ -149,7 +147,7 @@ class Talk:
 
     def _reply(self, message: JsonObject, text: str, is_last: bool) -> None:
         text, calls = _with_calls(message, text)
-        found = actions_of(calls)
+        found = acting_calls(calls)
         is_end = self.calls and is_last and not found and not is_action(text)
         if not found and not is_end and not is_action(text):
             return
@@ -162,10 +160,10 @@ class Talk:
             reply = ModelReply(self._called(found[0], calls, size))
         elif is_end:
             done = Action("done", text=fields.storable(text, "content"))
-            reply = ModelReply(Recorded(done, text, SIZELESS))
+            reply = ModelReply(RecordedAction(done, text, SIZELESS))
         else:
-            asked = Asked(size, self.choice, _space(self.told, size))
-            reply = reply_of(text, "content", asked)
+            asked = ReplyContext(size, self.choice, _space(self.told, size))
+            reply = parse_reply(text, "content", asked)
         self._add(image, reply)
 
     def _add(self, image: str, reply: ModelReply) -> None:
@@ -180,18 +178,18 @@ class Talk:
         )
         self.steps.append(step)
 
-    def _called(self, found: tuple[str, JsonObject], calls: object, size: Size) -> Recorded:
+    def _called(self, found: tuple[str, JsonObject], calls: object, size: Size) -> RecordedAction:
         """Read structured calls, in 0..1000 unless the user chose another space."""
         space = self.choice or THOUSAND
-        action = called_action(*found, size, scaling_of(space, size))
+        action = parse_call(*found, size, space_scaling(space, size))
         if space in (THOUSAND, FRACTIONS):
-            return Recorded(action, code_of(calls, "tool_calls"), SIZELESS)
-        return Recorded(action, "", PYAUTOGUI)
+            return RecordedAction(action, raw_action_text(calls, "tool_calls"), SIZELESS)
+        return RecordedAction(action, "", PYAUTOGUI)
 
 
 def messages_in(value: object, key: str) -> list[JsonObject]:
     """Return the messages in a field, a list or JSON text; others are a `FieldError`."""
-    record = {key: parsed(value, key)}
+    record = {key: parse_embedded(value, key)}
     return fields.mappings(fields.items(record, key), key)
 
 
@@ -208,7 +206,7 @@ def _with_calls(message: JsonObject, text: str) -> tuple[str, object]:
 
 def _given(function: JsonObject) -> dict[str, Any]:
     # Parquet stores null for arguments that an action does not have.
-    return {key: value for key, value in arguments_of(function).items() if value is not None}
+    return {key: value for key, value in call_arguments(function).items() if value is not None}
 
 
 def _space(told: Space | None, size: Size) -> Space | None:

@@ -19,7 +19,7 @@ from hijack_data.locking import Lock, LockedError, lock
 from ..dataset.manifest import FILES, MANIFEST, PARAMETERS, STATE, read_manifest
 from ..dataset.shard import ShardRecord, file_sha256, record_from
 from ..errors import OVERWRITE, RESUME, BuildError, DatasetError
-from .shards import DATA, ShardTask, inputs_of
+from .shards import DATA, ShardTask, inputs_hash
 from .splits import NAMES
 
 
@@ -90,7 +90,7 @@ class OutFolder:
         file = self.path / task.file
         if not file.is_file() or file_sha256(file) != record.sha256:
             return None
-        return record if inputs_of(task) == record.inputs else None
+        return record if inputs_hash(task) == record.inputs else None
 
     def save(self, record: ShardRecord) -> None:
         """Record that a shard is finished."""
