@@ -15,7 +15,7 @@ PROMPTS = {
         "or finished(); coordinates are pixels of the screenshot as you see it."
     ),
 }
-# The space of the coordinates of an answer, as `readers.choices` names it.
+# The space of the coordinates of an answer, as `readers.reader_options` names it.
 SPACES = {"pyautogui": "pixels", "ui_tars": "thousand", "ui_tars_1.5": "resized"}
 
 

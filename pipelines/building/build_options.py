@@ -39,7 +39,7 @@ class BuildOptions:
 
     Args:
         corruptions: planners by label, text such as `"marks:number=10,severity=4,subtitle"` (see
-            `inline`), `"clean"` for the clean rows alone, `"all"`, or `"all-visual"` (the
+            `inline_corruptions`), `"clean"` for the clean rows, `"all"`, or `"all-visual"` (the
             default): those that act only on the picture. `UnknownNameError` for an unknown name,
             `BuildError` for a corruption that cannot be built.
         seed: 0 to 2**64 - 1; 0 by default. `ParameterError` for another one.
@@ -81,7 +81,7 @@ class BuildOptions:
             `DatasetError` if the build used a file of corruptions that is not loaded, see
             `hijack_data.loading`.
         overwrite: replace the AgentHijack dataset in `out` once the new one is complete; see
-            `replacing`. `BuildError` together with `resume`.
+            `replacement`. `BuildError` together with `resume`.
         limit: read only the first N trajectories; at least 1.
         splits: shares such as `{"train": 0.9, "test": 0.1}` or `"train=0.9,test=0.1"` of `train`,
             `validation` and `test`. The id of a trajectory alone decides its split, so all of

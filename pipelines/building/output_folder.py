@@ -1,4 +1,4 @@
-"""The output folder of a build: its lock, its state, and the shards that can be kept.
+"""The output folder of a build: its lock, its state, and the shards that an earlier run finished.
 
 While a build runs, `.build/` holds its parameters and one small file for each finished shard.
 `manifest.json` is written last, so a folder without it is not a dataset, and a build that is killed

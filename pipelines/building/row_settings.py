@@ -82,7 +82,7 @@ def manifest_parameters(
 ) -> dict[str, Any]:
     """Return everything that decides the bytes of a dataset, as JSON data for the manifest.
 
-    Options that were not given have no key, as in the manifests of older builds.
+    Options that were not given have no key.
     """
     planners = dict(settings.planners)
     parameters: dict[str, Any] = {"reader": ", ".join(sources.formats)}

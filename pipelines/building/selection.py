@@ -25,8 +25,8 @@ def select(corruptions: Mapping[str, Planner] | str) -> dict[str, Planner]:
     Passes on `UnknownNameError` (an unknown name).
 
     Args:
-        corruptions: a mapping from labels to planners, a line of text (see `inline`), `ALL`
-            registered corruptions, or the `VISUAL` ones, which change the picture alone.
+        corruptions: a mapping from labels to planners, a line of text (see `inline_corruptions`),
+            `ALL` registered corruptions, or the `VISUAL` ones, which change the picture alone.
 
     Raises:
         BuildError: a corruption cannot be built.

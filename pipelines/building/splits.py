@@ -59,7 +59,7 @@ class Splits:
         return self.names[-1]
 
     def parameters(self) -> dict[str, Any]:
-        """Return the entry of the manifest; empty if all is `train`, as in older builds."""
+        """Return the entry of the manifest; empty if all is `train`."""
         if self.names == [TRAIN]:
             return {}
         return {"splits": self.shares}

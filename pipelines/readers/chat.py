@@ -39,15 +39,15 @@ class Chat(FileReader):
     and `images` or `image`: paths seen from the file or the source, or from `images/` in either, or
     base64. A row is a trajectory, whose id is its `id`, or else the file and its number; an id that
     an earlier file has comes after the name of its file. Its episode is its `trajectory_id` or
-    `episode_id`, or the field of the choice `episode_key`. A picture
-    is shown by `<image>` in the text of the user; each reply that is an action (see `replies`) is a
-    step on the picture shown last. The instruction is the first text of the user, or what the
+    `episode_id`, or the field of the choice `episode_key`. A picture is shown by `<image>` in the
+    text of the user; each reply that is an action (see `model_replies`) is a step on the picture
+    shown last. The instruction is the first text of the user, or what the
     prompts of the recipes call the task.
 
     Rows of our own export come back with their target; those with a corrupted picture are rejected,
     as they are no clean screens.
 
-    Coordinates: see `replies`; what cannot be told needs the choice `coordinates`.
+    Coordinates: see `model_replies`; what cannot be told needs the choice `coordinates`.
     """
 
     choices: ReaderOptions = NO_CHOICES

@@ -41,7 +41,7 @@ class Grounding(FileReader):
     with `elements` are one for each. The id is the file and the row's number. The other boxes of
     the picture in the same file are its elements.
 
-    Coordinates: decided for the whole file, see `boxes`. If the rows leave several forms, the set's
+    Coordinates: decided for the whole file, see `box_forms`. If rows leave several forms, the set's
     own layout counts: x, y, width, height in pixels (ScreenSpot, OSWorld-G), two corners in pixels
     (ScreenSpot-Pro, UI-Vision, GroundCUA), two corners in fractions (OS-Atlas, MMBench-GUI).
     """

@@ -79,14 +79,14 @@ class Parquet(FileReader):
       trajectory; the messages are JSON text or a list. An image is shown by a part of type `image`
       (with its `index`, or the next one) or by `<image>` in the text. A reply with `tool_calls` is
       a step, its first action that does something; so is a reply in one of the languages of
-      `replies`, and the last reply of a row with tool calls (`"done"`).
+      `model_replies`, and the last reply of a row with tool calls (`"done"`).
     - `image, bbox, instruction` (ScreenSpot): a row is a trajectory of one click at the middle of
       the box.
     - `annotation_id, action_uid, operation, pos_candidates, screenshot` (Multimodal-Mind2Web), see
       `mind2web`.
     - `event_name, data_json, data_images, trajectory_id` (traces of cua-bench), and `episode_id,
       step_idx, image, instruction, action_type, click_type` (TESS-AgentNet): rows of one trajectory
-      follow each other, see `events`.
+      follow each other, see `event_traces`.
 
     Rows are read one at a time. The id is `task_id`, or else the file and the row's number. The
     domain is `domain`, the `platform` in `metadata`, or `data_source`: `desktop`, `mobile`, `ios`,
@@ -95,7 +95,7 @@ class Parquet(FileReader):
     Coordinates: pixels of the screenshot in trajectories and in code; 0..1000 of the picture in
     `tool_calls`; text of Qwen-VL and UI-TARS needs the choice `coordinates`, unless the prompt
     states the resolution. What the numbers of a `bbox` are is decided for the whole table, see
-    `boxes`.
+    `box_forms`.
     """
 
     choices: ReaderOptions = NO_CHOICES
