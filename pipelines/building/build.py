@@ -67,25 +67,29 @@ def build(
       out of range, or an unknown corruption, reader, engine or platform.
     * `MissingDependencyError`: pyarrow, isal or Ray is not installed.
     """
-    asked = replace(options or BuildOptions(), **overrides)
+    requested = replace(options or BuildOptions(), **overrides)
     pyarrow()
-    engine = get_engine(asked.engine, asked.ray_address)
-    asked.check()
-    if asked.resume:
+    engine = get_engine(requested.engine, requested.ray_address)
+    requested.check()
+    if requested.resume:
         check_loaded(parameters_in(Path(out)), os.fspath(out))
-    plan = _planned(source, Path(out), asked)
-    items, steps = read_items(plan.sources, asked.limit, count=asked.progress is not None)
-    meter = _Meter(asked.progress, plan.settings.variants, steps)
-    if asked.dry_run:
+    plan = _planned(source, Path(out), requested)
+    items, steps = read_items(plan.sources, requested.limit, count=requested.progress is not None)
+    meter = _Meter(requested.progress, plan.settings.variants, steps)
+    if requested.dry_run:
         return plan.tried(items, meter)
     return plan.built(items, meter, engine)
 
 
-def _planned(source: PathLike | Sequence[PathLike], out: Path, asked: BuildOptions) -> "_BuildPlan":
+def _planned(
+    source: PathLike | Sequence[PathLike], out: Path, requested: BuildOptions
+) -> "_BuildPlan":
     """Open the sources and check everything that can be checked before records are read."""
-    choices = ReaderOptions(asked.coordinates, asked.boxes, asked.episode_key)
-    sources = Sources.open(source, asked.format, choices, apps=asked.apps, platform=asked.platform)
-    options = asked.resolved()
+    choices = ReaderOptions(requested.coordinates, requested.boxes, requested.episode_key)
+    sources = Sources.open(
+        source, requested.format, choices, apps=requested.apps, platform=requested.platform
+    )
+    options = requested.resolved()
     settings, notes = make_settings(options)
     splits = choose_splits(options.splits)
     for path in sources.paths:

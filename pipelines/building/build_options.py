@@ -140,14 +140,14 @@ class BuildOptions:
         Raises `ConfigError` for a mistake in the configuration, and `BuildError` if the corruptions
         name the clean rows but `clean` is false.
         """
-        found = _config_values(self.config)
-        named = self._names_clean()
-        values = {name: found.get(name, default) for name, default in DEFAULTS.items()}
+        configured = _config_values(self.config)
+        names_clean = self._names_clean()
+        values = {name: configured.get(name, default) for name, default in DEFAULTS.items()}
         for name in DEFAULTS:
-            given = getattr(self, name)
-            if given is not None:
-                values[name] = given
-        if named:
+            value = getattr(self, name)
+            if value is not None:
+                values[name] = value
+        if names_clean:
             values["clean"] = True
         return replace(self, **values)
 
@@ -155,13 +155,13 @@ class BuildOptions:
         text = self.corruptions
         if not isinstance(text, str) or text.strip() in (ALL, VISUAL):
             return False
-        named = parse(text).clean
-        if named and self.clean is False:
+        names_clean = parse(text).clean
+        if names_clean and self.clean is False:
             raise BuildError(
                 "corruptions name 'clean', and --no-clean (in Python: clean=False) leaves those"
                 " rows out"
             )
-        return named
+        return names_clean
 
 
 class BuildKeywords(TypedDict, total=False):
@@ -201,7 +201,7 @@ def with_options(function: F) -> F:
     """
     signature = inspect.signature(function)
     hints = get_type_hints(BuildOptions)
-    shown = [
+    parameters = [
         parameter
         for parameter in signature.parameters.values()
         if parameter.kind is not inspect.Parameter.VAR_KEYWORD
@@ -210,8 +210,8 @@ def with_options(function: F) -> F:
         kind = inspect.Parameter.KEYWORD_ONLY
         hint = hints[option.name]
         parameter = inspect.Parameter(option.name, kind, default=option.default, annotation=hint)
-        shown.append(parameter)
-    cast("Any", function).__signature__ = signature.replace(parameters=shown)
+        parameters.append(parameter)
+    cast("Any", function).__signature__ = signature.replace(parameters=parameters)
     return function
 
 

@@ -67,17 +67,19 @@ def _is_filled(folder: Path) -> bool:
     return False
 
 
-def _check(folder: Path, shown: Path) -> None:
+def _check(folder: Path, reported: Path) -> None:
     # the folder may contain only an AgentHijack dataset, finished or not
-    found = {entry.name for entry in folder.iterdir()}
-    if not found & {MANIFEST, STATE}:
-        raise BuildError(f"{shown}: is not a dataset of ours, so --overwrite does not replace it")
-    names = os.listdir(folder / DATA) if DATA in found else []
-    others = sorted(found - _DATASET_FILES) + [
+    names_present = {entry.name for entry in folder.iterdir()}
+    if not names_present & {MANIFEST, STATE}:
+        raise BuildError(
+            f"{reported}: is not a dataset of ours, so --overwrite does not replace it"
+        )
+    names = os.listdir(folder / DATA) if DATA in names_present else []
+    foreign_names = sorted(names_present - _DATASET_FILES) + [
         f"{DATA}/{n}" for n in sorted(names) if not _SHARD.fullmatch(n)
     ]
-    if others:
-        what = ", ".join(others[:3])
+    if foreign_names:
+        examples = ", ".join(foreign_names[:3])
         raise BuildError(
-            f"{shown}: holds files that are no part of the dataset ({what}); move them away"
+            f"{reported}: holds files that are no part of the dataset ({examples}); move them away"
         )

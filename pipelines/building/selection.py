@@ -36,12 +36,12 @@ def select(corruptions: Mapping[str, Planner] | str) -> dict[str, Planner]:
             "corruptions must be names or a mapping from labels to corruptions, got"
             f" {corruptions!r:.80}"
         )
-    chosen = _named(corruptions) if isinstance(corruptions, str) else dict(corruptions)
-    for label, planner in chosen.items():
+    planners = _named(corruptions) if isinstance(corruptions, str) else dict(corruptions)
+    for label, planner in planners.items():
         _check_label(label)
         _check_planner(label, planner)
         _check_effects(planner)
-    return chosen
+    return planners
 
 
 def needs_boxes(planner: Planner) -> bool:

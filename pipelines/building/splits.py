@@ -24,9 +24,9 @@ class Splits:
     """Shares of the episodes by split; without shares, all of them are in `train`."""
 
     def __init__(self, shares: Mapping[str, float] | None = None) -> None:
-        given = shares or {}
+        requested = shares or {}
         # in their fixed order, without shares of 0
-        self.shares = {name: given[name] for name in NAMES if given.get(name)}
+        self.shares = {name: requested[name] for name in NAMES if requested.get(name)}
 
     @property
     def names(self) -> list[str]:
@@ -98,10 +98,10 @@ def _parsed(text: str) -> dict[str, float]:
 def _parsed_share(part: str) -> tuple[str, float]:
     name, sign, share = part.partition("=")
     example = "NAME=SHARE, such as train=0.9,test=0.1"
-    wrong = ParameterError(f"splits: {part.strip()!r} must be {example}")
+    error = ParameterError(f"splits: {part.strip()!r} must be {example}")
     if not sign:
-        raise wrong
+        raise error
     try:
         return name.strip(), float(share)
     except ValueError:
-        raise wrong from None
+        raise error from None

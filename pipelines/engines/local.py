@@ -85,8 +85,8 @@ def _bounded(
     """Keep at most `limit` tasks in flight; yield each with its result when it is done."""
     pending = {submit(task): task for task in islice(tasks, limit)}
     while pending:
-        done, _ = wait(pending, return_when=FIRST_COMPLETED)
-        for future in done:
+        finished, _ = wait(pending, return_when=FIRST_COMPLETED)
+        for future in finished:
             yield pending.pop(future), future.result()
             pending.update((submit(task), task) for task in islice(tasks, 1))
 

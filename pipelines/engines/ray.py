@@ -119,27 +119,27 @@ def _made(ray: Any, wave: list[ShardTask], job: ShardJob, workers: int) -> Gener
         raise BuildError(_failure(ray, error)) from None
 
 
-def _record(made: ShardRecord | HijackError, node: str, out: Path) -> ShardRecord:
+def _record(result: ShardRecord | HijackError, node: str, out: Path) -> ShardRecord:
     # returns the record of a shard after its file is visible on this machine
-    if isinstance(made, HijackError):
-        raise made
-    file = out / made.file
-    if not wait_until(lambda: file.is_file() and file.stat().st_size == made.bytes):
+    if isinstance(result, HijackError):
+        raise result
+    file = out / result.file
+    if not wait_until(lambda: file.is_file() and file.stat().st_size == result.bytes):
         raise BuildError(
             f"{file}: the node {node} wrote this file, but it is not here; the output must lie in a"
             f" folder that all nodes share under one path ({GUIDE})"
         )
-    return made
+    return result
 
 
 def _failure(ray: Any, error: BaseException) -> str:
     text = str(error).partition("\n\nThe above exception")[0].strip() or type(error).__name__
     reason = text.splitlines()[-1]
     if isinstance(error, ray.exceptions.RayTaskError):
-        what = f"a worker failed with an error ({reason})"
+        failure = f"a worker failed with an error ({reason})"
     else:
-        what = (
+        failure = (
             f"a shard was given up after {RETRIES + 1} workers died over it"
             f" ({type(error).__name__}: {reason})"
         )
-    return f"{what}; finished shards are kept: build again with {RESUME}"
+    return f"{failure}; finished shards are kept: build again with {RESUME}"

@@ -116,8 +116,8 @@ def _quiet() -> Generator[None]:
     """Suppress Ray's log lines, and keep its messages on dead processes off standard output."""
     loggers = [logging.getLogger(name) for name in ("ray", "ray.data")]
     levels = [logger.level for logger in loggers]
-    added = {name: value for name, value in ENVIRONMENT.items() if name not in os.environ}
-    os.environ.update(added)
+    added_variables = {name: value for name, value in ENVIRONMENT.items() if name not in os.environ}
+    os.environ.update(added_variables)
     for logger in loggers:
         logger.setLevel(logging.CRITICAL)
     try:
@@ -126,7 +126,7 @@ def _quiet() -> Generator[None]:
     finally:
         for logger, level in zip(loggers, levels, strict=True):
             logger.setLevel(level)
-        for name in added:
+        for name in added_variables:
             os.environ.pop(name, None)
 
 

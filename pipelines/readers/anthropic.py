@@ -85,9 +85,9 @@ class _EntryReader:
             _result(talk, entry, pointer, part)
 
     def _use(self, talk: Conversation, part: JsonObject) -> None:
-        given = fields.mapping(part.get("input"), "input")
+        arguments = fields.mapping(part.get("input"), "input")
         name = part.get("name")
-        action = given if name == TOOL else {"action": name, **given}
+        action = arguments if name == TOOL else {"action": name, **arguments}
         kind = action.get("action")
         if kind == "zoom":
             self.zooms.add(str(part.get("id")))

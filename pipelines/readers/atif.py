@@ -112,7 +112,9 @@ class _Document:
         try:
             record = parse_file(inside(self.root, name, ""))
             steps = fields.mappings(fields.items(record, "steps"), "steps")
-            own = fields.text(record, "trajectory_id", default="") or os.path.splitext(name)[0]
+            trajectory_id = (
+                fields.text(record, "trajectory_id", default="") or os.path.splitext(name)[0]
+            )
             domain = fields.text(_export_record(record), "domain", default="")
         except FieldError as error:
             yield Rejected(name, "", error.field, error.reason)
@@ -132,7 +134,7 @@ class _Document:
         elif not self.instruction:
             yield Rejected(name, "", "instruction", "no message of the user holds text")
         elif self.steps:
-            yield Trajectory(own, Atif.name, self.instruction, tuple(self.steps), domain)
+            yield Trajectory(trajectory_id, Atif.name, self.instruction, tuple(self.steps), domain)
 
     def _take(self, step: JsonObject, index: int) -> Iterator[FieldError]:
         if step.get("is_copied_context"):
@@ -151,8 +153,8 @@ class _Document:
         if any(_kind(_arguments(call)) == _CROPPED for call in calls):
             return  # a part of the screen
         observation: Any = step.get("observation")
-        shown = observation.get("results") if isinstance(observation, dict) else None
-        for result in fields.objects(shown):
+        results = observation.get("results") if isinstance(observation, dict) else None
+        for result in fields.objects(results):
             try:
                 self._look(result.get("content"))
             except FieldError as error:
@@ -193,12 +195,12 @@ class _Document:
         image, why = self.image, self.why
         self.image, self.why = "", _STALE
         if name not in _TOOLS:
-            known = ", ".join(_TOOLS)
-            reason = f"{name!r} does not say what its coordinates count; known tools: {known}"
+            tools = ", ".join(_TOOLS)
+            reason = f"{name!r} does not say what its coordinates count; known tools: {tools}"
             raise FieldError("tool_calls.function_name", reason)
-        ours = _export_record(step)
-        if ours.get("corruption", "clean") != "clean":
-            reason = f"{fields.shown(ours['corruption'])}: the picture is corrupted, not clean"
+        export = _export_record(step)
+        if export.get("corruption", "clean") != "clean":
+            reason = f"{fields.shown(export['corruption'])}: the picture is corrupted, not clean"
             raise FieldError("extra.corruption", reason)
         if not image:
             raise FieldError("screenshot", why)
@@ -231,14 +233,14 @@ def _step(
 
 def _exported(step: JsonObject, arguments: JsonObject, image: str, size: Size, index: int) -> Step:
     """Return a step of our own export, whose message is the action in its dialect."""
-    ours = _export_record(step)
-    dialect = ours.get("dialect")
+    export = _export_record(step)
+    dialect = export.get("dialect")
     code = fields.text(step, "message", default="") if dialect in DIALECTS else ""
     target: Box | None = None
-    if ours.get("target_box") is not None:
-        (target,) = fields.boxes([ours["target_box"]], size, "target_box")
+    if export.get("target_box") is not None:
+        (target,) = fields.boxes([export["target_box"]], size, "target_box")
     return RecordedStep(
-        index=fields.step_number(ours, "step") if "step" in ours else index,
+        index=fields.step_number(export, "step") if "step" in export else index,
         image=image,
         action=fields.action(arguments, size),
         action_code=code,

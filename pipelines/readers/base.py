@@ -212,11 +212,11 @@ def check_path(path: str | os.PathLike[str]) -> Path:
     """
     try:
         source = Path(path)
-        there = source.is_file() or source.is_dir()
+        exists = source.is_file() or source.is_dir()
     except (OSError, ValueError):
-        there = False
+        exists = False
         source = Path()
-    if not there:
+    if not exists:
         raise SourceError(
             f"{os.fspath(path)!r}: no such file or folder; give a recording (formats:"
             f" {', '.join(names())})"

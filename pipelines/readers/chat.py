@@ -72,8 +72,8 @@ class Chat(FileReader):
         is_empty = True
         for row in json_rows(file):
             is_empty = False
-            found = _Row(file, root, self.choices, row)
-            for item in ids.unique(found.trajectory()):
+            chat_row = _Row(file, root, self.choices, row)
+            for item in ids.unique(chat_row.trajectory()):
                 if isinstance(item, Trajectory):
                     yield item
                 else:
@@ -129,10 +129,12 @@ class _Row:
             yield self._made(talk, record)
 
     def _made(self, talk: ChatTurns, record: JsonObject) -> Trajectory:
-        own = record.get("id")
+        row_id = record.get("id")
         stem = os.path.splitext(relative_name(self.file, self.root))[0]
         name = (
-            str(own) if isinstance(own, str | int) and str(own) else f"{stem}/{self.row.number:06d}"
+            str(row_id)
+            if isinstance(row_id, str | int) and str(row_id)
+            else f"{stem}/{self.row.number:06d}"
         )
         steps = list(talk.steps)
         target: object = record.get("target_box")

@@ -101,11 +101,11 @@ class Conversation:
         """
         self.actions += 1
         image = self.image
-        why = self.why
+        reason = self.why
         self.image = ""
         self.why = "no screenshot was taken between this action and the one before"
         if not image:
-            raise FieldError("screenshot", why)
+            raise FieldError("screenshot", reason)
         action = first_action(raw, dialect, self.size, where)
         text = raw_action_text(raw if code is None else code, where)
         self.steps.append(RecordedStep(self.actions, image, action, text, dialect=dialect))
@@ -145,16 +145,16 @@ def read_logs(path: Source, source: str, take: ReadEntry) -> Iterator[Trajectory
         take: handles an entry, and yields the errors in it.
     """
     root = source_root(path)
-    seen: set[str] = set()
+    ids: set[str] = set()
     for file in files_below(path):
         if isinstance(file, Rejected):
             yield file
         elif is_json(file):
-            yield from _conversation(Conversation(file, root, source), take, seen)
+            yield from _conversation(Conversation(file, root, source), take, ids)
 
 
 def _conversation(
-    talk: Conversation, take: ReadEntry, seen: set[str]
+    talk: Conversation, take: ReadEntry, ids: set[str]
 ) -> Iterator[Trajectory | Rejected]:
     file = relative_name(talk.file, talk.root)
     name = os.path.splitext(file)[0]
@@ -166,9 +166,9 @@ def _conversation(
                 continue
             for error in _taken(talk, entry, take):
                 yield Rejected(file, entry.where, error.field, error.reason)
-        if name in seen:
+        if name in ids:
             raise FieldError("id", f"{name!r} was there before, in a file with another suffix")
-        seen.add(name)
+        ids.add(name)
         yield from talk.trajectory(name)
     except FieldError as error:
         yield Rejected(file, "", error.field, error.reason)
@@ -193,11 +193,11 @@ def entries(file: Path) -> Iterator[LogEntry | Rejected]:
     """
     if file.suffix == ".jsonl":
         for line in lines(file):
-            where = f"line {line.number}"
+            place = f"line {line.number}"
             try:
-                yield from _spread(line.record(), where, line.offset, ())
+                yield from _spread(line.record(), place, line.offset, ())
             except FieldError as error:
-                yield Rejected("", where, error.field, error.reason)
+                yield Rejected("", place, error.field, error.reason)
         return
     data = parse_any(file)
     if isinstance(data, list):

@@ -133,9 +133,11 @@ class CuaBenchTrace(StepRows):
             if action.get("type") == "screenshot":
                 continue
             image, size = self._shown(screen)
-            said = first_action(action, OPENAI, size, "data_json.output")
+            parsed_action = first_action(action, OPENAI, size, "data_json.output")
             code = raw_action_text(action, "data_json.output")
-            self.steps.append(RecordedStep(self.actions, image, said, code, dialect=OPENAI))
+            self.steps.append(
+                RecordedStep(self.actions, image, parsed_action, code, dialect=OPENAI)
+            )
             return
 
     def _shown(self, screen: tuple[str, Size] | None) -> tuple[str, Size]:
@@ -190,8 +192,10 @@ def _python_call(value: object) -> tuple[str, dict[str, Any]]:
     try:
         call = ast.parse(value.strip(), mode="eval").body
         if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and not call.args:
-            given = {str(one.arg): ast.literal_eval(one.value) for one in call.keywords}
-            return call.func.id, given
+            arguments = {
+                str(keyword.arg): ast.literal_eval(keyword.value) for keyword in call.keywords
+            }
+            return call.func.id, arguments
     except (SyntaxError, MemoryError, RecursionError, TypeError):
         pass
     raise ValueError(value)
@@ -211,19 +215,19 @@ def _description(task: object) -> str:
 def _python_action(value: object) -> tuple[Action, str]:
     """Return an action, as Python writes the object, and that text; raises `FieldError`."""
     try:
-        name, given = _python_call(value)
-        return _action(name, given), fields.storable(str(value), "data_json.action")
+        name, arguments = _python_call(value)
+        return _action(name, arguments), fields.storable(str(value), "data_json.action")
     except FieldError:
         raise
     except (HijackError, ValueError) as error:
         reason = f"{fields.shown(value)} is not an action of cua-bench"
-        said = str(error) if isinstance(error, ActionError) else reason
-        raise FieldError("data_json.action", said) from None
+        detail = str(error) if isinstance(error, ActionError) else reason
+        raise FieldError("data_json.action", detail) from None
 
 
-def _action(name: str, given: dict[str, Any]) -> Action:
+def _action(name: str, arguments: dict[str, Any]) -> Action:
     def place(x: str, y: str) -> tuple[int, int]:
-        return round(number(given.get(x), x)), round(number(given.get(y), y))
+        return round(number(arguments.get(x), x)), round(number(arguments.get(y), y))
 
     if name in _POINTER_ACTIONS:
         return at(_POINTER_ACTIONS[name], place("x", "y"))
@@ -232,13 +236,13 @@ def _action(name: str, given: dict[str, Any]) -> Action:
             x2, y2 = place("to_x", "to_y")
             return at("drag", place("from_x", "from_y"), x2=x2, y2=y2)
         case "TypeAction":
-            return Action("type", text=fields.text(given, "text", default=""))
+            return Action("type", text=fields.text(arguments, "text", default=""))
         case "KeyAction":
-            return Action("hotkey", keys=key_names(given.get("key"), "key"))
+            return Action("hotkey", keys=key_names(arguments.get("key"), "key"))
         case "HotkeyAction":
-            return Action("hotkey", keys=key_names(given.get("keys"), "keys"))
+            return Action("hotkey", keys=key_names(arguments.get("keys"), "keys"))
         case "WaitAction":
-            return Action("wait", amount=number(given.get("seconds", 1.0), "seconds"))
+            return Action("wait", amount=number(arguments.get("seconds", 1.0), "seconds"))
         case "DoneAction":
             return Action("done")
         case "ScrollAction":

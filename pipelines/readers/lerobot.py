@@ -134,8 +134,8 @@ class _Set:
             return
         name = f"{folder_id(self.home, self.root)}/{self.episode:06d}"
         if not instruction:
-            where = f"episode {self.episode}"
-            yield Rejected(f"{META}/{_TASKS}", where, "task", "not recorded, left empty")
+            place = f"episode {self.episode}"
+            yield Rejected(f"{META}/{_TASKS}", place, "task", "not recorded, left empty")
         yield Trajectory(name, LeRobot.name, instruction, steps)
 
 
@@ -155,7 +155,9 @@ def _picture_column(info: JsonObject) -> str:
         )
         raise FieldError(f"features.{ACTION}", reason)
     kinds: dict[str, Any] = {
-        name: one.get("dtype") for name, one in features.items() if isinstance(one, dict)
+        name: feature.get("dtype")
+        for name, feature in features.items()
+        if isinstance(feature, dict)
     }
     pictures = [name for name, kind in kinds.items() if kind in ("image", "video")]
     if len(pictures) != 1:
@@ -177,12 +179,12 @@ def _tasks(file: Path) -> dict[object, str]:
     table = open_parquet(file)
     names = table.schema_arrow.names
     text = next((name for name in _TASK_COLUMNS if name in names), None)
-    found: dict[object, str] = {}
+    tasks: dict[object, str] = {}
     if text is None or "task_index" not in names:
-        return found
+        return tasks
     for group in range(table.num_row_groups):
         for record in GroupRows(table, group, ["task_index", text]):
             if not isinstance(record, FieldError):
-                found[record["task_index"]] = fields.text(record, text, "task", default="")
+                tasks[record["task_index"]] = fields.text(record, text, "task", default="")
     table.close()
-    return found
+    return tasks

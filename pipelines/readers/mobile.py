@@ -42,24 +42,24 @@ class _Phone(FileReader, ABC):
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of the files."""
         root = source_root(path)
-        seen: set[str] = set()
+        ids: set[str] = set()
         for file in files_below(path):
             if isinstance(file, Rejected):
                 yield file
             elif file.suffix == ".json":
-                yield from self._episode(file, root, seen)
+                yield from self._episode(file, root, ids)
             elif FileHead(file).is_named(_TFRECORDS):
                 yield Rejected(relative_name(file, root), "", "", _WAY_OUT)
 
-    def _episode(self, file: Path, root: Path, seen: set[str]) -> Iterator[Trajectory | Rejected]:
+    def _episode(self, file: Path, root: Path, ids: set[str]) -> Iterator[Trajectory | Rejected]:
         name = relative_name(file, root)
         steps: list[Step] = []
         try:
             record = parse_file(inside(root, name, ""))
-            own, instruction, apps = self.about(record)
-            if own in seen:
-                raise FieldError("episode_id", f"{own!r} was there before")
-            seen.add(own)
+            episode, instruction, apps = self.about(record)
+            if episode in ids:
+                raise FieldError("episode_id", f"{episode!r} was there before")
+            ids.add(episode)
             entries = self.entries(record)
             if not entries:
                 raise FieldError("", "holds no step")
@@ -74,7 +74,7 @@ class _Phone(FileReader, ABC):
                 yield Rejected(name, f"step {index}", error.field, error.reason)
         if steps:
             yield RecordedTrajectory(
-                id=own,
+                id=episode,
                 source=self.name,
                 instruction=instruction,
                 steps=tuple(steps),
@@ -196,13 +196,13 @@ class AndroidControl(_Phone):
 
     def about(self, record: JsonObject) -> tuple[str, str, tuple[str, ...]]:
         """Return the id, the instruction and the apps. Raises `FieldError`."""
-        given = record.get("episode_id")
-        if isinstance(given, bool) or not isinstance(given, str | int) or not str(given):
-            raise FieldTypeError("episode_id", "a number or a name", given)
+        episode = record.get("episode_id")
+        if isinstance(episode, bool) or not isinstance(episode, str | int) or not str(episode):
+            raise FieldTypeError("episode_id", "a number or a name", episode)
         actions = fields.objects(fields.items(record, "actions"))
-        opened = [action.get("app_name") for action in actions]
-        name = fields.storable(str(given), "episode_id")
-        return name, fields.text(record, "goal"), fields.strings(opened)
+        app_names = [action.get("app_name") for action in actions]
+        name = fields.storable(str(episode), "episode_id")
+        return name, fields.text(record, "goal"), fields.strings(app_names)
 
     def entries(self, record: JsonObject) -> list[_Entry]:
         """Return the steps in order. Raises `FieldError`."""

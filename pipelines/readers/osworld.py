@@ -146,12 +146,12 @@ class _Episode(EpisodeFolder):
             return
         self.actions += 1
         screen = self.screen
-        why = self.why
+        reason = self.why
         self._advance(record)
         if self._observed(record):
             raise FieldError("screenshot_file", _OBSERVED)
         if not screen:
-            raise FieldError("screenshot_file", why)
+            raise FieldError("screenshot_file", reason)
         self.steps.append(self._step(record, screen))
 
     def _step(self, record: JsonObject, screen: str) -> Step:

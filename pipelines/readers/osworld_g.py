@@ -68,8 +68,8 @@ def _polygon(record: JsonObject, size: Size) -> GroundingTarget:
     box = box_in((PIXELS, XYXY), edges, size, _WHERE)
     x, y = _inner(corners)
     action = Action("click", min(x, size[1] - 1), min(y, size[0] - 1))
-    more = {OUTLINE: [list(corner) for corner in corners]}
-    return GroundingTarget(action=action, box=box, more=more)
+    extra = {OUTLINE: [list(corner) for corner in corners]}
+    return GroundingTarget(action=action, box=box, more=extra)
 
 
 def _corners(values: Sequence[Any]) -> Corners:

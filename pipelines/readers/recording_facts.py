@@ -49,11 +49,11 @@ class RecordedTrajectory(Trajectory):
     episode: str | None = None
 
     def __post_init__(self) -> None:
-        known = get_args(ScreenKind)
-        if self.screen is not None and self.screen not in known:
+        kinds = get_args(ScreenKind)
+        if self.screen is not None and self.screen not in kinds:
             raise ParameterError(
                 f"trajectory {self.id!r}: unknown screen"
-                f" {self.screen!r}{suggest(self.screen, known)}"
+                f" {self.screen!r}{suggest(self.screen, kinds)}"
             )
 
 

@@ -244,20 +244,20 @@ def first_records(path: Path) -> list[JsonObject]:
 
     An archive has none, though the lines of a file in it may lie there uncompressed.
     """
-    found: list[JsonObject] = []
+    records: list[JsonObject] = []
     if unpack_command(path):
-        return found
+        return records
     try:
         for line in islice(lines(path), MAX_HEAD_RECORDS):
             if line.data is None or line.offset > MAX_RECORD_BYTES:
                 break
             try:
-                found.append(line.record(unique=False))
+                records.append(line.record(unique=False))
             except FieldError:
                 continue
     except OSError:
         return []
-    return found
+    return records
 
 
 def unpack_command(path: Path) -> str:
@@ -352,9 +352,9 @@ def walk(path: Path, *, pictures: bool = False) -> Iterator[Path | tuple[Path, s
             elif Path(folder, name).is_symlink():
                 yield Path(folder, name), "a link to a folder, which is not followed"
         for name in sorted(files):
-            found = _check_file(Path(folder, name), root)
-            if isinstance(found, Path) or pictures or not is_picture(found[0]):
-                yield found
+            item = _check_file(Path(folder, name), root)
+            if isinstance(item, Path) or pictures or not is_picture(item[0]):
+                yield item
     for error in closed:
         yield Path(os.fspath(error.filename)), f"cannot be entered ({error.strerror})"
 
