@@ -220,7 +220,11 @@ class Sources:
 
 
 def _refuse_dataset(path: Path) -> None:
-    """Raise `SourceError` if a folder is a dataset of ours, whose rows are corrupted already."""
+    """Refuse a dataset of ours as a source: its rows are corrupted already.
+
+    Raises:
+        SourceError: the folder is such a dataset.
+    """
     if holds_build(path):
         raise SourceError(
             f"{path}: is a dataset that hijack build wrote, not recordings; hijack stats and hijack"

@@ -195,7 +195,11 @@ def _packed(folder: Path) -> bool:
 
 
 def _action(code: str, size: Size, field: str) -> tuple[Action, str]:
-    """Return the action, and its code, in pixels of the screenshot."""
+    """Return the action, and its code, in pixels of the screenshot.
+
+    Raises:
+        FieldError: the code is not an action, or points outside the screenshot.
+    """
     try:
         action = parse_pyautogui(code, size, normalized=True)
         pixels = scale_normalized(code, size)

@@ -100,7 +100,11 @@ def _step(record: JsonObject, file: Path, root: Path) -> Step:
 
 
 def _action(record: JsonObject, size: Size) -> Action:
-    """Return the action of a step, in pixels; raises `HijackError`."""
+    """Return the action of a step, in pixels.
+
+    Raises:
+        FieldError: the step is no action of AITZ.
+    """
     kind = record.get("result_action_type")
     if kind in (_LONG_PRESS, _GESTURE):
         touch, lift = (_point(record, f"result_{end}_yx") for end in ("touch", "lift"))
@@ -124,7 +128,11 @@ def _action(record: JsonObject, size: Size) -> Action:
 
 
 def _point(record: JsonObject, key: str) -> tuple[float, float]:
-    """Return x and y of a point that is recorded as y, x, in JSON text or as a list."""
+    """Return x and y of a point that is recorded as y, x, in JSON text or as a list.
+
+    Raises:
+        FieldError: the value is not two numbers.
+    """
     value = fields.items({key: parse_embedded(record.get(key), key)}, key)
     if len(value) != 2:
         raise FieldError(key, f"must be y and x, got {fields.shown(value)}")

@@ -168,7 +168,11 @@ class _Document:
                 self.instruction = fields.storable(text.strip(), "message")
 
     def _look(self, content: object) -> None:
-        """Take the last picture of a content as the screen."""
+        """Take the last picture of a content as the screen.
+
+        Raises:
+            FieldError: the picture is on the web, or cannot be read.
+        """
         for part in fields.objects(content):
             if part.get("type") != "image":
                 continue
@@ -186,7 +190,11 @@ class _Document:
             self.image = os.fspath(path)
 
     def _act(self, step: JsonObject, call: JsonObject, index: int) -> bool:
-        """Add the action of a call; return whether it is one, and not a look at the screen."""
+        """Add the action of a call; return whether it is one, and not a look at the screen.
+
+        Raises:
+            FieldError: the tool is not known, or its screen is corrupted.
+        """
         name = fields.text(call, "function_name", "tool_calls.function_name")
         arguments = _arguments(call)
         if name in (COMPUTER, HARBOR) and _kind(arguments) in _LOOKING_TOOLS:
@@ -250,7 +258,11 @@ def _exported(step: JsonObject, arguments: JsonObject, image: str, size: Size, i
 
 
 def _harbor_action(arguments: JsonObject) -> Action:
-    """Return an action of Harbor's computer-1; raises `ActionError` for one that is not known."""
+    """Return an action of Harbor's computer-1.
+
+    Raises:
+        ActionError: the action is not known.
+    """
     kind = arguments.get("type")
     place = None
     if arguments.get("x") is not None:

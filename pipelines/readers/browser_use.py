@@ -116,7 +116,11 @@ def _first_action(entry: JsonObject) -> tuple[str, JsonObject, object] | None:
 
 
 def _screen(entry: JsonObject, index: int, file: Path, root: Path) -> tuple[str, Size]:
-    """Return the picture of an entry, and its (height, width)."""
+    """Return the picture of an entry, and its (height, width).
+
+    Raises:
+        FieldError: the screenshot is a placeholder, or cannot be read.
+    """
     state = fields.mapping(entry.get("state"), "state")
     if state.get("screenshot"):
         image = in_json(file, None, ("history", index, "state", "screenshot"))
@@ -130,7 +134,11 @@ def _screen(entry: JsonObject, index: int, file: Path, root: Path) -> tuple[str,
 
 
 def _file(value: str, file: Path, root: Path) -> Path:
-    """Return a screenshot by its name, since its path is that of the machine that recorded it."""
+    """Return a screenshot by its name, since its path is that of the machine that recorded it.
+
+    Raises:
+        FieldError: no such file is in the source.
+    """
     name = value.replace("\\", "/").rpartition("/")[2]
     folder_name = relative_name(file.parent, root)
     for folder in _SCREENSHOTS:

@@ -108,7 +108,11 @@ class _Row:
         return picture_at(value, self.file, self.root, field)
 
     def trajectory(self) -> Iterator[Trajectory | FieldError]:
-        """Yield what is broken, and the trajectory. Raises `FieldError`."""
+        """Yield what is broken, and the trajectory.
+
+        Raises:
+            FieldError: the row names no picture, or its picture is corrupted.
+        """
         record = self.row.record
         _check_clean(record)
         key = "messages" if "messages" in record else "conversations"
@@ -154,7 +158,11 @@ class _Row:
 
 
 def _check_clean(record: JsonObject) -> None:
-    """Refuse a row of our own export whose picture is corrupted. Raises `FieldError`."""
+    """Refuse a row of our own export whose picture is corrupted.
+
+    Raises:
+        FieldError: the picture is corrupted.
+    """
     if all(key in record for key in _EXPORT_COLUMNS) and record["corruption"] != CLEAN:
         raise FieldError(
             "corruption",

@@ -153,7 +153,11 @@ class _Run:
 
 
 def _instruction(metadata: JsonObject) -> str:
-    """Return the first text of the user."""
+    """Return the first text of the user.
+
+    Raises:
+        FieldError: no message of the user holds text.
+    """
     kwargs = fields.mapping(metadata.get("kwargs"), "kwargs")
     for entry in fields.items(kwargs, "messages"):
         message = fields.mapping(entry, "kwargs.messages")

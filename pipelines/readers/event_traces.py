@@ -141,7 +141,11 @@ class CuaBenchTrace(StepRows):
             return
 
     def _shown(self, screen: tuple[str, Size] | None) -> tuple[str, Size]:
-        """Count an action, and return the screen that it was taken on."""
+        """Count an action, and return the screen that it was taken on.
+
+        Raises:
+            FieldError: no screenshot came before the action.
+        """
         self.actions += 1
         if screen is None:
             raise FieldError("data_images", "no screenshot came before this action")
@@ -156,7 +160,11 @@ class TessEpisode(StepRows):
     """
 
     def add(self, row: ParquetRow) -> None:
-        """Take in a step. Raises `FieldError`."""
+        """Take in a step.
+
+        Raises:
+            FieldError: the row is broken.
+        """
         record = row.record
         image, size = row.picture("image")
         index = fields.step_number(record, "step_idx")
@@ -170,7 +178,11 @@ class TessEpisode(StepRows):
 
 
 def _tess_action(record: JsonObject, size: Size) -> Action:
-    """Return the action of a row; raises `HijackError`."""
+    """Return the action of a row.
+
+    Raises:
+        ActionError: the card of the set does not describe the action.
+    """
     kind, click = record.get("action_type"), record.get("click_type")
     if kind == _KEYBOARD:
         text = fields.text(record, "keyboard_text")
@@ -213,7 +225,11 @@ def _description(task: object) -> str:
 
 
 def _python_action(value: object) -> tuple[Action, str]:
-    """Return an action, as Python writes the object, and that text; raises `FieldError`."""
+    """Return an action, as Python writes the object, and that text.
+
+    Raises:
+        FieldError: the value is not an action.
+    """
     try:
         name, arguments = _python_call(value)
         return _action(name, arguments), fields.storable(str(value), "data_json.action")

@@ -148,7 +148,11 @@ def _picture(name: str, file: Path, root: Path) -> tuple[str, Size]:
 
 
 def _action(first: JsonObject, record: JsonObject, size: Size, box: Box | None) -> Action:
-    """Return an action in pixels; raises `HijackError`."""
+    """Return an action in pixels.
+
+    Raises:
+        FieldError: the name is not an action of GUIAct.
+    """
     name = fields.text(first, "name").lower()
     text = fields.text(first, "text", default="")
     has_place = box is not None or first.get("point") is not None
@@ -215,7 +219,11 @@ def _box(element: object, record: JsonObject, size: Size) -> Box | None:
 
 
 def _related(spaces: JsonObject, record: JsonObject, count: int, field: str) -> list[float]:
-    """Return the fractions of a place, after comparing them with its pixels, if it has any."""
+    """Return the fractions of a place, after comparing them with its pixels, if it has any.
+
+    Raises:
+        FieldError: fractions and pixels are two places.
+    """
     related = _numbers(spaces.get("related"), count, f"{field}.related")
     sides: Any = record.get("image_size")
     if spaces.get("absolute") is None or not isinstance(sides, dict):

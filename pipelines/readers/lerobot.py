@@ -140,7 +140,11 @@ class _Set:
 
 
 def _picture_column(info: JsonObject) -> str:
-    """Return the column of the pictures; a set that cannot be read is a `FieldError`."""
+    """Return the column of the pictures.
+
+    Raises:
+        FieldError: the set is of another version, or holds no actions on a screen.
+    """
     version = fields.text(info, "codebase_version")
     if not version.startswith(_VERSION):
         reason = f"is {version!r:.20}: convert the set to v3.0 with lerobot's own script"

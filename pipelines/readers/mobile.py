@@ -148,7 +148,11 @@ class GuiOdyssey(_Phone):
         return [(step.get("screenshot"), step) for step in steps]
 
     def action(self, entry: JsonObject, size: Size) -> Action:
-        """Return what was done, in pixels. Raises `HijackError`."""
+        """Return what was done, in pixels.
+
+        Raises:
+            FieldError: the action is not one of the format.
+        """
         kind = fields.text(entry, "action")
         info = entry.get("info")
         scaling = Scaling.fractions(size, 1000)
@@ -195,7 +199,11 @@ class AndroidControl(_Phone):
     keys = (frozenset({"episode_id", "goal", "actions"}),)
 
     def about(self, record: JsonObject) -> tuple[str, str, tuple[str, ...]]:
-        """Return the id, the instruction and the apps. Raises `FieldError`."""
+        """Return the id, the instruction and the apps.
+
+        Raises:
+            FieldTypeError: the id is neither a number nor a name.
+        """
         episode = record.get("episode_id")
         if isinstance(episode, bool) or not isinstance(episode, str | int) or not str(episode):
             raise FieldTypeError("episode_id", "a number or a name", episode)
@@ -205,7 +213,11 @@ class AndroidControl(_Phone):
         return name, fields.text(record, "goal"), fields.strings(app_names)
 
     def entries(self, record: JsonObject) -> list[_Entry]:
-        """Return the steps in order. Raises `FieldError`."""
+        """Return the steps in order.
+
+        Raises:
+            FieldError: the numbers of pictures and of actions do not fit.
+        """
         pictures = fields.items(record, "screenshots")
         actions = fields.items(record, "actions")
         if len(pictures) - len(actions) not in (0, 1):
@@ -214,7 +226,11 @@ class AndroidControl(_Phone):
         return list(zip(pictures, fields.mappings(actions, "actions"), strict=False))
 
     def action(self, entry: JsonObject, size: Size) -> Action:
-        """Return what was done, in pixels. Raises `HijackError`."""
+        """Return what was done, in pixels.
+
+        Raises:
+            FieldError: the action is not one of the format.
+        """
         kind = fields.text(entry, "action_type")
         match kind:
             case "click" | "long_press" | "type":
@@ -241,7 +257,11 @@ class AndroidControl(_Phone):
 
 
 def _points(value: object, count: int) -> list[tuple[float, float]]:
-    """Return points given as a list of pairs. Raises `HijackError`."""
+    """Return points given as a list of pairs.
+
+    Raises:
+        FieldError: the value is not a list of `count` pairs.
+    """
     listed = cast("list[Any]", value) if isinstance(value, list) else []
     if len(listed) != count or not all(
         isinstance(pair, list) and len(pair) == 2 for pair in listed

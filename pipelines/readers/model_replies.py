@@ -196,7 +196,11 @@ def _last_lines(text: str) -> str:
 
 
 def _scale_cua(text: str, field: str, context: ReplyContext) -> ModelReply:
-    """Read calls such as `click(x=0.5, y=0.5)`: most have pyautogui's names and arguments."""
+    """Read calls such as `click(x=0.5, y=0.5)`: most have pyautogui's names and arguments.
+
+    Raises:
+        FieldError: the reply is not a list of calls.
+    """
     body = _ACTION.findall(text)[-1]
     calls = _calls(body)
     if not calls:

@@ -184,7 +184,12 @@ class _Episode(EpisodeFolder):
 
 
 def _executed(record: JsonObject) -> tuple[Any, str]:
-    """Return the action of a line and its dialect."""
+    """Return the action of a line and its dialect.
+
+    Raises:
+        FieldError: the command is broken.
+        FieldTypeError: the action is neither code, a word nor an object.
+    """
     action: object = record.get("action")
     if isinstance(action, str):
         code = _after_reply(action) if "summary" in record else action
@@ -205,7 +210,11 @@ def _executed(record: JsonObject) -> tuple[Any, str]:
 
 
 def _after_reply(text: str) -> str:
-    """Return the action that the fork writes right after the model's reply."""
+    """Return the action that the fork writes right after the model's reply.
+
+    Raises:
+        FieldError: neither code nor a word follows the reply.
+    """
     for word in _WORDS:
         if text.endswith(word):
             return word
@@ -240,7 +249,11 @@ def _platform(parts: list[str]) -> Platform:
 
 
 def _task(root: Path, folder: Path, domain: str) -> JsonObject:
-    """Return the task's JSON, or an empty mapping if the source does not have it."""
+    """Return the task's JSON, or an empty mapping if the source does not have it.
+
+    Raises:
+        FieldError: the JSON of the task cannot be read.
+    """
     for file in _task_files(root, folder, domain):
         if not file.is_file():
             continue

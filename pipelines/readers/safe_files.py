@@ -138,7 +138,11 @@ def line_at(file: Any, offset: int) -> bytes:
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> JsonObject:
-    """Return a JSON object, refusing repeated keys, of which Python's reader would use the last."""
+    """Return a JSON object without repeated keys, of which Python would use the last.
+
+    Raises:
+        FieldError: a key is repeated.
+    """
     record = dict(pairs)
     if len(record) == len(pairs):
         return record

@@ -91,7 +91,11 @@ def _trajectory(file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
 
 
 def _read(message: object) -> tuple[str, str]:
-    """Return the role and the text of a message."""
+    """Return the role and the text of a message.
+
+    Raises:
+        FieldTypeError: the content is neither text nor a list of parts.
+    """
     record = fields.mapping(message, "")
     role = fields.text(record, "role")
     content: object = record.get("content")
