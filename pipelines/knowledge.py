@@ -78,7 +78,7 @@ class Knowledge:
     entries: tuple[KnowledgeEntry, ...] = ()
     sha256: str | None = None
 
-    def told(
+    def complete(
         self, items: Iterable[Trajectory | Rejected], excluded: list[str] | None = None
     ) -> Iterator[Trajectory | Rejected]:
         """Yield the items with completed trajectories, then a rejection for each unused entry.
@@ -173,8 +173,10 @@ def read_knowledge(
         apps: names of applications, as a sequence or separated by commas.
         platform: one of `hijack_data.types.Platform`.
 
-    Raises `ConfigError`, which names place and remedy, or `SourceError` for a mistake in the file,
-    and `ParameterError` or `ParameterTypeError` for a mistake in the options.
+    Raises:
+        ConfigError: a mistake in the file; the message names place and remedy.
+        ParameterError, ParameterTypeError: a mistake in the options.
+        SourceError: the file cannot be read.
     """
     entries, digest = _sidecar(source_root(source))
     checked_platform = None if platform is None else as_platform(platform, "platform")

@@ -32,20 +32,20 @@ class Sources:
 
     Args:
         paths: absolute paths.
-        given: their names in reports, never absolute paths.
+        names: their names in reports, never absolute paths.
         surveys: the files of each by format.
         choices: the user's choices of coordinates and boxes.
-        told: applications and platform of each source, as the user stated them.
+        knowledge: applications and platform of each source, as the user stated them.
         renamed: number of trajectories so far whose id an earlier source or format has.
         excluded: ids of the trajectories so far to which the option `apps` does not apply, because
             their instruction names another program.
     """
 
     paths: tuple[Path, ...]
-    given: tuple[str, ...]
+    names: tuple[str, ...]
     surveys: tuple[Survey, ...]
     choices: ReaderOptions = NO_CHOICES
-    told: tuple[Knowledge, ...] = ()
+    knowledge: tuple[Knowledge, ...] = ()
     renamed: int = 0
     excluded: list[str] = field(default_factory=list[str])
 
@@ -126,7 +126,7 @@ class Sources:
         self.renamed = 0
         self.excluded.clear()
         for index, files in enumerate(self.surveys):
-            for item in self.told[index].told(files.read(self.choices), self.excluded):
+            for item in self.knowledge[index].complete(files.read(self.choices), self.excluded):
                 if isinstance(item, Rejected):
                     rejected = replace(item, file=self._name(index, item.file))
                     yield SourceItem(files.root, rejected)
@@ -136,9 +136,9 @@ class Sources:
                     return
 
     def knowledge_parameters(self) -> dict[str, Any]:
-        """Return the parameters of `told` in a manifest: options, and the hashes of the files."""
-        parameters = self.told[0].parameters()
-        hashes = [knowledge.sha256 for knowledge in self.told]
+        """Return the parameters of `knowledge` in a manifest: options, and hashes of the files."""
+        parameters = self.knowledge[0].parameters()
+        hashes = [knowledge.sha256 for knowledge in self.knowledge]
         if len(hashes) > 1 and any(hashes):
             stated = parameters.get(RECORDINGS, {})
             parameters = {RECORDINGS: {**stated, "file_sha256": hashes}}

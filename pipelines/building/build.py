@@ -50,22 +50,21 @@ def build(
     Args:
         source: a file or folder of recordings, or a list of them. A folder may hold several
             formats: each file is read by its own reader. If two trajectories have the same id, that
-                of the second is prefixed with the name of its source (or, within one source, of its
-                format).
+            of the second is prefixed with the name of its source (or, within one source, of its
+            format).
         out: the folder to create, outside the source; it must be empty or not exist.
         options: see `BuildOptions`, which describes every option.
         **overrides: the same options as keywords; they override `options`.
 
-    A build fails with:
-
-    * `SourceError`: the source does not exist, is empty, or is of no known format.
-    * `AssetError`: recorded pictures are needed and missing.
-    * `BuildError`: `out` cannot be used, or an option is wrong.
-    * `DatasetError`: `resume` without the file of corruptions that the build used, see
-      `hijack_data.loading`.
-    * `ConfigError`, `ParameterError`, `UnknownNameError`: a mistake in the configuration, a value
-      out of range, or an unknown corruption, reader, engine or platform.
-    * `MissingDependencyError`: pyarrow, isal or Ray is not installed.
+    Raises:
+        AssetError: recorded pictures are needed and missing.
+        BuildError: `out` cannot be used, or an option is wrong.
+        ConfigError, ParameterError, UnknownNameError: a mistake in the configuration, a value out
+            of range, or an unknown corruption, reader, engine or platform.
+        DatasetError: `resume` without the file of corruptions that the build used, see
+            `hijack_data.loading`.
+        MissingDependencyError: pyarrow, isal or Ray is not installed.
+        SourceError: the source does not exist, is empty, or is of no known format.
     """
     requested = replace(options or BuildOptions(), **overrides)
     pyarrow()

@@ -137,8 +137,9 @@ class BuildOptions:
     def resolved(self) -> "BuildOptions":
         """Return the options, completed from the configuration and the defaults.
 
-        Raises `ConfigError` for a mistake in the configuration, and `BuildError` if the corruptions
-        name the clean rows but `clean` is false.
+        Raises:
+            BuildError: the corruptions name the clean rows, but `clean` is false.
+            ConfigError: a mistake in the configuration.
         """
         configured = _config_values(self.config)
         names_clean = self._names_clean()

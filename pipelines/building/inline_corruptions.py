@@ -63,10 +63,11 @@ class NamedPlanners:
 
 
 def parse(text: str) -> NamedPlanners:
-    """Return the corruptions in a line; raises `UnknownNameError` for an unknown name.
+    """Return the corruptions in a line.
 
     Raises:
         BuildError: the line has a mistake; the message names its place.
+        UnknownNameError: no corruption has such a name.
     """
     planners: dict[str, Planner] = {}
     clean = False

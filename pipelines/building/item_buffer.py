@@ -18,7 +18,8 @@ def read_items(
 ) -> tuple[Iterator[SourceItem], int]:
     """Return the items of sources and, if `count`, the number of steps (otherwise 0).
 
-    Raises `SourceError` for an empty source.
+    Raises:
+        SourceError: the source is empty.
     """
     items = sources.read(limit)
     first = next(items, None)

@@ -24,7 +24,9 @@ def replacement_folder(out: Path, overwrite: bool) -> Iterator[Path]:
     The new dataset is built in `.NAME.new` next to the old one. When it is complete, the old one is
     renamed to `.NAME.old`, the new one to `NAME`, and the old one is removed; after a crash between
     the two renames, both are complete under those names. If the build fails, the old one stays.
-    Raises `BuildError` if `out` is not an AgentHijack dataset, or contains other files.
+
+    Raises:
+        BuildError: `out` is not an AgentHijack dataset, or contains other files.
     """
     if not overwrite or not _is_filled(out):
         yield out

@@ -22,14 +22,13 @@ SCOPE = "observation"
 def select(corruptions: Mapping[str, Planner] | str) -> dict[str, Planner]:
     """Return planners by label.
 
-    Passes on `UnknownNameError` (an unknown name).
-
     Args:
         corruptions: a mapping from labels to planners, a line of text (see `inline_corruptions`),
             `ALL` registered corruptions, or the `VISUAL` ones, which change the picture alone.
 
     Raises:
         BuildError: a corruption cannot be built.
+        UnknownNameError: no corruption has such a name.
     """
     if not isinstance(corruptions, str | Mapping):
         raise BuildError(

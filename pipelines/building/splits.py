@@ -65,19 +65,19 @@ class Splits:
         return {"splits": self.shares}
 
 
-def choose_splits(given: str | Mapping[str, float] | None) -> Splits:
+def choose_splits(option: str | Mapping[str, float] | None) -> Splits:
     """Return the splits for the option `splits`.
 
     Args:
-        given: a mapping, or text such as `"train=0.9,test=0.1"`; `None` puts all in `train`.
-            Raises `ParameterError` for text in another form and for shares that do not sum to 1.
+        option: a mapping, or text such as `"train=0.9,test=0.1"`; `None` puts all in `train`.
 
     Raises:
         BuildError: `load_dataset` does not find a split of that name.
+        ParameterError: the text has another form, or the shares do not sum to 1.
     """
-    if given is None:
+    if option is None:
         return Splits()
-    parsed = _parsed(given) if isinstance(given, str) else given
+    parsed = _parsed(option) if isinstance(option, str) else option
     shares = OPTIONS["splits"].check("splits", parsed)
     for name in shares:
         if name not in NAMES:

@@ -74,7 +74,8 @@ class RowSettings:
     def pack(self) -> AssetPack | None:
         """The asset pack, or `None` if no corruption acts on the machine.
 
-        Raises `AssetError` if the pack is missing or damaged.
+        Raises:
+            AssetError: the pack is missing or damaged.
         """
         if any(acts(planner) for _, planner in self.planners):
             return AssetPack.load(self.assets)

@@ -46,9 +46,6 @@ def run(
 ) -> Generator[ShardRecord]:
     """Yield the record of each task, in any order.
 
-    Raises `MissingDependencyError` without Ray, and `BuildError` if there is no cluster, if a node
-    does not share the folders or has other libraries, or if a shard kept killing its process.
-
     Args:
         tasks: the shards, taken from the source as they are needed.
         settings: those of the build.
@@ -58,6 +55,11 @@ def run(
         address: a running cluster, `"auto"` for that of this machine. By default that of
             `RAY_ADDRESS`, or a cluster of `workers` CPUs on this machine that is started and
             stopped here. If the caller has started Ray, that connection is used.
+
+    Raises:
+        BuildError: there is no cluster, a node does not share the folders or has other libraries,
+            or a shard kept killing its process.
+        MissingDependencyError: Ray is not installed.
     """
     source = iter(tasks)
     wave = list(islice(source, FIRST_WAVE_SHARDS * workers))

@@ -38,8 +38,6 @@ def session(
 ) -> Generator[Any]:
     """Connect to a Ray cluster, or start one, and yield the module `ray`.
 
-    Raises `MissingDependencyError` without Ray, and `error` if the cluster cannot be used.
-
     Args:
         cpus: processors of a cluster that is started here.
         address: a running cluster, `"auto"` for that of this machine. By default that of
@@ -48,7 +46,10 @@ def session(
         memory: bytes that actors and tasks of a cluster that is started here may ask for; by
             default what Ray finds.
         modules: further modules of Ray to import, such as `"ray.data"`.
-        error: the class of the error.
+        error: the class of the error if the cluster cannot be used.
+
+    Raises:
+        MissingDependencyError: Ray is not installed.
     """
     ray = _import(modules)
     with _quiet():

@@ -101,7 +101,7 @@ class _Document:
     instruction: str = ""
     image: str = ""
     size: Size = (0, 0)
-    why: str = _NO_SCREEN
+    no_screen: str = _NO_SCREEN
     actions: int = 0
     pictures: int = 0
     steps: list[Step] = field(default_factory=list[Step])
@@ -178,7 +178,7 @@ class _Document:
                 continue
             self.pictures += 1
             self.image = ""
-            self.why = "the screenshot before this action cannot be read"
+            self.no_screen = "the screenshot before this action cannot be read"
             source = fields.mapping(part.get("source"), "source")
             name = fields.text(source, "path", "source.path")
             if "://" in name:
@@ -200,8 +200,8 @@ class _Document:
         if name in (COMPUTER, HARBOR) and _kind(arguments) in _LOOKING_TOOLS:
             return False
         self.actions += 1
-        image, why = self.image, self.why
-        self.image, self.why = "", _STALE
+        image, why = self.image, self.no_screen
+        self.image, self.no_screen = "", _STALE
         if name not in _TOOLS:
             tools = ", ".join(_TOOLS)
             reason = f"{name!r} does not say what its coordinates count; known tools: {tools}"

@@ -158,7 +158,8 @@ READERS = Registry[Reader](
 def register(cls: type[R]) -> type[R]:
     """Class decorator: make a reader known under its `name`.
 
-    Raises `ParameterError` if it lacks a method or a name, or the name is taken.
+    Raises:
+        ParameterError: the class lacks a method or a name, or the name is taken.
     """
     READERS.add(cls)
     return cls
@@ -172,11 +173,13 @@ def names() -> list[str]:
 def get_reader(name: str) -> Reader:
     """Return the reader of a format.
 
-    Raises `UnknownNameError` with the nearest name, `PluginError` if the file, module or plug-in
-    cannot be loaded, and `ParameterError` if it does not hold a reader, or its name is taken.
-
     Args:
-        name: of a format, or `package.module:Reader`, or `path/to/file.py:Reader`.
+        name: the name of a format, or `package.module:Reader`, or `path/to/file.py:Reader`.
+
+    Raises:
+        ParameterError: the file or module does not hold a reader, or the reader's name is taken.
+        PluginError: the file, module or plug-in cannot be loaded.
+        UnknownNameError: there is no such format; the message has the nearest name.
     """
     return READERS.get(READERS.find(name))
 

@@ -122,17 +122,17 @@ class _Row:
         pictures = cast("list[Any]", given) if isinstance(given, list) else [given]
         if not pictures or given is None:
             raise FieldError(column, "names no picture")
-        talk = ChatTurns(
+        turns = ChatTurns(
             lambda index: self.picture(pictures, column, index),
             len(pictures),
             self.choices.coordinates,
         )
-        talk.hear(fields.text(record, "system", default=""), "system")
-        yield from talk.read(messages, key)
-        if talk.steps:
-            yield self._made(talk, record)
+        turns.add_prompt(fields.text(record, "system", default=""), "system")
+        yield from turns.read(messages, key)
+        if turns.steps:
+            yield self._made(turns, record)
 
-    def _made(self, talk: ChatTurns, record: JsonObject) -> Trajectory:
+    def _made(self, turns: ChatTurns, record: JsonObject) -> Trajectory:
         row_id = record.get("id")
         stem = os.path.splitext(relative_name(self.file, self.root))[0]
         name = (
@@ -140,7 +140,7 @@ class _Row:
             if isinstance(row_id, str | int) and str(row_id)
             else f"{stem}/{self.row.number:06d}"
         )
-        steps = list(talk.steps)
+        steps = list(turns.steps)
         target: object = record.get("target_box")
         if target is not None and all(key in record for key in _EXPORT_COLUMNS):
             size = (fields.step_number(record, "height"), fields.step_number(record, "width"))
@@ -150,7 +150,7 @@ class _Row:
         return RecordedTrajectory(
             fields.storable(name, "id"),
             Chat.name,
-            talk.instruction,
+            turns.instruction,
             tuple(steps),
             screen_domain(domain),
             episode=stated_episode(record, self.choices.episode_key),

@@ -65,7 +65,7 @@ class ChatTurns:
         self.steps: list[Step] = []
         self.instruction = ""
         self.replies = self.shown = 0
-        self.told: Space | None = None
+        self.stated_space: Space | None = None
         self.screen: int | None = None
         self.calls = False
 
@@ -104,20 +104,20 @@ class ChatTurns:
         role = _role(message)
         text = self._look(_content(message), role != ASSISTANT)
         if role != ASSISTANT:
-            self.hear(text, role)
+            self.add_prompt(text, role)
             return
         self._reply(message, text, is_last)
 
-    def hear(self, text: str, role: str) -> None:
+    def add_prompt(self, text: str, role: str) -> None:
         """Take in the task and the space of the coordinates from a prompt."""
         stated = _RESOLUTION.search(text)
         if stated:
-            self.told = (int(stated[2]), int(stated[1]))
+            self.stated_space = (int(stated[2]), int(stated[1]))
         prompt = text.replace(IMAGE, "").strip()
         question = parse_question(prompt)
         task = _task(prompt)
         if question:
-            task, self.told = question
+            task, self.stated_space = question
         if role == USER and not self.instruction:
             self.instruction = fields.storable(task, "content")
 
@@ -162,12 +162,12 @@ class ChatTurns:
             end = Action("done", text=fields.storable(text, "content"))
             reply = ModelReply(RecordedAction(end, text, SIZELESS))
         else:
-            context = ReplyContext(size, self.choice, _space(self.told, size))
+            context = ReplyContext(size, self.choice, _space(self.stated_space, size))
             reply = parse_reply(text, "content", context)
         self._add(image, reply)
 
     def _add(self, image: str, reply: ModelReply) -> None:
-        recorded_action = reply.said
+        recorded_action = reply.recorded
         step = RecordedStep(
             index=self.replies,
             image=image,

@@ -54,11 +54,11 @@ class Conversation:
     actions: int = 0
     image: str = ""
     size: Size = (0, 0)
-    why: str = "no screenshot came before this action"
+    no_screen: str = "no screenshot came before this action"
     apps: tuple[str, ...] = ()
     platform: Platform | None = None
 
-    def look(self, value: object, entry: LogEntry, pointer: JsonPath) -> None:
+    def add_screenshot(self, value: object, entry: LogEntry, pointer: JsonPath) -> None:
         """Add a screenshot.
 
         Args:
@@ -71,7 +71,7 @@ class Conversation:
             FieldTypeError: the value is not text.
         """
         self.image = ""
-        self.why = "the screenshot before this action cannot be read"
+        self.no_screen = "the screenshot before this action cannot be read"
         if not isinstance(value, str) or not value:
             raise FieldTypeError("image", "a data: URL or a path", value)
         if value.startswith(("http:", "https:")):
@@ -86,7 +86,7 @@ class Conversation:
             self.size = image_size(decode_base64(value))
             self.image = in_json(self.file, entry.offset, (*entry.pointer, *pointer))
 
-    def act(self, raw: object, dialect: str, where: str, code: object = None) -> None:
+    def add_action(self, raw: object, dialect: str, where: str, code: object = None) -> None:
         """Add an action.
 
         Args:
@@ -101,17 +101,17 @@ class Conversation:
         """
         self.actions += 1
         image = self.image
-        reason = self.why
+        reason = self.no_screen
         self.image = ""
-        self.why = "no screenshot was taken between this action and the one before"
+        self.no_screen = "no screenshot was taken between this action and the one before"
         if not image:
             raise FieldError("screenshot", reason)
         action = first_action(raw, dialect, self.size, where)
         text = raw_action_text(raw if code is None else code, where)
         self.steps.append(RecordedStep(self.actions, image, action, text, dialect=dialect))
 
-    def ask(self, text: object) -> None:
-        """Add a text of the user, the first of which is the instruction."""
+    def add_user_text(self, text: object) -> None:
+        """Add a text of the user; the first of which is the instruction."""
         if not self.instruction and isinstance(text, str) and text.strip():
             self.instruction = fields.storable(text.strip(), "instruction")
 
@@ -154,31 +154,31 @@ def read_logs(path: Source, source: str, take: ReadEntry) -> Iterator[Trajectory
 
 
 def _conversation(
-    talk: Conversation, take: ReadEntry, ids: set[str]
+    conversation: Conversation, take: ReadEntry, ids: set[str]
 ) -> Iterator[Trajectory | Rejected]:
-    file = relative_name(talk.file, talk.root)
+    file = relative_name(conversation.file, conversation.root)
     name = os.path.splitext(file)[0]
     try:
-        inside(talk.root, file, "")
-        for entry in entries(talk.file):
+        inside(conversation.root, file, "")
+        for entry in entries(conversation.file):
             if isinstance(entry, Rejected):
                 yield Rejected(file, entry.where, entry.field, entry.reason)
                 continue
-            for error in _taken(talk, entry, take):
+            for error in _taken(conversation, entry, take):
                 yield Rejected(file, entry.where, error.field, error.reason)
         if name in ids:
             raise FieldError("id", f"{name!r} was there before, in a file with another suffix")
         ids.add(name)
-        yield from talk.trajectory(name)
+        yield from conversation.trajectory(name)
     except FieldError as error:
         yield Rejected(file, "", error.field, error.reason)
     except OSError as error:
         yield Rejected(file, "", "", f"cannot be read ({error.strerror or error})")
 
 
-def _taken(talk: Conversation, entry: LogEntry, take: ReadEntry) -> Iterator[FieldError]:
+def _taken(conversation: Conversation, entry: LogEntry, take: ReadEntry) -> Iterator[FieldError]:
     try:
-        yield from take(talk, entry)
+        yield from take(conversation, entry)
     except OtherFormatError:
         raise
     except FieldError as error:

@@ -100,7 +100,11 @@ class CuaBenchTrace(StepRows):
         self.stepped = False
 
     def add(self, row: ParquetRow) -> None:
-        """Take in an event. Raises `FieldError`."""
+        """Take in an event.
+
+        Raises:
+            FieldError: the event is broken.
+        """
         before = self.screen
         self.screen = None
         count = len(fields.listed(row.record.get("data_images")))

@@ -292,14 +292,14 @@ class RowIds:
     An id is that of one row of its file. The same id in a later file is qualified by that file.
     """
 
-    taken: set[str] = field(default_factory=set[str])
+    used_ids: set[str] = field(default_factory=set[str])
     place: str = ""
-    own: set[str] = field(default_factory=set[str])
+    row_ids: set[str] = field(default_factory=set[str])
 
     def open(self, place: str) -> None:
         """Begin a file, named `place` in ids."""
         self.place = place
-        self.own = set()
+        self.row_ids = set()
 
     def unique(self, items: Iterable[Trajectory | FieldError]) -> Iterator[Trajectory | FieldError]:
         """Yield the trajectories of a row with unique ids.
@@ -312,12 +312,12 @@ class RowIds:
                 if not isinstance(item, Trajectory):
                     yield item
                     continue
-                if item.id in self.own:
+                if item.id in self.row_ids:
                     reason = f"{item.id!r} is the id of an earlier row of this file; number them"
                     yield FieldError("id", f"{reason} anew, or leave the ids out")
                     return
-                self.own.add(item.id)
-                yield replace(item, id=unique_id(item.id, self.place, self.taken))
+                self.row_ids.add(item.id)
+                yield replace(item, id=unique_id(item.id, self.place, self.used_ids))
         except FieldError as error:
             yield error
 

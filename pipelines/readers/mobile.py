@@ -136,14 +136,22 @@ class GuiOdyssey(_Phone):
     keys = (frozenset({"episode_id", "device_info", "steps"}),)
 
     def about(self, record: JsonObject) -> tuple[str, str, tuple[str, ...]]:
-        """Return the id, the instruction and the apps. Raises `FieldError`."""
+        """Return the id, the instruction and the apps.
+
+        Raises:
+            FieldError: the record is broken.
+        """
         task = fields.mapping(record.get("task_info"), "task_info")
         key = "instruction" if task.get("instruction") else "task"
         name = fields.text(record, "episode_id")
         return name, fields.text(task, key), fields.strings(task.get("app"))
 
     def entries(self, record: JsonObject) -> list[_Entry]:
-        """Return the steps in order. Raises `FieldError`."""
+        """Return the steps in order.
+
+        Raises:
+            FieldError: the record is broken.
+        """
         steps = fields.mappings(fields.items(record, "steps"), "steps")
         return [(step.get("screenshot"), step) for step in steps]
 

@@ -97,7 +97,7 @@ _ATLAS_CLICKS = {
 class ModelReply:
     """The action of a reply, and the box of its target if it names one."""
 
-    said: RecordedAction
+    recorded: RecordedAction
     box: Box | None = None
 
 
@@ -108,18 +108,24 @@ class ReplyContext:
     Args:
         size: (height, width) of the picture.
         choice: the space that the user chose, if any.
-        told: the space stated in the prompt, if any.
+        stated_space: the space stated in the prompt, if any.
     """
 
     size: Size
     choice: str | None = None
-    told: Space | None = None
+    stated_space: Space | None = None
 
     def read(
         self, raw: str, dialect: str, field: str, default: Space | None = None
     ) -> RecordedAction:
-        """Return an action in a dialect; raises `FieldError` if it cannot be read."""
-        return read_recorded(raw, dialect, self.size, field, self.choice, self.told or default)
+        """Return an action in a dialect.
+
+        Raises:
+            FieldError: the action cannot be read.
+        """
+        return read_recorded(
+            raw, dialect, self.size, field, self.choice, self.stated_space or default
+        )
 
     def reply(self, raw: str, dialect: str, field: str, default: Space | None = None) -> ModelReply:
         """Return a reply that is an action in a dialect, see `read`."""

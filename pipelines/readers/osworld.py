@@ -79,13 +79,13 @@ class _Episode(EpisodeFolder):
     Args:
         actions: actions so far, those without a step included.
         screen: the picture on which the next action is taken; `""` if there is none.
-        why: why there is none.
+        no_screen: why there is no screen.
         instruction: the task, as the log or the task's JSON gives it.
     """
 
     actions: int = 0
     screen: str = ""
-    why: str = _NOT_SAVED
+    no_screen: str = _NOT_SAVED
     instruction: str = ""
 
     def __post_init__(self) -> None:
@@ -146,7 +146,7 @@ class _Episode(EpisodeFolder):
             return
         self.actions += 1
         screen = self.screen
-        reason = self.why
+        reason = self.no_screen
         self._advance(record)
         if self._observed(record):
             raise FieldError("screenshot_file", _OBSERVED)
@@ -165,7 +165,7 @@ class _Episode(EpisodeFolder):
     def _advance(self, record: JsonObject) -> None:
         """Remember the picture after this action."""
         self.screen = ""
-        self.why = _NOT_THERE
+        self.no_screen = _NOT_THERE
         name = record.get("screenshot_file")
         if not name:
             name = f"step_{record.get('step_num')}_{record.get('action_timestamp')}.png"
@@ -173,7 +173,7 @@ class _Episode(EpisodeFolder):
             if isinstance(name, str) and (self.folder / name).is_file():
                 self.screen = name
         except (OSError, ValueError):
-            self.why = f"{name!r:.60} is not a path"
+            self.no_screen = f"{name!r:.60} is not a path"
 
     def _observed(self, record: JsonObject) -> bool:
         """Return whether the fork saved the corrupted screen that the agent saw."""

@@ -38,7 +38,7 @@ class OSWorldG(PublishedSet):
     picture = "image_path"
     folder = "images"
     stated = "image_size"
-    kept = ("id", "GUI_types", "box_type")
+    extra_fields = ("id", "GUI_types", "box_type")
 
     def is_table(self, file: Path) -> bool:
         """Return whether the name is that of one of the two tables."""
@@ -69,7 +69,7 @@ def _polygon(record: JsonObject, size: Size) -> GroundingTarget:
     x, y = _inner(corners)
     action = Action("click", min(x, size[1] - 1), min(y, size[0] - 1))
     extra = {OUTLINE: [list(corner) for corner in corners]}
-    return GroundingTarget(action=action, box=box, more=extra)
+    return GroundingTarget(action=action, box=box, extra=extra)
 
 
 def _corners(values: Sequence[Any]) -> Corners:

@@ -178,17 +178,17 @@ def chat(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
             raise FieldError("image", reason)
         return row.picture("image")
 
-    talk = ChatTurns(picture, count, row.choices.coordinates)
-    talk.hear(fields.text(record, "system", default=""), "system")
-    yield from talk.read(messages, key)
+    turns = ChatTurns(picture, count, row.choices.coordinates)
+    turns.add_prompt(fields.text(record, "system", default=""), "system")
+    yield from turns.read(messages, key)
     name = fields.text(record, "id", default="") or row.name
     platform = screen_domain(_metadata(record.get("metadata")).get("platform"))
-    if talk.steps:
+    if turns.steps:
         yield RecordedTrajectory(
             name,
             SOURCE,
-            talk.instruction,
-            tuple(talk.steps),
+            turns.instruction,
+            tuple(turns.steps),
             platform,
             episode=stated_episode(record, row.choices.episode_key),
         )

@@ -34,12 +34,12 @@ class GroundingTarget:
     Args:
         action: the action, in pixels of the picture.
         box: the target box; `None` if there is none.
-        more: further data on the target, for the column `extra`.
+        extra: further data on the target, for the column `extra`.
     """
 
     action: Action
     box: Box | None = None
-    more: Mapping[str, Any] | None = None
+    extra: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class PublishedSet(FileReader, ABC):
 
     A subclass sets `name`; `layout`, how its folder looks, for errors; `picture`, the field that
     names the picture; `folder`, where pictures lie; `stated`, the field with the size of the
-    picture, if there is one; and `kept`, the fields that go into `extra`.
+    picture, if there is one; and `extra_fields`, those that go into `extra`.
     """
 
     name: str = ""
@@ -67,7 +67,7 @@ class PublishedSet(FileReader, ABC):
     picture: str = ""
     folder: str = ""
     stated: str = ""
-    kept: tuple[str, ...] = ()
+    extra_fields: tuple[str, ...] = ()
     suffixes = ()
     episodes: str = PICTURE_EPISODES
 
@@ -138,8 +138,8 @@ class PublishedSet(FileReader, ABC):
         record = entry.row.record
         program, platform = program_and_platform(record)
         target = entry.target
-        extra: dict[str, Any] = {key: record[key] for key in self.kept if key in record}
-        extra.update(target.more or {})
+        extra: dict[str, Any] = {key: record[key] for key in self.extra_fields if key in record}
+        extra.update(target.extra or {})
         text = json.dumps(extra, ensure_ascii=False) if extra else ""
         step = Step(
             0,

@@ -184,7 +184,10 @@ def raw_action_text(raw: object, field: str) -> str:
 def observed_code(coords: CoordMap, step: Step) -> str:
     """Return the `action_code` of a step in pixels of the observation of `coords`.
 
-    It stays in its dialect. Raises `ActionError` for code that cannot be mapped.
+    The code stays in its dialect.
+
+    Raises:
+        ActionError: the code cannot be mapped.
     """
     dialect = step.dialect if isinstance(step, RecordedStep) else PYAUTOGUI
     if coords.is_identity:

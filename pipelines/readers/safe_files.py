@@ -403,7 +403,8 @@ def _refusal_reason(file: Path, root: Path) -> str:
 def _is_inside(path: Path, root: Path) -> bool:
     """Return whether a path leads to a file below `root`, or to a blob of the same snapshot.
 
-    Raises `OSError` or `RuntimeError` for a path that leads nowhere.
+    Raises:
+        OSError, RuntimeError: the path leads nowhere.
     """
     target = path.resolve(strict=True)
     if target.is_relative_to(root.resolve(strict=True)):

@@ -83,8 +83,9 @@ class Survey:
 def survey(path: str | os.PathLike[str], format: str | None = None) -> Survey:
     """Find the reader of each file of a source; with `format`, that one reads them all.
 
-    Raises `SourceError` if the source is empty, if no file is of a known format, or if a file could
-    be of several formats, which the message names.
+    Raises:
+        SourceError: the source is empty, no file is of a known format, or a file could be of
+            several formats, which the message names.
     """
     source = check_path(path)
     root = source_root(source)

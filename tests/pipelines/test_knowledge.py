@@ -236,7 +236,7 @@ def test_options_hold_where_the_source_does_not_say(
     assert (tmp_path / "plain" / shard).read_bytes() == (tmp_path / "told" / shard).read_bytes()
     with_apps(browsing, ["chrome"], platform=lambda row: "linux")
     known = read_knowledge(browsing, platform="linux-xfce")
-    assert {item.platform for item in known.told(get_reader("jsonl").read(browsing))} == {
+    assert {item.platform for item in known.complete(get_reader("jsonl").read(browsing))} == {
         "linux-xfce"
     }  # type: ignore[union-attr]
 
@@ -352,7 +352,7 @@ def test_a_file_in_the_source_says_it_by_trajectory(
         "recordings:\n- {match: t0, apps: [Chromium]}\n- {match: 't[01]', apps: [vlc], platform:"
         " xfce}\n"
     )
-    items = list(read_knowledge(source, "gimp", "macos").told(get_reader("jsonl").read(source)))
+    items = list(read_knowledge(source, "gimp", "macos").complete(get_reader("jsonl").read(source)))
     found = [(item.id, item.apps, item.platform) for item in items if isinstance(item, Trajectory)]
     assert found == [
         ("t0", ("chrome",), "linux-xfce"),

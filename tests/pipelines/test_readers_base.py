@@ -41,7 +41,7 @@ BOTH = '{"trajectory_id": "a", "step": 0, "traj": []}'
 def test_the_format_is_found(
     files: dict[str, str], path: str, expected: str, tmp_path: Path
 ) -> None:
-    for name, content in safe_files.items():
+    for name, content in files.items():
         (tmp_path / name).write_text(content, encoding="latin-1")
     assert detect_format(tmp_path / path) == expected
 
@@ -62,7 +62,7 @@ def test_the_format_is_found(
 def test_a_source_that_cannot_be_told(
     files: dict[str, str], path: str, reason: str, tmp_path: Path
 ) -> None:
-    for name, content in safe_files.items():
+    for name, content in files.items():
         (tmp_path / name).write_text(content)
     with pytest.raises(SourceError, match=reason) as caught:
         detect_format(tmp_path / path)
