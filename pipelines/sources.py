@@ -211,12 +211,12 @@ class Sources:
 
     def _label(self, index: int) -> str:
         """Return the end of a source's path that no other source has."""
-        own = self.paths[index]
-        for length in range(1, len(own.parts)):
-            end = own.parts[-length:]
+        source = self.paths[index]
+        for length in range(1, len(source.parts)):
+            end = source.parts[-length:]
             if sum(path.parts[-length:] == end for path in self.paths) == 1:
                 return "/".join(end)
-        return own.name
+        return source.name
 
 
 def _refuse_dataset(path: Path) -> None:

@@ -150,14 +150,14 @@ def build_shard(
     """
     tally = RowCounts()
     inputs = hashlib.sha256(task.records.encode())
-    written: list[tuple[int, int, str]] = []
+    file_facts: list[tuple[int, int, str]] = []
 
     def write(path: Path) -> None:
         rows = write_parquet(path, shard_rows(task, settings, tally, inputs, tick), settings.lazy)
-        written.append((rows, path.stat().st_size, file_sha256(path)))
+        file_facts.append((rows, path.stat().st_size, file_sha256(path)))
 
     replace_atomic(out / task.file, write)
-    rows, size, digest = written[0]
+    rows, size, digest = file_facts[0]
     reasons = {label: dict(counts) for label, counts in tally.not_applicable.items()}
     return ShardRecord(
         index=task.index,

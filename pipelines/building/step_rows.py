@@ -294,20 +294,20 @@ def row_labels(variant: Variant, label: str, seed: int) -> dict[str, Any]:
     }
 
 
-def _stored(drawn: DrawnRow, settings: RowSettings) -> dict[str, Any]:
+def _stored(drawn_row: DrawnRow, settings: RowSettings) -> dict[str, Any]:
     """Return a row in the form in which it is stored."""
-    sample = drawn.variant.sample
-    stored = _picture(sample.base, drawn.picture, drawn.variant.plan, settings)
-    row = {**drawn.labels, **stored}
+    sample = drawn_row.variant.sample
+    stored = _picture(sample.base, drawn_row.picture, drawn_row.variant.plan, settings)
+    row = {**drawn_row.labels, **stored}
     if settings.lazy:
-        row["plan"] = lazy_plan(drawn, row, settings)
+        row["plan"] = lazy_plan(drawn_row, row, settings)
     return row
 
 
-def lazy_plan(drawn: DrawnRow, row: Mapping[str, Any], settings: RowSettings) -> str:
+def lazy_plan(drawn_row: DrawnRow, row: Mapping[str, Any], settings: RowSettings) -> str:
     """Return the value of the column `plan` of a lazy row."""
-    planner = dict(settings.planners).get(drawn.label)
-    return stored_plan(drawn.variant.plan, row, drawn.variant.sample.key, planner)
+    planner = dict(settings.planners).get(drawn_row.label)
+    return stored_plan(drawn_row.variant.plan, row, drawn_row.variant.sample.key, planner)
 
 
 def _about(variant: Variant, label: str) -> dict[str, Any]:

@@ -87,7 +87,9 @@ def _is_read(file: Path, source: Source) -> bool:
     return at_top and file.suffix in (".json", ".jsonl")
 
 
-def _record(record: JsonObject, file: str, where: str, root: Path, ids: set[str]) -> Iterator[Any]:
+def _record(
+    record: JsonObject, file: str, location: str, root: Path, ids: set[str]
+) -> Iterator[Any]:
     name = fields.text(record, "task_id")
     if name in ids:
         raise FieldError("task_id", f"{name!r} was there before")
@@ -106,7 +108,7 @@ def _record(record: JsonObject, file: str, where: str, root: Path, ids: set[str]
                 raise FieldError(field, f"step {step.index} was there before")
             steps[step.index] = step
         except FieldError as error:
-            parts = (where, name, f"entry {place}")
+            parts = (location, name, f"entry {place}")
             yield Rejected(file, ", ".join(filter(None, parts)), error.field, error.reason)
     if not entries:
         raise FieldError("steps" if is_bench else "traj", "is empty")

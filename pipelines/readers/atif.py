@@ -200,7 +200,7 @@ class _Document:
         if name in (COMPUTER, HARBOR) and _kind(arguments) in _LOOKING_TOOLS:
             return False
         self.actions += 1
-        image, why = self.image, self.no_screen
+        image, no_screen = self.image, self.no_screen
         self.image, self.no_screen = "", _STALE
         if name not in _TOOLS:
             tools = ", ".join(_TOOLS)
@@ -211,7 +211,7 @@ class _Document:
             reason = f"{fields.shown(export['corruption'])}: the picture is corrupted, not clean"
             raise FieldError("extra.corruption", reason)
         if not image:
-            raise FieldError("screenshot", why)
+            raise FieldError("screenshot", no_screen)
         self.steps.append(_step(step, name, arguments, image, self.size, index))
         return True
 
@@ -302,5 +302,5 @@ def _kind(arguments: JsonObject) -> object:
 def _export_record(record: JsonObject) -> JsonObject:
     """Return what our own export says in `extra`; nothing for any other document."""
     extra: Any = record.get("extra")
-    ours = extra.get(EXPORT_KEY) if isinstance(extra, dict) else None
-    return ours if isinstance(ours, dict) else {}
+    export = extra.get(EXPORT_KEY) if isinstance(extra, dict) else None
+    return export if isinstance(export, dict) else {}

@@ -118,9 +118,11 @@ class _Row:
         key = "messages" if "messages" in record else "conversations"
         messages = messages_in(record.get(key), key)
         column = "images" if "images" in record else "image"
-        given: object = record.get(column)
-        pictures = cast("list[Any]", given) if isinstance(given, list) else [given]
-        if not pictures or given is None:
+        column_value: object = record.get(column)
+        pictures = (
+            cast("list[Any]", column_value) if isinstance(column_value, list) else [column_value]
+        )
+        if not pictures or column_value is None:
             raise FieldError(column, "names no picture")
         turns = ChatTurns(
             lambda index: self.picture(pictures, column, index),

@@ -200,7 +200,7 @@ def _with_calls(message: JsonObject, text: str) -> tuple[str, object]:
     tool_functions = [function for function in functions if function.get("name") in TOOLS]
     if not tool_functions:
         return text, calls
-    texts = [tool_call_text(one["name"], _given(one)) for one in tool_functions]
+    texts = [tool_call_text(tool["name"], _given(tool)) for tool in tool_functions]
     return "\n".join([text, *texts]).strip(), None
 
 

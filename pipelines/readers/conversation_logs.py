@@ -86,13 +86,13 @@ class Conversation:
             self.size = image_size(decode_base64(value))
             self.image = in_json(self.file, entry.offset, (*entry.pointer, *pointer))
 
-    def add_action(self, raw: object, dialect: str, where: str, code: object = None) -> None:
+    def add_action(self, raw: object, dialect: str, field_name: str, code: object = None) -> None:
         """Add an action.
 
         Args:
             raw: the action in its dialect.
             dialect: name of the dialect.
-            where: the field of the action.
+            field_name: the field of the action.
             code: the text to keep of it, if that is not `raw` itself.
 
         Raises:
@@ -106,8 +106,8 @@ class Conversation:
         self.no_screen = "no screenshot was taken between this action and the one before"
         if not image:
             raise FieldError("screenshot", reason)
-        action = first_action(raw, dialect, self.size, where)
-        text = raw_action_text(raw if code is None else code, where)
+        action = first_action(raw, dialect, self.size, field_name)
+        text = raw_action_text(raw if code is None else code, field_name)
         self.steps.append(RecordedStep(self.actions, image, action, text, dialect=dialect))
 
     def add_user_text(self, text: object) -> None:
@@ -217,24 +217,24 @@ def content_parts(entry: LogEntry) -> Iterator[tuple[JsonPath, JsonObject]]:
 
 
 def _spread(
-    record: JsonObject, where: str, offset: int | None, pointer: JsonPath
+    record: JsonObject, location: str, offset: int | None, pointer: JsonPath
 ) -> Iterator[LogEntry | Rejected]:
     inner = [key for key in LISTS if isinstance(record.get(key), list)]
     if not inner or "role" in record:
-        yield LogEntry(record, where, offset, pointer)
+        yield LogEntry(record, location, offset, pointer)
         return
     outer = {key: value for key, value in record.items() if key not in inner}
-    yield LogEntry(outer, where, offset, pointer)
+    yield LogEntry(outer, location, offset, pointer)
     for key in inner:
-        place = f"{where}, {key}" if where else key
+        place = f"{location}, {key}" if location else key
         yield from _items(record[key], place, offset, (*pointer, key))
 
 
 def _items(
-    values: list[Any], where: str, offset: int | None, pointer: JsonPath
+    values: list[Any], location: str, offset: int | None, pointer: JsonPath
 ) -> Iterator[LogEntry | Rejected]:
     for index, value in enumerate(values):
-        place = f"{where} {index}"
+        place = f"{location} {index}"
         if isinstance(value, dict):
             yield LogEntry(cast("dict[str, Any]", value), place, offset, (*pointer, index))
         else:

@@ -71,7 +71,7 @@ class StepRows(ABC):
             about = (self.name, SOURCE, self.instruction, tuple(self.steps))
             yield Trajectory(*about, platform=self.platform)
 
-    def _append(self, index: int, image: str, size: Size, action: Action, kept: str) -> None:
+    def _append(self, index: int, image: str, size: Size, action: Action, code_text: str) -> None:
         """Add a step whose code is made of its action, or else is `kept`."""
         fields.check_on_screen(action, size, "action")
         dialect = PYAUTOGUI
@@ -79,7 +79,7 @@ class StepRows(ABC):
             code = write_pyautogui(action)
         except ActionError:
             dialect = SIZELESS
-            code = "" if action.point else kept
+            code = "" if action.point else code_text
         self.steps.append(RecordedStep(index, image, action, code, dialect=dialect))
 
 

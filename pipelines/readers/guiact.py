@@ -127,11 +127,11 @@ def _step(row: JsonRow, file: Path, root: Path) -> Step:
         raise FieldError("actions_label", str(error)) from None
     target = box if action.point else None
     index = int(match[3]) if match else 0
-    kept = "" if action.point else raw_action_text(label, "actions_label")
+    label_text = "" if action.point else raw_action_text(label, "actions_label")
     try:
         code = write_pyautogui(action)
     except ActionError:
-        return RecordedStep(index, image, action, kept, target, dialect=SIZELESS)
+        return RecordedStep(index, image, action, label_text, target, dialect=SIZELESS)
     if action.type == "click" and first.get("text") is not None:
         code += f"\npyautogui.write({fields.text(first, 'text', default='')!r})"
     return RecordedStep(index, image, action, code, target, dialect=PYAUTOGUI)

@@ -249,8 +249,10 @@ def _own_call(name: str, call: ast.Call, field: str, context: ReplyContext) -> R
     if name in _OWN_CALLS:
         return RecordedAction(_OWN_CALLS[name], text, SIZELESS)
     if name == "response":
-        done = Action("done", text=_answer(call))
-        return RecordedAction(fields.check_on_screen(done, context.size, field), text, SIZELESS)
+        end_action = Action("done", text=_answer(call))
+        return RecordedAction(
+            fields.check_on_screen(end_action, context.size, field), text, SIZELESS
+        )
     if name == "swipe" and {"from_coord", "to_coord"} <= arguments.keys():
         start = f"pyautogui.moveTo({arguments['from_coord']})"
         end = f"pyautogui.dragTo({arguments['to_coord']})"

@@ -284,11 +284,11 @@ def advise(file: Path) -> str:
     return ""
 
 
-def summary(names: list[str], shown: int = 3) -> str:
+def summary(names: list[str], limit: int = 3) -> str:
     """Return some names and how many more there are, with the kinds of files."""
     kinds = Counter(Path(name).suffix or "no suffix" for name in names)
     counts = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common(4))
-    first = ", ".join(names[:shown])
-    if len(names) > shown:
-        first += f" and {len(names) - shown} more"
+    first = ", ".join(names[:limit])
+    if len(names) > limit:
+        first += f" and {len(names) - limit} more"
     return f"{first} ({counts})"

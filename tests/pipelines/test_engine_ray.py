@@ -350,12 +350,12 @@ MARK = "AGENTHIJACK_TEST_RAY"
 AGENTS = {"ray::DashboardAgent", "ray::RuntimeEnvAgent"}
 SHORT = """
 import sys
-from pipelines import cli
+from pipelines import dataset_commands
 from pipelines.building.build_options import BuildOptions
 
 if __name__ == "__main__":
     BuildOptions.__init__.__kwdefaults__["rows_per_shard"] = 1
-    cli.build(sys.argv[1:])
+    dataset_commands.build(sys.argv[1:])
 """
 
 
