@@ -76,8 +76,8 @@ def build(
     items, steps = read_items(plan.sources, requested.limit, count=requested.progress is not None)
     meter = _Meter(requested.progress, plan.settings.variants, steps)
     if requested.dry_run:
-        return plan.tried(items, meter)
-    return plan.built(items, meter, engine)
+        return plan.dry_run(items, meter)
+    return plan.run(items, meter, engine)
 
 
 def _planned(
@@ -134,7 +134,7 @@ class _BuildPlan:
         per_shard = self.options.rows_per_shard
         return shard_tasks(items, per_shard, self.settings.variants, reject, self.splits)
 
-    def run_dry(self, items: Iterator[SourceItem], meter: _Meter) -> BuildReport:
+    def dry_run(self, items: Iterator[SourceItem], meter: _Meter) -> BuildReport:
         """Make all rows, write nothing, and return the report."""
         report = run_dry(
             lambda reject: self.tasks(items, reject),
@@ -145,7 +145,7 @@ class _BuildPlan:
         notes = (*self.notes, *self.sources.notes(), *report.notes)
         return replace(report, out=os.fspath(self.out), notes=notes)
 
-    def built(self, items: Iterator[SourceItem], meter: _Meter, engine: Engine) -> BuildReport:
+    def run(self, items: Iterator[SourceItem], meter: _Meter, engine: Engine) -> BuildReport:
         """Write the dataset and return the report."""
         options = self.options
         parameters = manifest_parameters(self.settings, options, self.sources, self.splits)

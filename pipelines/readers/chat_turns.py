@@ -19,7 +19,7 @@ from . import fields
 from .fields import FieldError, JsonObject
 from .model_replies import ModelReply, ReplyContext, is_action, parse_reply
 from .reader_options import FRACTIONS, RESIZED, THOUSAND, Space, space_scaling
-from .recorded_actions import PYAUTOGUI, RecordedAction, RecordedStep, raw_action_text
+from .recorded_actions import PYAUTOGUI, ParsedAction, RecordedStep, raw_action_text
 from .safe_files import parse_embedded
 from .tool_calls import acting_calls, call_arguments, parse_call
 
@@ -160,7 +160,7 @@ class ChatTurns:
             reply = ModelReply(self._called(acting[0], calls, size))
         elif is_end:
             end = Action("done", text=fields.storable(text, "content"))
-            reply = ModelReply(RecordedAction(end, text, SIZELESS))
+            reply = ModelReply(ParsedAction(end, text, SIZELESS))
         else:
             context = ReplyContext(size, self.choice, _space(self.stated_space, size))
             reply = parse_reply(text, "content", context)
@@ -178,13 +178,13 @@ class ChatTurns:
         )
         self.steps.append(step)
 
-    def _called(self, call: tuple[str, JsonObject], calls: object, size: Size) -> RecordedAction:
+    def _called(self, call: tuple[str, JsonObject], calls: object, size: Size) -> ParsedAction:
         """Read structured calls, in 0..1000 unless the user chose another space."""
         space = self.choice or THOUSAND
         action = parse_call(*call, size, space_scaling(space, size))
         if space in (THOUSAND, FRACTIONS):
-            return RecordedAction(action, raw_action_text(calls, "tool_calls"), SIZELESS)
-        return RecordedAction(action, "", PYAUTOGUI)
+            return ParsedAction(action, raw_action_text(calls, "tool_calls"), SIZELESS)
+        return ParsedAction(action, "", PYAUTOGUI)
 
 
 def messages_in(value: object, key: str) -> list[JsonObject]:

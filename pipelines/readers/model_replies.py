@@ -31,7 +31,7 @@ from . import fields
 from .box_forms import box_center, box_in
 from .fields import FieldError
 from .reader_options import FRACTIONS, PIXELS, THOUSAND, XYXY, Space, space_scaling
-from .recorded_actions import PYAUTOGUI, QWEN_3, UI_TARS, RecordedAction, read_recorded
+from .recorded_actions import PYAUTOGUI, QWEN_3, UI_TARS, ParsedAction, read_recorded
 
 SCROLL_NOTCHES = 5  # the distance of a scroll without one, as in UI-TARS's own code
 _CODE = re.compile(r"```(?:python|py)?\s*\n?(.*?)```\s*\Z", re.DOTALL)
@@ -97,7 +97,7 @@ _ATLAS_CLICKS = {
 class ModelReply:
     """The action of a reply, and the box of its target if it names one."""
 
-    recorded: RecordedAction
+    recorded: ParsedAction
     box: Box | None = None
 
 
@@ -117,7 +117,7 @@ class ReplyContext:
 
     def read(
         self, raw: str, dialect: str, field: str, default: Space | None = None
-    ) -> RecordedAction:
+    ) -> ParsedAction:
         """Return an action in a dialect.
 
         Raises:
@@ -236,7 +236,7 @@ def _module(name: str) -> str:
     return "computer" if name in _WORDS else "pyautogui"
 
 
-def _own_call(name: str, call: ast.Call, field: str, context: ReplyContext) -> RecordedAction:
+def _own_call(name: str, call: ast.Call, field: str, context: ReplyContext) -> ParsedAction:
     """Read a call that pyautogui does not have.
 
     Raises:
@@ -247,12 +247,10 @@ def _own_call(name: str, call: ast.Call, field: str, context: ReplyContext) -> R
     }
     text = ast.unparse(call)
     if name in _OWN_CALLS:
-        return RecordedAction(_OWN_CALLS[name], text, SIZELESS)
+        return ParsedAction(_OWN_CALLS[name], text, SIZELESS)
     if name == "response":
         end_action = Action("done", text=_answer(call))
-        return RecordedAction(
-            fields.check_on_screen(end_action, context.size, field), text, SIZELESS
-        )
+        return ParsedAction(fields.check_on_screen(end_action, context.size, field), text, SIZELESS)
     if name == "swipe" and {"from_coord", "to_coord"} <= arguments.keys():
         start = f"pyautogui.moveTo({arguments['from_coord']})"
         end = f"pyautogui.dragTo({arguments['to_coord']})"
@@ -260,7 +258,7 @@ def _own_call(name: str, call: ast.Call, field: str, context: ReplyContext) -> R
     if name == "long_press" and {"x", "y"} <= arguments.keys():
         move = f"pyautogui.moveTo({arguments['x']}, {arguments['y']})"
         held_action = context.read(move, PYAUTOGUI, field, PIXELS)
-        return RecordedAction(replace(held_action.action, type="other"), "", PYAUTOGUI)
+        return ParsedAction(replace(held_action.action, type="other"), "", PYAUTOGUI)
     raise FieldError(field, f"{fields.shown(text)} is not an action that is known")
 
 
@@ -281,7 +279,7 @@ def _atlas_body(text: str) -> str:
 def _atlas(text: str, field: str, context: ReplyContext) -> ModelReply:
     body = _atlas_body(text)
     if body in _ATLAS_WORDS:
-        return ModelReply(RecordedAction(_ATLAS_WORDS[body], text, SIZELESS))
+        return ModelReply(ParsedAction(_ATLAS_WORDS[body], text, SIZELESS))
     place = _ATLAS_POINT.fullmatch(body)
     if place:
         x, y = _atlas_point(place, field, context)
@@ -290,7 +288,7 @@ def _atlas(text: str, field: str, context: ReplyContext) -> ModelReply:
     match = _ATLAS_TEXT.fullmatch(body)
     action = _atlas_text(match[1], match[2]) if match else Action("other")
     return ModelReply(
-        RecordedAction(fields.check_on_screen(action, context.size, field), text, SIZELESS)
+        ParsedAction(fields.check_on_screen(action, context.size, field), text, SIZELESS)
     )
 
 
@@ -324,12 +322,12 @@ def _atlas_box(text: str, field: str, context: ReplyContext) -> ModelReply:
     return ModelReply(_kept(action, text, field, context), box)
 
 
-def _kept(action: Action, text: str, field: str, context: ReplyContext) -> RecordedAction:
+def _kept(action: Action, text: str, field: str, context: ReplyContext) -> ParsedAction:
     """Return the text that a step keeps: a reply in thousandths, else the action in pixels."""
     fields.check_on_screen(action, context.size, field)
     if context.choice in (None, THOUSAND):
-        return RecordedAction(action, text, SIZELESS)
+        return ParsedAction(action, text, SIZELESS)
     code = ""
     if action.type == "click":
         code = f"pyautogui.click({action.x}, {action.y})"
-    return RecordedAction(action, code, PYAUTOGUI)
+    return ParsedAction(action, code, PYAUTOGUI)

@@ -60,7 +60,7 @@ class RecordedStep(Step):
 
 
 @dataclass(frozen=True)
-class RecordedAction:
+class ParsedAction:
     """A recorded action: the text that a step keeps, and its dialect."""
 
     action: Action
@@ -93,7 +93,7 @@ def first_action(
 
 def read_recorded(
     raw: object, dialect: str, size: Size, field: str, choice: str | None, default: Space | None
-) -> RecordedAction:
+) -> ParsedAction:
     """Return an action whose coordinates are in the chosen space, or in the default one.
 
     If a family of models has a version with that space, its dialect is used. If there is none, or
@@ -121,12 +121,12 @@ def read_recorded(
         raise FieldError(field, f"{error.reason}{fit}") from None
     version = _VERSIONS.get(dialect, {PIXELS: dialect}).get(space)
     if version is not None:
-        return RecordedAction(action, raw_action_text(raw, field), version)
+        return ParsedAction(action, raw_action_text(raw, field), version)
     code = _in_pixels(raw, dialect, action, space_scaling(space, size))
-    return RecordedAction(action, code, PYAUTOGUI)
+    return ParsedAction(action, code, PYAUTOGUI)
 
 
-def _pointless(raw: object, dialect: str, size: Size, field: str) -> RecordedAction:
+def _pointless(raw: object, dialect: str, size: Size, field: str) -> ParsedAction:
     try:
         action = _parsed(raw, dialect, Scaling((1, 1), (1, 1), clamp=False))
     except HijackError as error:
@@ -134,7 +134,7 @@ def _pointless(raw: object, dialect: str, size: Size, field: str) -> RecordedAct
     if action.point or action.end:
         fit = _hint(raw, dialect, size, None)
         raise FieldError(field, f"nothing says what its coordinates count{fit}")
-    return RecordedAction(
+    return ParsedAction(
         fields.check_on_screen(action, size, field), raw_action_text(raw, field), dialect
     )
 
