@@ -1,4 +1,4 @@
-"""ParsedAction sessions of ScreenAgent: a folder a session, a JSON file and a picture a step."""
+"""Recorded sessions of ScreenAgent: a folder a session, a JSON file and a picture a step."""
 
 import math
 import os
