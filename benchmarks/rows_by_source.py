@@ -12,7 +12,7 @@ from pathlib import Path
 
 from common import SHARED, table
 
-from hijack_data.corruption import names
+from hijack_data.corruption import corruption_names
 from pipelines import build
 
 TRAJECTORIES = SHARED.parent / "trajectories"
@@ -37,7 +37,7 @@ def main() -> None:
         sources += sorted(path for path in TRAJECTORIES.iterdir() if path.is_dir())
     else:
         print(f"Only our own recordings: {TRAJECTORIES} is not here.\n")
-    columns = ["clean", *names()[:9]]
+    columns = ["clean", *corruption_names()[:9]]
     rows = []
     for source in sources:
         for said, told in TOLD.items():

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:  # the same names, for type checkers; tests/test_api.py compares the two
     from .building.build import build as build
     from .building.build_report import BuildReport as BuildReport
-    from .dataset.lazy import render as render
+    from .dataset.lazy_rows import render as render
     from .dataset.opening import Dataset as Dataset
     from .dataset.opening import open_dataset as open_dataset
     from .inspection import Inspection as Inspection
@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # the same names, for type checkers; tests/test_api.py compar
 _HOMES = {
     "pipelines.building.build": ("build",),
     "pipelines.building.build_report": ("BuildReport",),
-    "pipelines.dataset.lazy": ("render",),
+    "pipelines.dataset.lazy_rows": ("render",),
     "pipelines.dataset.opening": ("Dataset", "open_dataset"),
     "pipelines.inspection": ("Inspection", "inspect_source"),
     "pipelines.proof.verify": ("VerifyReport", "verify"),

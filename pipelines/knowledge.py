@@ -23,8 +23,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, cast
 
-from hijack_data.apps import KNOWN, may_be_same, mentioned_programs, names_of, normalize_app
-from hijack_data.config.tree import (
+from hijack_data.apps import KNOWN, collect_apps, may_be_same, mentioned_programs, normalize_app
+from hijack_data.config.nodes import (
     ConfigNode,
     MappingNode,
     Position,
@@ -143,7 +143,7 @@ class Knowledge:
         Raises:
             BuildError: its own are others.
         """
-        stated = names_of(trajectory.apps, trajectory.domain)
+        stated = collect_apps(trajectory.apps, trajectory.domain)
         if stated and not any(self._covers(name) for name in stated):
             raise BuildError(
                 f"apps {','.join(self.apps)}: trajectory {trajectory.id!r} states"

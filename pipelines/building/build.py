@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Unpack
 
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 from hijack_data.paths import PathLike
 
 from ..dataset.columns import pyarrow

@@ -16,7 +16,7 @@ from typing import Any
 import yaml
 
 from hijack_data import params
-from hijack_data.corruption import Corruption, check_names, find
+from hijack_data.corruption import Corruption, check_names
 from hijack_data.errors import HijackError, suggest
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, cast
 
-from hijack_data.loading import VARIABLE, LoadedFile, file_of, holds, loaded_files
+from hijack_data.loading import VARIABLE, LoadedFile, find_loaded_file, holds, loaded_files
 from hijack_data.planner import Planner, leaves
 
 from ..errors import DatasetError
@@ -21,7 +21,7 @@ def loaded_file_entries(planners: Iterable[Planner]) -> list[dict[str, Any]]:
     files: dict[str, LoadedFile] = {}
     for planner in planners:
         for part in (planner, *leaves(planner)):
-            file = file_of(type(part))
+            file = find_loaded_file(type(part))
             if file is not None:
                 files[file.sha256] = file
     entries = [_entry(file) for file in files.values()]

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import StorageError
-from hijack_data.files import is_full, unwritable, write_atomic
+from hijack_data.file_io import is_full, unwritable, write_atomic
 from hijack_data.locking import Lock, LockedError, lock
 
 from ..dataset.manifest import FILES, MANIFEST, PARAMETERS, STATE, read_manifest

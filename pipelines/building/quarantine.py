@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import IO
 
-from hijack_data.files import replace_atomic
+from hijack_data.file_io import replace_atomic
 
 from ..dataset.shard import ShardRecord
 from ..errors import SourceError

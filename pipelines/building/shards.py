@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import ImageError
-from hijack_data.files import replace_atomic
+from hijack_data.file_io import replace_atomic
 from hijack_data.types import Step, Trajectory
 
 from ..dataset.manifest import TRANSPARENT

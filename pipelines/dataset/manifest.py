@@ -10,7 +10,7 @@ from typing import Any
 
 from PIL import features
 
-from hijack_data.files import read_versioned_json, write_atomic
+from hijack_data.file_io import read_versioned_json, write_atomic
 
 from ..errors import RESUME, DatasetError
 from .shard import ShardRecord, file_sha256
@@ -106,11 +106,11 @@ def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
     """
     files = {name: file_sha256(folder / name) for name in FILES if (folder / name).is_file()}
     whole = {**manifest, FILE_HASHES: files}
-    whole[DIGEST] = digest_of(whole)
+    whole[DIGEST] = manifest_digest(whole)
     write_atomic(folder / MANIFEST, json.dumps(whole, indent=1, ensure_ascii=False) + "\n")
 
 
-def digest_of(manifest: Mapping[str, Any]) -> str:
+def manifest_digest(manifest: Mapping[str, Any]) -> str:
     """Return the SHA-256 of the content of a manifest, excluding the digest itself."""
     said = {key: value for key, value in manifest.items() if key != DIGEST}
     text = json.dumps(said, sort_keys=True, separators=(",", ":"))

@@ -224,7 +224,7 @@ class Edit(ABC):
         """
         yield ()
 
-    def made(
+    def make_step(
         self,
         *,
         ops: Sequence[Op],

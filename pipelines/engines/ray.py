@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import HijackError
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 from hijack_data.pack import VARIABLE
 
 from ..building.row_settings import pack_identity

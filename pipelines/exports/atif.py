@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 
 from ..dataset.columns import ACTION
 from ..readers.atif import EXPORT_KEY, TOOL

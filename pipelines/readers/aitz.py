@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from hijack_data.actions import Scaling
-from hijack_data.actions.dialects.fields import at, number
+from hijack_data.actions.dialects.field_checks import action_at, number
 from hijack_data.types import Action, Size, Step, Trajectory
 
 from . import fields
@@ -110,9 +110,9 @@ def _action(record: JsonObject, size: Size) -> Action:
         touch, lift = (_point(record, f"result_{end}_yx") for end in ("touch", "lift"))
         start, end = (Scaling.fractions(size).point(*place) for place in (touch, lift))
         if kind == _LONG_PRESS:
-            return at("other", end)
+            return action_at("other", end)
         if math.dist(touch, lift) <= _TAP:
-            return at("click", end)
+            return action_at("click", end)
         return Action("drag", *start, *end)
     if kind == _TYPE:
         return Action("type", text=fields.text(record, "result_action_text", default=""))

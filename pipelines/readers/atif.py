@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.actions import DIALECTS
-from hijack_data.actions.dialects.fields import at, click_type, key_names, number
+from hijack_data.actions.dialects.field_checks import action_at, click_type, key_names, number
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import ActionError
 from hijack_data.types import Action, Box, Size, Step, Trajectory
 
@@ -268,12 +268,12 @@ def _harbor_action(arguments: JsonObject) -> Action:
     if arguments.get("x") is not None:
         place = round(number(arguments["x"], "x")), round(number(arguments.get("y"), "y"))
     if kind == "click":
-        return at(click_type(arguments.get("button") or "left", 1), place)
+        return action_at(click_type(arguments.get("button") or "left", 1), place)
     if kind == "drag":
         x2, y2 = (round(number(arguments.get(side), side)) for side in ("end_x", "end_y"))
-        return at("drag", place, x2=x2, y2=y2)
+        return action_at("drag", place, x2=x2, y2=y2)
     if kind in _HARBOR:
-        return at(_HARBOR[kind], place)
+        return action_at(_HARBOR[kind], place)
     if kind == "type":
         return Action("type", text=fields.text(arguments, "text"))
     if kind in _HARBOR_KEYS:
@@ -283,7 +283,7 @@ def _harbor_action(arguments: JsonObject) -> Action:
     if kind in _HARBOR_ENDS:
         return Action("done")
     if kind in _HARBOR_OTHERS:
-        return at("other", place)
+        return action_at("other", place)
     raise ActionError(f"{fields.shown(kind)} is not an action of {HARBOR}")
 
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from hijack_data.loading import source_of
+from hijack_data.loading import find_source
 from hijack_data.registry import Registry, is_ours
 from hijack_data.types import Trajectory
 
@@ -187,7 +187,7 @@ def get_reader(name: str) -> Reader:
 def reader_source(name: str) -> dict[str, str]:
     """Return what names the file of a reader that is not ours, as parameters of a build."""
     reader = get_reader(name)
-    source = None if is_ours(reader) else source_of(type(reader))
+    source = None if is_ours(reader) else find_source(type(reader))
     return {} if source is None else {"format_sha256": source["sha256"]}
 
 

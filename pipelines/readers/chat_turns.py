@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from hijack_data.actions.dialects.qwen import TOOLS, tool_call_text
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import ParameterError
 from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Action, Size, Step

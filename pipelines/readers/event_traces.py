@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from hijack_data.actions import Scaling
-from hijack_data.actions.dialects.fields import at, key_names, number
+from hijack_data.actions.dialects.field_checks import action_at, key_names, number
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import ActionError, HijackError
 from hijack_data.platforms import find_platform
 from hijack_data.types import Action, Platform, Size, Step, Trajectory
@@ -194,7 +194,7 @@ def _tess_action(record: JsonObject, size: Size) -> Action:
     if kind != _MOUSE or not isinstance(click, int) or not 0 <= click < len(_CLICKS_TESS):
         raise ActionError(f"{kind!r} with click_type {click!r} is not described by the set's card")
     place = [number(record.get(side), side) for side in ("mouse_x", "mouse_y")]
-    return at(_CLICKS_TESS[click], Scaling.fractions(size).point(*place))
+    return action_at(_CLICKS_TESS[click], Scaling.fractions(size).point(*place))
 
 
 def _python_call(value: object) -> tuple[str, dict[str, Any]]:
@@ -250,11 +250,11 @@ def _action(name: str, arguments: dict[str, Any]) -> Action:
         return round(number(arguments.get(x), x)), round(number(arguments.get(y), y))
 
     if name in _POINTER_ACTIONS:
-        return at(_POINTER_ACTIONS[name], place("x", "y"))
+        return action_at(_POINTER_ACTIONS[name], place("x", "y"))
     match name:
         case "DragAction":
             x2, y2 = place("to_x", "to_y")
-            return at("drag", place("from_x", "from_y"), x2=x2, y2=y2)
+            return action_at("drag", place("from_x", "from_y"), x2=x2, y2=y2)
         case "TypeAction":
             return Action("type", text=fields.text(arguments, "text", default=""))
         case "KeyAction":

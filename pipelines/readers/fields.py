@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias, cast
 
-from hijack_data.elements.labels import boxes_from_labels
+from hijack_data.elements.recorded_boxes import boxes_from_labels
 from hijack_data.errors import HijackError, suggest
 from hijack_data.platforms import as_platform
 from hijack_data.surrogates import has_half

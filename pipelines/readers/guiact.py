@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.actions import Scaling
-from hijack_data.actions.dialects.fields import at, number
+from hijack_data.actions.dialects.computer_tools import PIXELS_PER_NOTCH
+from hijack_data.actions.dialects.field_checks import action_at, number
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
-from hijack_data.actions.dialects.tool_calls import PIXELS_PER_NOTCH
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import ActionError, HijackError
 from hijack_data.types import Action, Box, Size, Step, Trajectory
 
@@ -157,7 +157,7 @@ def _action(first: JsonObject, record: JsonObject, size: Size, box: Box | None) 
     text = fields.text(first, "text", default="")
     has_place = box is not None or first.get("point") is not None
     if name in _POINTER_ACTIONS or (name == "input" and has_place):
-        return at(_POINTER_ACTIONS.get(name, "click"), _place(first, record, size, box))
+        return action_at(_POINTER_ACTIONS.get(name, "click"), _place(first, record, size, box))
     match name:
         case "input":
             return Action("type", text=text)

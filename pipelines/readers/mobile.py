@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any, cast
 
 from hijack_data.actions import Scaling
-from hijack_data.actions.dialects.fields import at, number
-from hijack_data.actions.dialects.ui_tars import WAIT_SECONDS
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.dialects.field_checks import action_at, number
+from hijack_data.actions.dialects.ui_tars import WAIT_S
+from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import HijackError, counted
 from hijack_data.types import Action, Size, Step, Trajectory
 
@@ -170,7 +170,7 @@ class GuiOdyssey(_Phone):
             case "CLICK" | "LONG_PRESS":
                 (place,) = _points(info, 1)
                 name = "click" if kind == "CLICK" else "other"
-                return at(name, scaling.point(*place))
+                return action_at(name, scaling.point(*place))
             case "SCROLL":
                 start, end = (scaling.point(*place) for place in _points(info, 2))
                 return Action("drag", *start, *end)
@@ -246,7 +246,7 @@ class AndroidControl(_Phone):
                 point = Scaling.pixels(None).point(*place)
                 text = fields.text(entry, "text") if kind == "type" else None
                 name = "click" if kind == "click" else "other"
-                return at(name, point, text=text)
+                return action_at(name, point, text=text)
             case "input_text":
                 return Action("type", text=fields.text(entry, "text"))
             case "scroll":
@@ -256,7 +256,7 @@ class AndroidControl(_Phone):
                     raise FieldError("direction", reason)
                 return Action("other")
             case "wait":
-                return Action("wait", amount=WAIT_SECONDS)
+                return Action("wait", amount=WAIT_S)
             case "open_app" | "navigate_home" | "navigate_back":
                 return Action("other")
             case _:

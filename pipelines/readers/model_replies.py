@@ -22,8 +22,8 @@ from functools import partial
 
 from hijack_data.actions.dialects.pyautogui_code import calls_pyautogui
 from hijack_data.actions.dialects.qwen import holds_tool_call
-from hijack_data.actions.program.signatures import KEYBOARD, POINTER
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.pyautogui_functions import KEYBOARD, POINTER
+from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import HijackError
 from hijack_data.types import Action, Box, Size
 

@@ -12,7 +12,7 @@ from typing import cast
 from hijack_data.actions import FRACTIONS as DIALECT_FRACTIONS
 from hijack_data.actions import RESIZED_DIALECTS, Scaling, map_code, parse_pyautogui, parse_with
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
-from hijack_data.actions.recorded import map_recorded
+from hijack_data.actions.recorded_actions import map_recorded
 from hijack_data.coords import CoordMap
 from hijack_data.errors import ActionError, HijackError, ParameterError
 from hijack_data.smart_resize import smart_resize

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, get_args
 
-from hijack_data.apps import names_of, normalize_app
+from hijack_data.apps import collect_apps, normalize_app
 from hijack_data.errors import ParameterError, suggest
 from hijack_data.platforms import find_platform
 from hijack_data.types import Platform, Trajectory
@@ -126,5 +126,5 @@ def read_facts(trajectory: Trajectory) -> RecordingFacts:
     return RecordingFacts(
         stated_screen(trajectory),
         stated_platform(trajectory),
-        names_of(trajectory.apps, trajectory.domain),
+        collect_apps(trajectory.apps, trajectory.domain),
     )

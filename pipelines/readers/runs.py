@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-from hijack_data.actions.recorded import SIZELESS
-from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, REINIT, RUN, STEPS
+from hijack_data.actions.allowed import REINIT
+from hijack_data.actions.recorded_actions import SIZELESS
+from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, RUN, STEPS
 from hijack_data.types import Action, Platform, Step, Trajectory
 
 from . import fields

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
-from hijack_data.actions.dialects.fields import at, click_type, key_names, number, text
-from hijack_data.actions.recorded import SCREENAGENT
+from hijack_data.actions.dialects.field_checks import action_at, click_type, key_names, number, text
+from hijack_data.actions.recorded_actions import SCREENAGENT
 from hijack_data.errors import HijackError
 from hijack_data.platforms import find_platform
 from hijack_data.types import Action, Size, Step, Trajectory, are_fractions
@@ -206,12 +206,12 @@ def _mouse(entry: JsonObject) -> Action:
     name = str(entry.get("mouse_action_type"))
     place = _point(entry.get("mouse_position"))
     if name in _BUTTONS:
-        return at(click_type(entry.get("mouse_button", "left"), _BUTTONS[name]), place)
+        return action_at(click_type(entry.get("mouse_button", "left"), _BUTTONS[name]), place)
     if name in _SCROLLS:
         notches = number(entry.get("scroll_repeat", 1), "scroll_repeat")
-        return at("scroll", place, amount=_SCROLLS[name] * notches)
+        return action_at("scroll", place, amount=_SCROLLS[name] * notches)
     if name in _PLAIN:
-        return at(_PLAIN[name], place)
+        return action_at(_PLAIN[name], place)
     if name == "drag" and place is not None:
         return Action("drag", x2=place[0], y2=place[1])
     reason = f"{fields.shown(name)} is not an action of the mouse"

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import TypeAlias
 
 from hijack_data.actions import Scaling
-from hijack_data.actions.dialects.fields import at, click_type, key_names, number, point, text
+from hijack_data.actions.dialects.field_checks import at, click_type, key_names, number, point, text
 from hijack_data.errors import ActionError, HijackError
 from hijack_data.types import Action, Size
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import cast
 
-from hijack_data.actions.dialects.tool_calls import PIXELS_PER_NOTCH
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.dialects.computer_tools import PIXELS_PER_NOTCH
+from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.types import Action, Size, Step, Trajectory
 
 from . import fields

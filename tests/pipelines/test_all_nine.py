@@ -310,7 +310,7 @@ def test_every_format_has_a_case() -> None:
     apart = {"images", "screenspot_v2", "screenspot_pro", "osworld_g"}
     apart |= {"aitz", "atif", "browser_use", "guiact", "lerobot"}
     assert {case.reader for case in CASES.values()} == set(names()) - apart
-    assert set(PICTURE + MACHINE) == set(hj.names())
+    assert set(PICTURE + MACHINE) == set(hj.corruption_names())
 
 
 def test_each_corruption_has_rows_or_a_reason(built: Built) -> None:

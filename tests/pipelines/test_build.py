@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 import hijack_data as hj
-from hijack_data.files import load_image
+from hijack_data.file_io import load_image
 from pipelines import build, inspect_source, open_dataset, verify
 from pipelines.building.dataset_card import _size_category
 from pipelines.building.step_rows import RowSettings
@@ -282,7 +282,7 @@ def test_without_dev_shm_there_are_no_workers_and_it_is_said(
         raise OSError(errno.EROFS, "Read-only file system")
 
     monkeypatch.setattr("multiprocessing.synchronize.SemLock.__init__", read_only)
-    planners = {"marks": hj.get("marks")}
+    planners = {"marks": hj.make_corruption("marks")}
     source = recording()
     with pytest.raises(BuildError, match=r"no worker processes here .*/dev/shm.*--workers 1"):
         build(source, tmp_path / "out", corruptions=planners, workers=2)
@@ -444,7 +444,7 @@ def test_planners_are_told_all_that_is_known(
     add_line(folder, good_line("t1", 0, **point, apps=["vlc"], image="images/t0-0.png"))
     seen: list[tuple[hj.Scene, dict[str, Any]]] = []
 
-    class Watcher(hj.Augmentation):
+    class Watcher(hj.plugin.Augmentation):
         def plan(self, scene: hj.Scene, **key: Any) -> hj.Plan:
             seen.append((scene, key))
             return hj.Plan.clean(scene.size)

@@ -15,7 +15,7 @@ RECORDINGS = Path(__file__).resolve().parents[2] / "examples" / "recordings"
 FIVE = "multi_apps,accidental_touch,app_minimization,network_error,verification"
 # At the fourth step, where it acts by default, two of our recordings show an open menu.
 OURS = {
-    **{name: hj.get(name) for name in FIVE.split(",")},
+    **{name: hj.make_corruption(name) for name in FIVE.split(",")},
     "accidental_touch": hj.AccidentalTouch(step=2),
 }
 

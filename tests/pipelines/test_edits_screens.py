@@ -38,7 +38,7 @@ def test_a_screen_of_nearly_the_same_shape_is_scaled_down(
     size: tuple[int, int], assets: Path
 ) -> None:
     found, picture = edit("lock", assets, size=size)
-    scaled = hj.Plan("x-v1", (400, 640), ops=(hj.Resample(size),))
+    scaled = hj.Plan("x-v1", (400, 640), ops=(hj.plugin.Resample(size),))
     assert np.array_equal(picture, hj.apply(scaled, pixels(2, 640, 400)))
     assert found.fidelity == "composited"
     assert found.notes == (f"lock-large was scaled from 640x400 to {size[1]}x{size[0]}",)

@@ -39,7 +39,7 @@ SOON = {
 }
 
 
-class Marks(hj.Augmentation):
+class Marks(hj.plugin.Augmentation):
     """Marks, whose planning calls `deed` first."""
 
     needs_elements = False
@@ -235,7 +235,7 @@ def test_a_node_that_dies(recording: Any, cluster: Any, tmp_path: Path) -> None:
 def test_mistakes_reach_the_caller(
     deed: Any, reason: str, recording: Any, cluster: Any, tmp_path: Path
 ) -> None:
-    class Live(hj.Augmentation):
+    class Live(hj.plugin.Augmentation):
         def plan(self, scene: hj.Scene, **key: Any) -> hj.Plan:
             return hj.NetworkError().plan(scene, **{**key, "step": -1})
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from hijack_data.apps import names_of
+from hijack_data.apps import collect_apps
 from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError, ParameterError, ParameterTypeError
 from hijack_data.platforms import as_platform, find_platform
@@ -265,7 +265,7 @@ def test_apps_of_all_trajectories_are_checked_against_each(
 
 @pytest.mark.parametrize("name", ["windows", "Windows 11", "macOS", "Ubuntu 22.04"])
 def test_a_platform_is_no_application(name: str) -> None:
-    assert names_of([name, "VLC"]) == {"vlc"}
+    assert collect_apps([name, "VLC"]) == {"vlc"}
 
 
 def test_a_phone_stays_one_whatever_the_option_says(recording: Any, tmp_path: Path) -> None:
