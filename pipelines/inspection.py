@@ -1,4 +1,4 @@
-"""`inspect`: the content of a source and the rows that a build would make of it."""
+"""`inspect_source`: the content of a source and the rows that a build would make of it."""
 
 import os
 import re
@@ -36,7 +36,7 @@ ONE_SHARD = 10**9  # rows: more than any sample has
 
 @dataclass
 class Inspection:
-    """The result of `inspect`; all counts except those of `outlook` cover every trajectory.
+    """The result of `inspect_source`; all counts except those of `outlook` cover every trajectory.
 
     Args:
         sources: names of the inspected sources.
@@ -124,7 +124,7 @@ class Inspection:
             "trajectories": trajectories,
             "steps": steps,
             "rows": dict(self.outlook.rows),
-            "not_applicable": {label: dict(why) for label, why in reasons.items()},
+            "not_applicable": {label: dict(counts) for label, counts in reasons.items()},
         }
 
     def tables(self) -> Iterator[Any]:
@@ -132,9 +132,9 @@ class Inspection:
         from rich.markup import escape
         from rich.table import Table
 
-        shown = escape(", ".join(self.sources))
+        source_names = escape(", ".join(self.sources))
         content = _content(self.trajectories, self.steps)
-        yield f"[bold]{shown}[/]: {content}"
+        yield f"[bold]{source_names}[/]: {content}"
         yield ""
         table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         table.add_column("format")
@@ -187,8 +187,8 @@ class Inspection:
         table.add_column("not applicable")
         for label, rows in outlook.rows.items():
             reasons = outlook.not_applicable.get(label, {})
-            why = [f"{_many(count, 'step')}: {reason}" for reason, count in reasons.items()]
-            table.add_row(label, str(rows), escape("; ".join(why)))
+            texts = [f"{_many(count, 'step')}: {reason}" for reason, count in reasons.items()]
+            table.add_row(label, str(rows), escape("; ".join(texts)))
         yield table
 
     def _problems(self) -> Iterator[str]:
@@ -240,7 +240,8 @@ def inspect_source(
         boxes: the order of a box's numbers, if the recording does not state it.
         apps: applications in the trajectories whose source names none.
         platform: the machine of the trajectories whose source names none.
-        allow_platform_mismatch: count rows that show our Xfce desktop on other platforms, too.
+        allow_platform_mismatch: count rows that show an Xfce desktop in recordings of other
+            platforms, too.
 
     Raises:
         SourceError: no such source, nothing in it, or no known format.
@@ -254,33 +255,33 @@ def inspect_source(
     choices = ReaderOptions(coordinates, boxes)
     sources = Sources.open(source, format, choices, apps=apps, platform=platform)
     sources.refuse_nothing()
-    found = Inspection(tuple(sources.names))
-    taken: list[SourceItem] = []
+    inspection = Inspection(tuple(sources.names))
+    sampled: list[SourceItem] = []
     counted: Counter[tuple[object, ...]] = Counter()
     for read in sources.read():
         if isinstance(read.item, Rejected):
-            _reject(found, read.item)
+            _reject(inspection, read.item)
             continue
-        _count(found, read.item)
+        _count(inspection, read.item)
         facts = read_facts(read.item)
         # the kind of screen decides which corruptions apply
         key = (os.fspath(read.root), read.item.source, facts.screen, facts.platform)
         counted[key] += 1
         if counted[key] <= sample:
-            taken.append(read)
-    found.unread = sources.unread
-    found.notes += [*sources.advice(), *sources.exclusions()]
-    found.coordinates = {name: coordinate_space(name) for name in found.formats}
-    if taken:
+            sampled.append(read)
+    inspection.unread = sources.unread
+    inspection.notes += [*sources.advice(), *sources.exclusions()]
+    inspection.coordinates = {name: coordinate_space(name) for name in inspection.formats}
+    if sampled:
         _plan(
-            found,
-            taken,
+            inspection,
+            sampled,
             corruptions=corruptions,
             seed=seed,
             assets=assets,
             allow_platform_mismatch=allow_platform_mismatch,
         )
-    return found
+    return inspection
 
 
 def coordinate_space(name: str) -> str:
@@ -295,8 +296,8 @@ def coordinate_space(name: str) -> str:
 
 
 def _plan(
-    found: Inspection,
-    taken: list[SourceItem],
+    inspection: Inspection,
+    sampled: list[SourceItem],
     *,
     corruptions: Mapping[str, Planner] | str,
     seed: int,
@@ -313,33 +314,33 @@ def _plan(
     settings, notes = make_settings(options.resolved())
 
     def tasks(reject: Callable[[Rejected], None]) -> Iterator[ShardTask]:
-        return shard_tasks(iter(taken), ONE_SHARD, settings.variants, reject)
+        return shard_tasks(iter(sampled), ONE_SHARD, settings.variants, reject)
 
-    found.outlook = run_dry(tasks, settings)
-    found.notes += (*notes, *found.outlook.notes)
-    items = [read.item for read in taken]
+    inspection.outlook = run_dry(tasks, settings)
+    inspection.notes += (*notes, *inspection.outlook.notes)
+    items = [read.item for read in sampled]
     steps = sum(len(item.steps) for item in items if isinstance(item, Trajectory))
-    found.looked_at = len(items), steps
+    inspection.looked_at = len(items), steps
 
 
-def _reject(found: Inspection, record: Rejected) -> None:
-    found.rejected[record.field or "(record)"] += 1
-    if len(found.examples) < MAX_SHOWN_INPUTS:
-        found.examples.append(str(record))
+def _reject(inspection: Inspection, record: Rejected) -> None:
+    inspection.rejected[record.field or "(record)"] += 1
+    if len(inspection.examples) < MAX_SHOWN_INPUTS:
+        inspection.examples.append(str(record))
 
 
-def _count(found: Inspection, trajectory: Trajectory) -> None:
-    counts = found.formats.setdefault(trajectory.source, [0, 0])
+def _count(inspection: Inspection, trajectory: Trajectory) -> None:
+    counts = inspection.formats.setdefault(trajectory.source, [0, 0])
     counts[0] += 1
     counts[1] += len(trajectory.steps)
     facts = read_facts(trajectory)
-    found.apps.update(facts.apps or (UNKNOWN,))
-    found.screens[facts.screen or UNKNOWN] += 1
-    found.platforms[facts.platform or UNKNOWN] += 1
-    found.without_instruction += not trajectory.instruction
+    inspection.apps.update(facts.apps or (UNKNOWN,))
+    inspection.screens[facts.screen or UNKNOWN] += 1
+    inspection.platforms[facts.platform or UNKNOWN] += 1
+    inspection.without_instruction += not trajectory.instruction
     for step in trajectory:
-        found.actions[step.action.type] += 1
-        found.sizes[_size(step.image)] += 1
+        inspection.actions[step.action.type] += 1
+        inspection.sizes[_size(step.image)] += 1
 
 
 def _size(image: str) -> str:
@@ -356,15 +357,15 @@ def _content(trajectories: int, steps: int) -> str:
     return f"{_many(trajectories, 'trajectory')}, {_many(steps, 'step')}"
 
 
-def _many(count: int, what: str) -> str:
+def _many(count: int, noun: str) -> str:
     if count == 1:
-        return f"1 {what}"
-    plural = f"{what[:-1]}ies" if what.endswith("y") else f"{what}s"
+        return f"1 {noun}"
+    plural = f"{noun[:-1]}ies" if noun.endswith("y") else f"{noun}s"
     return f"{count} {plural}"
 
 
-def _listed(counts: Counter[str], shown: int = 8) -> str:
-    first = [f"{name} ({count})" for name, count in counts.most_common(shown)]
-    if len(counts) > shown:
-        first.append(f"and {len(counts) - shown} more")
+def _listed(counts: Counter[str], limit: int = 8) -> str:
+    first = [f"{name} ({count})" for name, count in counts.most_common(limit)]
+    if len(counts) > limit:
+        first.append(f"and {len(counts) - limit} more")
     return ", ".join(first) or UNKNOWN

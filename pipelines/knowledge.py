@@ -92,35 +92,37 @@ class Knowledge:
             BuildError: a trajectory states other applications than the option `apps`.
         """
         excluded = [] if excluded is None else excluded
-        used: set[KnowledgeEntry] = set()
+        used_entries: set[KnowledgeEntry] = set()
         for item in items:
             if isinstance(item, Rejected):
                 yield item
             else:
-                yield self._completed(item, used, excluded)
+                yield self._completed(item, used_entries, excluded)
         for entry in self.entries:
-            if entry not in used:
+            if entry not in used_entries:
                 match = f"{entry.match!r} matches no trajectory"
                 reason = f"{match}; give an id, or a pattern with * and ?"
                 yield Rejected(SIDECAR, entry.where, "match", reason)
 
     def parameters(self) -> dict[str, Any]:
         """Return the parameters for the manifest; empty if the user gave nothing."""
-        given = {"apps": list(self.apps), "platform": self.platform, "file_sha256": self.sha256}
-        kept = {key: value for key, value in given.items() if value}
-        return {RECORDINGS: kept} if kept else {}
+        facts = {"apps": list(self.apps), "platform": self.platform, "file_sha256": self.sha256}
+        stated = {key: value for key, value in facts.items() if value}
+        return {RECORDINGS: stated} if stated else {}
 
     def _completed(
-        self, trajectory: Trajectory, used: set[KnowledgeEntry], excluded: list[str]
+        self, trajectory: Trajectory, used_entries: set[KnowledgeEntry], excluded: list[str]
     ) -> Trajectory:
         fitting = [entry for entry in self.entries if fnmatchcase(trajectory.id, entry.match)]
-        used.update(fitting)
+        used_entries.update(fitting)
         apps = next((entry.apps for entry in fitting if entry.apps), ())
         platform = next((entry.platform for entry in fitting if entry.platform), None)
         if not apps and self.apps:
             apps = self._apps_for(trajectory, excluded)
-        said = stated_platform(trajectory)
-        if platform is None and (said is None or (said == "linux" and self.platform == OURS)):
+        recorded_platform = stated_platform(trajectory)
+        if platform is None and (
+            recorded_platform is None or (recorded_platform == "linux" and self.platform == OURS)
+        ):
             platform = self._platform_for(trajectory)  # `linux` does not say which desktop it is
         if not apps and platform is None:
             return trajectory
@@ -130,8 +132,8 @@ class Knowledge:
 
     def _platform_for(self, trajectory: Trajectory) -> Platform | None:
         """Return the platform of the option, unless the pictures are known to show another kind."""
-        shown = stated_screen(trajectory)
-        if self.platform is None or shown in (None, SCREENS.get(self.platform, "desktop")):
+        screen = stated_screen(trajectory)
+        if self.platform is None or screen in (None, SCREENS.get(self.platform, "desktop")):
             return self.platform
         return None
 
@@ -171,12 +173,14 @@ def read_knowledge(
         apps: names of applications, as a sequence or separated by commas.
         platform: one of `hijack_data.types.Platform`.
 
-    Raises `ConfigError`, which names place and remedy, or `SourceError` for a mistake in the file,
-    and `ParameterError` or `ParameterTypeError` for a mistake in the options.
+    Raises:
+        ConfigError: a mistake in the file; the message names place and remedy.
+        ParameterError, ParameterTypeError: a mistake in the options.
+        SourceError: the file cannot be read.
     """
     entries, digest = _sidecar(source_root(source))
-    known = None if platform is None else as_platform(platform, "platform")
-    return Knowledge(_apps(apps), known, entries, digest)
+    checked_platform = None if platform is None else as_platform(platform, "platform")
+    return Knowledge(_apps(apps), checked_platform, entries, digest)
 
 
 def _apps(value: object) -> tuple[str, ...]:
@@ -196,17 +200,17 @@ def _app(name: object) -> str:
         raise ParameterTypeError(
             f"apps must be names of applications, such as 'chrome,vscode', got {name!r:.80}"
         )
-    plain = normalize_app(name)
-    if not plain:
+    normalized = normalize_app(name)
+    if not normalized:
         raise ParameterError(
             "apps holds an empty name; write the names separated by commas: chrome,vscode"
         )
-    close = difflib.get_close_matches(plain, sorted(KNOWN), n=1, cutoff=MIN_SIMILARITY)
-    if plain not in KNOWN and close:
+    close = difflib.get_close_matches(normalized, sorted(KNOWN), n=1, cutoff=MIN_SIMILARITY)
+    if normalized not in KNOWN and close:
         raise ParameterError(
             f"apps: {name!r} is not an application that is known; did you mean {close[0]!r}?"
         )
-    return plain
+    return normalized
 
 
 def _sidecar(root: Path) -> tuple[tuple[KnowledgeEntry, ...], str | None]:
@@ -297,12 +301,12 @@ def _listed_platform(tree: ConfigNode | None, problems: Problems) -> Platform | 
     if tree is None:
         return None
     name = _text(tree)
-    found = find_platform(name)
-    if found is None:
+    platform = find_platform(name)
+    if platform is None:
         problems.add(
             tree.place, f"unknown platform {kind_of(tree)}{suggest(name or '', PLATFORMS)}"
         )
-    return found
+    return platform
 
 
 def _text(tree: ConfigNode | None) -> str | None:

@@ -15,21 +15,21 @@ PROMPTS = {
         "or finished(); coordinates are pixels of the screenshot as you see it."
     ),
 }
-# The space of the coordinates of an answer, as `readers.choices` names it.
+# The space of the coordinates of an answer, as `readers.reader_options` names it.
 SPACES = {"pyautogui": "pixels", "ui_tars": "thousand", "ui_tars_1.5": "resized"}
 
 
-def question(instruction: str, how: str) -> str:
+def question(instruction: str, answer_format: str) -> str:
     """Return the message of the user: the task, and how to answer."""
-    return f"{TASK_PREFIX}{instruction}\n{how}"
+    return f"{TASK_PREFIX}{instruction}\n{answer_format}"
 
 
 def parse_question(text: str) -> tuple[str, str] | None:
     """Return the instruction and the space of the answers of a `question`; `None` for others."""
     if not text.startswith(TASK_PREFIX):
         return None
-    for dialect, how in PROMPTS.items():
-        ending = f"\n{how}"
+    for dialect, answer_format in PROMPTS.items():
+        ending = f"\n{answer_format}"
         if text.endswith(ending):
             instruction = text[len(TASK_PREFIX) : -len(ending)]
             return instruction, SPACES[dialect]

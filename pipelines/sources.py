@@ -10,6 +10,7 @@ from hijack_data.errors import ParameterTypeError, counted
 from hijack_data.paths import PathLike
 from hijack_data.types import Trajectory
 
+from .dataset.manifest import holds_build
 from .errors import SourceError
 from .knowledge import RECORDINGS, Knowledge, read_knowledge
 from .readers import Rejected, Survey, check_path, get_reader, names, survey
@@ -31,10 +32,10 @@ class Sources:
 
     Args:
         paths: absolute paths.
-        given: their names in reports, never absolute paths.
+        names: their names in reports, never absolute paths.
         surveys: the files of each by format.
         choices: the user's choices of coordinates and boxes.
-        told: applications and platform of each source, as the user stated them.
+        knowledge: applications and platform of each source, as the user stated them.
         renamed: number of trajectories so far whose id an earlier source or format has.
         excluded: ids of the trajectories so far to which the option `apps` does not apply, because
             their instruction names another program.
@@ -44,7 +45,7 @@ class Sources:
     names: tuple[str, ...]
     surveys: tuple[Survey, ...]
     choices: ReaderOptions = NO_CHOICES
-    told: tuple[Knowledge, ...] = ()
+    knowledge: tuple[Knowledge, ...] = ()
     renamed: int = 0
     excluded: list[str] = field(default_factory=list[str])
 
@@ -60,10 +61,9 @@ class Sources:
     ) -> "Sources":
         """Find the formats of one source or several.
 
-        A choice that none of the formats leaves open is a `BuildError`; see `read_knowledge` for the
-        errors of `apps` and `platform`.
-
         Raises:
+            BuildError: none of the formats leaves a choice open.
+            ConfigError, ParameterError: a mistake in `apps`, `platform` or `agenthijack.yaml`.
             SourceError: a source is given twice, is a dataset that was built, or has no known
                 format, see `readers.survey`.
         """
@@ -73,10 +73,10 @@ class Sources:
             if paths.count(path) > 1:
                 raise SourceError(f"{path}: is given twice")
             _refuse_dataset(path)
-        given = tuple(public_name(path) for path in several)
-        told = tuple(read_knowledge(path, apps, platform) for path in paths)
+        names = tuple(public_name(path) for path in several)
+        knowledge = tuple(read_knowledge(path, apps, platform) for path in paths)
         surveys = tuple(survey(path, format) for path in paths)
-        sources = cls(paths, given, surveys, choices, told)
+        sources = cls(paths, names, surveys, choices, knowledge)
         sources._check_choices()
         return sources
 
@@ -88,57 +88,57 @@ class Sources:
         choices = ReaderOptions(
             parameters.get("coordinates"), parameters.get("boxes"), parameters.get("episode_key")
         )
-        told = parameters.get(RECORDINGS, {})
+        stated = parameters.get(RECORDINGS, {})
         return cls.open(
             source,
             parameters.get("format"),
             choices,
-            apps=told.get("apps"),
-            platform=told.get("platform"),
+            apps=stated.get("apps"),
+            platform=stated.get("platform"),
         )
 
     @property
     def formats(self) -> list[str]:
         """The names of all formats."""
-        return sorted({name for found in self.surveys for name in found.parts})
+        return sorted({name for files in self.surveys for name in files.parts})
 
     @property
     def unread(self) -> list[str]:
         """Record files that no reader takes, named from their source."""
         names: list[str] = []
-        for index, found in enumerate(self.surveys):
-            names += [self._name(index, name) for name in found.unread]
+        for index, files in enumerate(self.surveys):
+            names += [self._name(index, name) for name in files.unread]
         return names
 
     def advice(self) -> Iterator[str]:
         """Yield how to make files readable that no reader takes, the first of each kind."""
         kinds: set[str] = set()
-        for index, found in enumerate(self.surveys):
-            for name in found.unread:
-                advice = advise(found.root / name)
+        for index, files in enumerate(self.surveys):
+            for name in files.unread:
+                advice = advise(files.root / name)
                 if advice and Path(name).suffix not in kinds:
                     kinds.add(Path(name).suffix)
                     yield f"{self._name(index, name)}: {advice}"
 
     def read(self, limit: int | None = None) -> Iterator[SourceItem]:
         """Yield the content of the sources in a fixed order, up to `limit` trajectories."""
-        taken: set[str] = set()
+        used_ids: set[str] = set()
         self.renamed = 0
         self.excluded.clear()
-        for index, found in enumerate(self.surveys):
-            for item in self.told[index].complete(found.read(self.choices), self.excluded):
+        for index, files in enumerate(self.surveys):
+            for item in self.knowledge[index].complete(files.read(self.choices), self.excluded):
                 if isinstance(item, Rejected):
-                    named = replace(item, file=self._name(index, item.file))
-                    yield SourceItem(found.root, named)
+                    rejected = replace(item, file=self._name(index, item.file))
+                    yield SourceItem(files.root, rejected)
                     continue
-                yield SourceItem(found.root, self._unique(item, index, taken))
-                if limit is not None and len(taken) >= limit:
+                yield SourceItem(files.root, self._unique(item, index, used_ids))
+                if limit is not None and len(used_ids) >= limit:
                     return
 
     def knowledge_parameters(self) -> dict[str, Any]:
-        """Return the parameters of `told` in a manifest: options, and the hashes of the files."""
-        parameters = self.told[0].parameters()
-        hashes = [known.sha256 for known in self.told]
+        """Return the parameters of `knowledge` in a manifest: options, and hashes of the files."""
+        parameters = self.knowledge[0].parameters()
+        hashes = [knowledge.sha256 for knowledge in self.knowledge]
         if len(hashes) > 1 and any(hashes):
             stated = parameters.get(RECORDINGS, {})
             parameters = {RECORDINGS: {**stated, "file_sha256": hashes}}
@@ -172,34 +172,36 @@ class Sources:
             SourceError: there is nothing.
         """
         if next(self.read(), None) is None:
-            what = ", ".join(map(str, self.paths))
-            raise SourceError(f"{what}: holds no trajectory; known formats: {', '.join(names())}")
+            listed_paths = ", ".join(map(str, self.paths))
+            raise SourceError(
+                f"{listed_paths}: holds no trajectory; known formats: {', '.join(names())}"
+            )
 
     def _check_choices(self) -> None:
         readers = [get_reader(name) for name in self.formats]
-        taken: set[str] = set()
+        accepted: set[str] = set()
         for reader in readers:
-            taken.update(getattr(reader, "takes", ()))
-        if self.choices.to_data().keys() <= taken:
+            accepted.update(getattr(reader, "takes", ()))
+        if self.choices.to_data().keys() <= accepted:
             return
         for reader in readers:
             with_choices(reader, self.choices)  # raises for the choice that is left over
 
-    def _unique(self, trajectory: Trajectory, index: int, taken: set[str]) -> Trajectory:
+    def _unique(self, trajectory: Trajectory, index: int, used_ids: set[str]) -> Trajectory:
         """Return a trajectory with its id, prefixed with its source if the id is taken."""
-        if trajectory.id not in taken:
-            taken.add(trajectory.id)
+        if trajectory.id not in used_ids:
+            used_ids.add(trajectory.id)
             return trajectory
         self.renamed += 1
         place = self._label(index) if len(self.paths) > 1 else trajectory.source
         name = f"{place}/{trajectory.id}"
-        own = name
+        candidate = name
         number = 1
-        while own in taken:
+        while candidate in used_ids:
             number += 1
-            own = f"{name}~{number}"
-        taken.add(own)
-        return replace(trajectory, id=own)
+            candidate = f"{name}~{number}"
+        used_ids.add(candidate)
+        return replace(trajectory, id=candidate)
 
     def _name(self, index: int, file: str) -> str:
         """Return the name of a file, prefixed with its source if there are several sources."""
@@ -209,18 +211,20 @@ class Sources:
 
     def _label(self, index: int) -> str:
         """Return the end of a source's path that no other source has."""
-        own = self.paths[index]
-        for length in range(1, len(own.parts)):
-            end = own.parts[-length:]
+        source = self.paths[index]
+        for length in range(1, len(source.parts)):
+            end = source.parts[-length:]
             if sum(path.parts[-length:] == end for path in self.paths) == 1:
                 return "/".join(end)
-        return own.name
+        return source.name
 
 
 def _refuse_dataset(path: Path) -> None:
-    """Raise `SourceError` if a folder is a dataset of ours, whose rows are corrupted already."""
-    from .building.output_folder import holds_build
+    """Refuse a dataset of ours as a source: its rows are corrupted already.
 
+    Raises:
+        SourceError: the folder is such a dataset.
+    """
     if holds_build(path):
         raise SourceError(
             f"{path}: is a dataset that hijack build wrote, not recordings; hijack stats and hijack"
@@ -230,16 +234,16 @@ def _refuse_dataset(path: Path) -> None:
 
 def public_name(path: PathLike) -> str:
     """Return a source's name in a dataset: the given path, without folders of this machine."""
-    given = Path(path)
-    if given.is_absolute() or ".." in given.parts or not given.name:
-        return Path(os.path.abspath(given)).name or "source"
-    return given.as_posix()
+    given_path = Path(path)
+    if given_path.is_absolute() or ".." in given_path.parts or not given_path.name:
+        return Path(os.path.abspath(given_path)).name or "source"
+    return given_path.as_posix()
 
 
 def _listed(source: PathLike | Sequence[PathLike]) -> list[PathLike]:
     if isinstance(source, str | os.PathLike):
         return [cast("PathLike", source)]
     several: list[Any] = list(source)
-    if not several or not all(isinstance(one, str | os.PathLike) for one in several):
+    if not several or not all(isinstance(path, str | os.PathLike) for path in several):
         raise ParameterTypeError(f"source must be a path or a list of paths, got {source!r:.80}")
     return several

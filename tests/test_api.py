@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 import hijack_data as hj
+import online_env
+import pipelines
 
 SIGNATURES = {
     "make_corruption": "(name: str, **values: Any) -> Corruption",
@@ -53,15 +55,18 @@ def test_all_names_exist_and_are_documented():
         assert inspect.getdoc(thing), f"{name} has no docstring"
 
 
-def test_type_checkers_see_the_names_that_are_loaded():
-    tree = ast.parse(Path(hj.__file__).read_text())
+@pytest.mark.parametrize("package", [hj, pipelines])
+def test_type_checkers_see_the_names_that_are_loaded(package):
+    tree = ast.parse(Path(package.__file__).read_text())
     (block,) = [node for node in tree.body if isinstance(node, ast.If)]
     seen: dict[str, tuple[str, ...]] = {}
     plugin, *homes = block.body
     assert ast.unparse(plugin) == "from . import plugin as plugin"
     for node in homes:
         seen[node.module] = seen.get(node.module, ()) + tuple(each.asname for each in node.names)
-    assert seen == hj._HOMES
+    prefix = f"{package.__name__}."
+    assert seen == {home.removeprefix(prefix): names for home, names in package._HOMES.items()}
+    assert all(getattr(package, name).__name__ == name for name in package.__all__)
 
 
 def test_the_function_and_the_package_survive_pickling():
@@ -74,8 +79,19 @@ def test_the_function_and_the_package_survive_pickling():
 
 
 def test_importing_loads_nothing_heavy():
-    heavy = ("torch", "jax", "cv2", "datasets", "numba", "rich", "click", "scipy", "pandas")
-    code = f"import sys, hijack_data; print([m for m in {heavy} if m in sys.modules])"
+    heavy = (
+        "torch",
+        "jax",
+        "cv2",
+        "datasets",
+        "numba",
+        "rich",
+        "click",
+        "scipy",
+        "pandas",
+        "numpy",
+    )
+    code = f"import sys, hijack_data, pipelines; print([m for m in {heavy} if m in sys.modules])"
     found = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout
@@ -117,6 +133,10 @@ def test_the_nine_are_known_whatever_is_imported_first(first):
         " make_corruption\nmake_corruption('marks-v1')\nprint(*corruption_names()[:2])"
     )
     assert python(code) == "pop_ups resolution"
+
+
+def test_no_public_name_is_a_module_of_the_standard_library():
+    assert not sys.stdlib_module_names & {*hj.__all__, *pipelines.__all__, *online_env._HOMES}
 
 
 def test_dir_shows_what_is_ours():

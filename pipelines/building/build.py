@@ -13,7 +13,6 @@ from hijack_data.paths import PathLike
 from ..dataset.columns import pyarrow
 from ..dataset.manifest import TRANSPARENT, make_manifest, total_counts, write_manifest
 from ..dataset.shard import ShardRecord
-from ..engines import Engine, get_engine
 from ..errors import BuildError
 from ..readers import Rejected
 from ..readers.reader_options import ReaderOptions
@@ -23,6 +22,7 @@ from .build_options import BuildKeywords, BuildOptions, Progress, with_options
 from .build_report import BuildReport, transparency_note
 from .dataset_card import CARD, CONFIG, make_card
 from .dry_run import run_dry
+from .engine_registry import Engine, get_engine
 from .item_buffer import read_items
 from .loaded_files import check_loaded
 from .output_folder import OutFolder, parameters_in
@@ -50,42 +50,45 @@ def build(
     Args:
         source: a file or folder of recordings, or a list of them. A folder may hold several
             formats: each file is read by its own reader. If two trajectories have the same id, that
-                of the second is prefixed with the name of its source (or, within one source, of its
-                format).
+            of the second is prefixed with the name of its source (or, within one source, of its
+            format).
         out: the folder to create, outside the source; it must be empty or not exist.
         options: see `BuildOptions`, which describes every option.
         **overrides: the same options as keywords; they override `options`.
 
-    A build fails with:
-
-    * `SourceError`: the source does not exist, is empty, or is of no known format.
-    * `AssetError`: recorded pictures are needed and missing.
-    * `BuildError`: `out` cannot be used, or an option is wrong.
-    * `DatasetError`: `resume` without the file of corruptions that the build used, see
-      `hijack_data.loading`.
-    * `ConfigError`, `ParameterError`, `UnknownNameError`: a mistake in the configuration, a value
-      out of range, or an unknown corruption, reader, engine or platform.
-    * `MissingDependencyError`: pyarrow, isal or Ray is not installed.
+    Raises:
+        AssetError: recorded pictures are needed and missing.
+        BuildError: `out` cannot be used, or an option is wrong.
+        ConfigError, ParameterError, UnknownNameError: a mistake in the configuration, a value out
+            of range, or an unknown corruption, reader, engine or platform.
+        DatasetError: `resume` without the file of corruptions that the build used, see
+            `hijack_data.loading`.
+        MissingDependencyError: pyarrow, isal or Ray is not installed.
+        SourceError: the source does not exist, is empty, or is of no known format.
     """
-    asked = replace(options or BuildOptions(), **overrides)
+    requested = replace(options or BuildOptions(), **overrides)
     pyarrow()
-    engine = get_engine(asked.engine, asked.ray_address)
-    asked.check()
-    if asked.resume:
+    engine = get_engine(requested.engine, requested.ray_address)
+    requested.check()
+    if requested.resume:
         check_loaded(parameters_in(Path(out)), os.fspath(out))
-    plan = _planned(source, Path(out), asked)
-    items, steps = read_items(plan.sources, asked.limit, count=asked.progress is not None)
-    meter = _Meter(asked.progress, plan.settings.variants, steps)
-    if asked.dry_run:
-        return plan.tried(items, meter)
-    return plan.built(items, meter, engine)
+    plan = _planned(source, Path(out), requested)
+    items, steps = read_items(plan.sources, requested.limit, count=requested.progress is not None)
+    meter = _Meter(requested.progress, plan.settings.variants, steps)
+    if requested.dry_run:
+        return plan.dry_run(items, meter)
+    return plan.run(items, meter, engine)
 
 
-def _planned(source: PathLike | Sequence[PathLike], out: Path, asked: BuildOptions) -> "_BuildPlan":
+def _planned(
+    source: PathLike | Sequence[PathLike], out: Path, requested: BuildOptions
+) -> "_BuildPlan":
     """Open the sources and check everything that can be checked before records are read."""
-    choices = ReaderOptions(asked.coordinates, asked.boxes, asked.episode_key)
-    sources = Sources.open(source, asked.format, choices, apps=asked.apps, platform=asked.platform)
-    options = asked.resolved()
+    choices = ReaderOptions(requested.coordinates, requested.boxes, requested.episode_key)
+    sources = Sources.open(
+        source, requested.format, choices, apps=requested.apps, platform=requested.platform
+    )
+    options = requested.resolved()
     settings, notes = make_settings(options)
     splits = choose_splits(options.splits)
     for path in sources.paths:
@@ -131,7 +134,7 @@ class _BuildPlan:
         per_shard = self.options.rows_per_shard
         return shard_tasks(items, per_shard, self.settings.variants, reject, self.splits)
 
-    def run_dry(self, items: Iterator[SourceItem], meter: _Meter) -> BuildReport:
+    def dry_run(self, items: Iterator[SourceItem], meter: _Meter) -> BuildReport:
         """Make all rows, write nothing, and return the report."""
         report = run_dry(
             lambda reject: self.tasks(items, reject),
@@ -142,7 +145,7 @@ class _BuildPlan:
         notes = (*self.notes, *self.sources.notes(), *report.notes)
         return replace(report, out=os.fspath(self.out), notes=notes)
 
-    def built(self, items: Iterator[SourceItem], meter: _Meter, engine: Engine) -> BuildReport:
+    def run(self, items: Iterator[SourceItem], meter: _Meter, engine: Engine) -> BuildReport:
         """Write the dataset and return the report."""
         options = self.options
         parameters = manifest_parameters(self.settings, options, self.sources, self.splits)

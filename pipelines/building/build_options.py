@@ -39,7 +39,7 @@ class BuildOptions:
 
     Args:
         corruptions: planners by label, text such as `"marks:number=10,severity=4,subtitle"` (see
-            `inline`), `"clean"` for the clean rows alone, `"all"`, or `"all-visual"` (the
+            `inline_corruptions`), `"clean"` for the clean rows, `"all"`, or `"all-visual"` (the
             default): those that act only on the picture. `UnknownNameError` for an unknown name,
             `BuildError` for a corruption that cannot be built.
         seed: 0 to 2**64 - 1; 0 by default. `ParameterError` for another one.
@@ -67,8 +67,8 @@ class BuildOptions:
             `pipelines.knowledge`.
         platform: the machine of the trajectories whose source does not name it: `linux-xfce`,
             `linux`, `windows`, `macos`, `android`, `ios` or `web`.
-        allow_platform_mismatch: use the desktop of the recorded pictures (Xfce) also for recordings of another or
-            an unknown platform; the `fidelity` of such rows is `foreign`.
+        allow_platform_mismatch: show the desktop of the recorded pictures (Xfce) in recordings of
+            another or an unknown platform, too; the `fidelity` of such rows is `foreign`.
         strict: stop with `SourceError` at the first input that cannot be read.
         rows_per_shard: the most rows in a file, which holds at least one trajectory; at least 1.
         workers: number of processes, at least 1. With more than one, call `build` from under
@@ -81,7 +81,7 @@ class BuildOptions:
             `DatasetError` if the build used a file of corruptions that is not loaded, see
             `hijack_data.loading`.
         overwrite: replace the AgentHijack dataset in `out` once the new one is complete; see
-            `replacing`. `BuildError` together with `resume`.
+            `replacement`. `BuildError` together with `resume`.
         limit: read only the first N trajectories; at least 1.
         splits: shares such as `{"train": 0.9, "test": 0.1}` or `"train=0.9,test=0.1"` of `train`,
             `validation` and `test`. The id of a trajectory alone decides its split, so all of
@@ -137,17 +137,18 @@ class BuildOptions:
     def resolved(self) -> "BuildOptions":
         """Return the options, completed from the configuration and the defaults.
 
-        Raises `ConfigError` for a mistake in the configuration, and `BuildError` if the corruptions
-        name the clean rows but `clean` is false.
+        Raises:
+            BuildError: the corruptions name the clean rows, but `clean` is false.
+            ConfigError: a mistake in the configuration.
         """
-        found = _config_values(self.config)
-        named = self._names_clean()
-        values = {name: found.get(name, default) for name, default in DEFAULTS.items()}
+        configured = _config_values(self.config)
+        names_clean = self._names_clean()
+        values = {name: configured.get(name, default) for name, default in DEFAULTS.items()}
         for name in DEFAULTS:
-            given = getattr(self, name)
-            if given is not None:
-                values[name] = given
-        if named:
+            value = getattr(self, name)
+            if value is not None:
+                values[name] = value
+        if names_clean:
             values["clean"] = True
         return replace(self, **values)
 
@@ -155,13 +156,13 @@ class BuildOptions:
         text = self.corruptions
         if not isinstance(text, str) or text.strip() in (ALL, VISUAL):
             return False
-        named = parse(text).clean
-        if named and self.clean is False:
+        names_clean = parse(text).clean
+        if names_clean and self.clean is False:
             raise BuildError(
                 "corruptions name 'clean', and --no-clean (in Python: clean=False) leaves those"
                 " rows out"
             )
-        return named
+        return names_clean
 
 
 class BuildKeywords(TypedDict, total=False):
@@ -201,7 +202,7 @@ def with_options(function: F) -> F:
     """
     signature = inspect.signature(function)
     hints = get_type_hints(BuildOptions)
-    shown = [
+    parameters = [
         parameter
         for parameter in signature.parameters.values()
         if parameter.kind is not inspect.Parameter.VAR_KEYWORD
@@ -210,8 +211,8 @@ def with_options(function: F) -> F:
         kind = inspect.Parameter.KEYWORD_ONLY
         hint = hints[option.name]
         parameter = inspect.Parameter(option.name, kind, default=option.default, annotation=hint)
-        shown.append(parameter)
-    cast("Any", function).__signature__ = signature.replace(parameters=shown)
+        parameters.append(parameter)
+    cast("Any", function).__signature__ = signature.replace(parameters=parameters)
     return function
 
 

@@ -35,9 +35,9 @@ class Findings:
     def listed(self) -> list[str]:
         """Return the first problems as lines of text, then the number of the remaining ones."""
         text = [f"  {problem}" for problem in self.problems[:MAX_SHOWN_PROBLEMS]]
-        more = len(self.problems) - MAX_SHOWN_PROBLEMS
-        if more > 0:
-            text.append(f"  and {more} more")
+        hidden = len(self.problems) - MAX_SHOWN_PROBLEMS
+        if hidden > 0:
+            text.append(f"  and {hidden} more")
         return text
 
 
@@ -91,7 +91,7 @@ class BuildReport:
 
     def to_data(self) -> dict[str, Any]:
         """Return the report as JSON data."""
-        reasons = {label: dict(found) for label, found in self.not_applicable.items()}
+        reasons = {label: dict(counts) for label, counts in self.not_applicable.items()}
         return {
             "out": self.out,
             "rows": self.total,
@@ -119,9 +119,9 @@ class BuildReport:
 
     def _head(self) -> str:
         would = "nothing was written; it would be " if self.dry_run else ""
-        kept = f", {self.kept} of them kept from before" if self.kept else ""
+        kept_text = f", {self.kept} of them kept from before" if self.kept else ""
         size = f"{counted(self.total, 'row')} in {counted(self.shards, 'file')}"
-        return f"{self.out}: {would}{size}{kept}"
+        return f"{self.out}: {would}{size}{kept_text}"
 
     def _left_out(self) -> list[str]:
         """Return the samples that gave no row, by label and reason."""
@@ -136,8 +136,8 @@ class BuildReport:
     def _rejected(self) -> list[str]:
         if not self.rejected:
             return []
-        where = "" if self.dry_run else f", see {self.out}/quarantine.jsonl"
-        text = [f"  {counted(self.rejected, 'input')} rejected{where}:"]
+        location = "" if self.dry_run else f", see {self.out}/quarantine.jsonl"
+        text = [f"  {counted(self.rejected, 'input')} rejected{location}:"]
         text += [f"    {example}" for example in self.examples]
         if self.rejected > len(self.examples):
             text.append("    ...")

@@ -178,8 +178,8 @@ def _splits(manifest: Mapping[str, Any]) -> list[str]:
     counted: dict[str, list[int]] = {name: [0, 0, 0] for name in parameters["splits"]}
     for shard in manifest["shards"]:
         split = Path(shard["file"]).name.partition("-")[0]
-        found = (shard["trajectories"], shard["steps"], shard["rows"])
-        counted[split] = [a + b for a, b in zip(counted[split], found, strict=True)]
+        totals = (shard["trajectories"], shard["steps"], shard["rows"])
+        counted[split] = [a + b for a, b in zip(counted[split], totals, strict=True)]
     return [
         *lines,
         (
@@ -267,8 +267,8 @@ def _how(manifest: Mapping[str, Any]) -> list[str]:
     files = parameters.get(LOADED, ())
     hijack = ["hijack", *(word for entry in files for word in ("--load", entry["file"]))]
     again = ["--out", REBUILD_FOLDER, "--config", CONFIG]
-    known = [*_limit(parameters), *_stated_options(parameters)]
-    command = [*hijack, "build", *manifest["source"]["paths"], *known, *again]
+    options = [*_limit(parameters), *_stated_options(parameters)]
+    command = [*hijack, "build", *manifest["source"]["paths"], *options, *again]
     check = shlex.join([*hijack, "verify", "."])
     return [
         *lines,
@@ -300,9 +300,9 @@ def _limit(parameters: Mapping[str, Any]) -> list[str]:
 
 def _stated_options(parameters: Mapping[str, Any]) -> list[str]:
     """Return the options that describe the recordings of a build."""
-    told = parameters.get(RECORDINGS, {})
-    apps = ["--apps", ",".join(told["apps"])] if told.get("apps") else []
-    platform = ["--platform", told["platform"]] if told.get("platform") else []
+    stated = parameters.get(RECORDINGS, {})
+    apps = ["--apps", ",".join(stated["apps"])] if stated.get("apps") else []
+    platform = ["--platform", stated["platform"]] if stated.get("platform") else []
     spaces = [
         word
         for name in ("coordinates", "boxes", "episode_key")

@@ -63,10 +63,11 @@ class NamedPlanners:
 
 
 def parse(text: str) -> NamedPlanners:
-    """Return the corruptions in a line; raises `UnknownNameError` for an unknown name.
+    """Return the corruptions in a line.
 
     Raises:
         BuildError: the line has a mistake; the message names its place.
+        UnknownNameError: no corruption has such a name.
     """
     planners: dict[str, Planner] = {}
     clean = False
@@ -173,9 +174,9 @@ def _planner(entry: _Entry) -> tuple[str, Planner]:
 
 
 def _value(cls: type[Corruption], key: str, text: str, place: int) -> Any:
-    known = (*params.parameters(cls), SEVERITY, LABEL)
-    if key not in known:
-        raise _wrong(place, f"{cls.name} has no parameter {key!r}{suggest(key, known)}")
+    allowed = (*params.parameters(cls), SEVERITY, LABEL)
+    if key not in allowed:
+        raise _wrong(place, f"{cls.name} has no parameter {key!r}{suggest(key, allowed)}")
     check_names(cls, {key: None})
     parameter, _ = params.parameters(cls)[key]
     if parameter.kind in _TEXTS:

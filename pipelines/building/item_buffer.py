@@ -18,7 +18,8 @@ def read_items(
 ) -> tuple[Iterator[SourceItem], int]:
     """Return the items of sources and, if `count`, the number of steps (otherwise 0).
 
-    Raises `SourceError` for an empty source.
+    Raises:
+        SourceError: the source is empty.
     """
     items = sources.read(limit)
     first = next(items, None)
@@ -28,15 +29,15 @@ def read_items(
     items = chain([first], items)
     if not count:
         return items, 0
-    kept, steps = _counted(items)
-    if kept is None:
+    buffered, steps = _counted(items)
+    if buffered is None:
         return sources.read(limit), steps
-    return _drained(kept), steps
+    return _drained(buffered), steps
 
 
 def _counted(items: Iterator[SourceItem]) -> tuple[deque[SourceItem] | None, int]:
     """Return the items (`None` if there are too many to keep), and the number of steps."""
-    kept: deque[SourceItem] | None = deque()
+    buffered: deque[SourceItem] | None = deque()
     size = 0
     steps = 0
     for read in items:
@@ -44,12 +45,12 @@ def _counted(items: Iterator[SourceItem]) -> tuple[deque[SourceItem] | None, int
         steps += number
         size += max(1, number)
         if size > MAX_BUFFERED_STEPS:
-            kept = None
-        if kept is not None:
-            kept.append(read)
-    return kept, steps
+            buffered = None
+        if buffered is not None:
+            buffered.append(read)
+    return buffered, steps
 
 
-def _drained(kept: deque[SourceItem]) -> Iterator[SourceItem]:
-    while kept:
-        yield kept.popleft()
+def _drained(buffered: deque[SourceItem]) -> Iterator[SourceItem]:
+    while buffered:
+        yield buffered.popleft()

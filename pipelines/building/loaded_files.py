@@ -24,8 +24,8 @@ def loaded_file_entries(planners: Iterable[Planner]) -> list[dict[str, Any]]:
             file = find_loaded_file(type(part))
             if file is not None:
                 files[file.sha256] = file
-    found = [_entry(file) for file in files.values()]
-    return sorted(found, key=_order)
+    entries = [_entry(file) for file in files.values()]
+    return sorted(entries, key=_order)
 
 
 def _order(entry: Mapping[str, Any]) -> tuple[str, str]:
@@ -37,22 +37,22 @@ def _entry(file: LoadedFile) -> dict[str, Any]:
     return {"file": name, "sha256": file.sha256, "corruptions": sorted(file.corruptions)}
 
 
-def check_loaded(parameters: Mapping[str, Any], where: str) -> None:
+def check_loaded(parameters: Mapping[str, Any], dataset: str) -> None:
     """Check that the files of corruptions that a build used are loaded.
 
     Args:
         parameters: those of the build, as in its manifest.
-        where: the dataset, for messages.
+        dataset: its name, for messages.
 
     Raises:
         DatasetError: a file is not loaded, or another file with its name is.
     """
-    for name, sha256, corruptions in _entries(parameters.get(LOADED, ()), where):
+    for name, sha256, corruptions in _entries(parameters.get(LOADED, ()), dataset):
         if holds(sha256, corruptions):
             continue
-        used = f"{name}, SHA-256 {sha256} ({', '.join(corruptions)})"
+        description = f"{name}, SHA-256 {sha256} ({', '.join(corruptions)})"
         remedy = f"{_instead(name)}: hijack --load {name} ..., or set {VARIABLE}"
-        raise DatasetError(f"{where}: was built with {used}; {remedy}")
+        raise DatasetError(f"{dataset}: was built with {description}; {remedy}")
 
 
 def _instead(name: str) -> str:
@@ -63,10 +63,10 @@ def _instead(name: str) -> str:
     return "load that file"
 
 
-def _entries(listed: object, where: str) -> Iterable[tuple[str, str, list[str]]]:
+def _entries(listed: object, dataset: str) -> Iterable[tuple[str, str, list[str]]]:
     try:
         for entry in cast("Iterable[Mapping[str, Any]]", listed):
             corruptions = [str(name) for name in entry["corruptions"]]
             yield str(entry["file"]), str(entry["sha256"]), corruptions
     except (KeyError, TypeError) as error:
-        raise DatasetError(f"{where}: manifest.json: {LOADED!r} is damaged ({error!r})") from None
+        raise DatasetError(f"{dataset}: manifest.json: {LOADED!r} is damaged ({error!r})") from None

@@ -1,4 +1,4 @@
-"""The output folder of a build: its lock, its state, and the shards that can be kept.
+"""The output folder of a build: its lock, its state, and the shards that an earlier run finished.
 
 While a build runs, `.build/` holds its parameters and one small file for each finished shard.
 `manifest.json` is written last, so a folder without it is not a dataset, and a build that is killed
@@ -16,18 +16,11 @@ from hijack_data.errors import StorageError
 from hijack_data.file_io import is_full, unwritable, write_atomic
 from hijack_data.locking import Lock, LockedError, lock
 
-from ..dataset.manifest import FORMAT, MANIFEST, read_manifest
+from ..dataset.manifest import FILES, MANIFEST, PARAMETERS, STATE, read_manifest
 from ..dataset.shard import ShardRecord, file_sha256, record_from
 from ..errors import OVERWRITE, RESUME, BuildError, DatasetError
 from .shards import DATA, ShardTask, inputs_hash
 from .splits import NAMES
-
-STATE = ".build"
-PARAMETERS = "parameters.json"
-# A manifest names its format at its beginning.
-HEAD_BYTES = 200
-# The files of a finished dataset other than its shards and its manifest.
-BESIDE = ("README.md", "config.yaml", "quarantine.jsonl")
 
 
 def parameters_in(path: Path) -> dict[str, Any]:
@@ -35,21 +28,10 @@ def parameters_in(path: Path) -> dict[str, Any]:
     try:
         if (path / MANIFEST).is_file():
             return read_manifest(path)["parameters"]
-        found = json.loads((path / STATE / PARAMETERS).read_bytes())
+        parameters = json.loads((path / STATE / PARAMETERS).read_bytes())
     except (OSError, ValueError):  # `opened` will report what is wrong
         return {}
-    return found if isinstance(found, dict) else {}
-
-
-def holds_build(path: Path) -> bool:
-    """Return whether a folder is a dataset of ours, also an unfinished, newer or damaged one."""
-    if (path / STATE / PARAMETERS).is_file():
-        return True
-    try:
-        with (path / MANIFEST).open("rb") as manifest:
-            return FORMAT.encode() in manifest.read(HEAD_BYTES)
-    except OSError:  # there is none
-        return False
+    return parameters if isinstance(parameters, dict) else {}
 
 
 class OutFolder:
@@ -73,14 +55,14 @@ class OutFolder:
                 contains a build although `resume` is false or the parameters differ.
             StorageError: the disk is full.
         """
-        made = not self.path.exists()
-        held = self._lock()
+        is_new = not self.path.exists()
+        folder_lock = self._lock()
         try:
             self._begin(json.loads(json.dumps(parameters)), resume)
             try:
                 yield
             except BaseException:
-                self._withdraw(made)
+                self._withdraw(is_new)
                 raise
             finally:
                 with suppress(OSError):
@@ -94,7 +76,7 @@ class OutFolder:
                 f"{self.path}: cannot be written to ({error.strerror or error})"
             ) from None
         finally:
-            held.release()
+            folder_lock.release()
 
     def keep(self, task: ShardTask) -> ShardRecord | None:
         """Return the record of a shard that an earlier run finished, or `None`.
@@ -140,10 +122,10 @@ class OutFolder:
     def _begin(self, parameters: dict[str, Any], resume: bool) -> None:
         if not resume and self._holds_nothing():
             self._clear()
-        found = {entry.name for entry in self.path.iterdir()}
-        if found and not resume:
-            raise BuildError(f"{self.path}: {_occupied(found)}")
-        if found and not {MANIFEST, STATE} & found:
+        names = {entry.name for entry in self.path.iterdir()}
+        if names and not resume:
+            raise BuildError(f"{self.path}: {_occupied(names)}")
+        if names and not {MANIFEST, STATE} & names:
             raise BuildError(
                 f"{self.path}: holds neither a dataset nor an unfinished build of ours; choose"
                 " another folder"
@@ -166,18 +148,18 @@ class OutFolder:
             with suppress(DatasetError):
                 return read_manifest(self.path).get("rows") == 0
             return False
-        others = {entry.name for entry in self.path.iterdir()} - {STATE, DATA}
+        extra_names = {entry.name for entry in self.path.iterdir()} - {STATE, DATA}
         shards = any((self.path / DATA).glob("*.parquet"))
-        return self.state.is_dir() and not others and not shards
+        return self.state.is_dir() and not extra_names and not shards
 
     def _clear(self) -> None:
         """Remove the files that `_holds_nothing` has checked."""
-        for name in (MANIFEST, *BESIDE):
+        for name in (MANIFEST, *FILES):
             (self.path / name).unlink(missing_ok=True)
         for folder in (self.path / DATA, self.state):
             shutil.rmtree(folder, ignore_errors=True)
 
-    def _withdraw(self, made: bool) -> None:
+    def _withdraw(self, is_new: bool) -> None:
         """Remove a build that failed before it had made a file."""
         with suppress(OSError):
             if any((self.path / DATA).glob("[!.]*.parquet")) or any(self.state.glob("[0-9]*.json")):
@@ -185,7 +167,7 @@ class OutFolder:
             shutil.rmtree(self.state, ignore_errors=True)
             self._sweep()
             (self.path / DATA).rmdir()
-            if made:
+            if is_new:
                 self.path.rmdir()
 
     def _load(self) -> dict[str, Any] | None:
@@ -206,11 +188,14 @@ class OutFolder:
                 f"{self.state}: damaged ({error}); remove {self.path} and build again"
             ) from None
 
-    def _check_same(self, before: dict[str, Any], now: dict[str, Any]) -> None:
-        changed = [key for key in sorted({*before, *now}) if before.get(key) != now.get(key)]
-        if changed:
+    def _check_same(self, before: dict[str, Any], current: dict[str, Any]) -> None:
+        differing = [
+            key for key in sorted({*before, *current}) if before.get(key) != current.get(key)
+        ]
+        if differing:
             differences = (
-                f"{key} was {_short(before.get(key))}, is {_short(now.get(key))}" for key in changed
+                f"{key} was {_short(before.get(key))}, is {_short(current.get(key))}"
+                for key in differing
             )
             raise BuildError(
                 f"{self.path}: was begun with other parameters: {'; '.join(differences)}; resume"
@@ -225,15 +210,15 @@ class OutFolder:
                     file.unlink()
 
 
-def _occupied(found: set[str]) -> str:
+def _occupied(names: set[str]) -> str:
     """Return why a build cannot begin in a folder with these files, and the remedy."""
-    if MANIFEST in found:
-        what = "holds a dataset"
-    elif STATE in found:
-        what = "holds an unfinished build"
+    if MANIFEST in names:
+        state = "holds a dataset"
+    elif STATE in names:
+        state = "holds an unfinished build"
     else:
         return "is not empty; choose another folder"
-    return f"{what}; choose another folder, or replace it: {OVERWRITE}; {RESUME} goes on with it"
+    return f"{state}; choose another folder, or replace it: {OVERWRITE}; {RESUME} goes on with it"
 
 
 def _short(value: object) -> str:

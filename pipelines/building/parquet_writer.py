@@ -36,15 +36,15 @@ def write_parquet(path: Path, rows: Iterable[Mapping[str, Any]], lazy: bool = Fa
 
 def _layout(lazy: bool) -> dict[str, Any]:
     names = parquet_paths(lazy)
-    plain = [name for name in names if name not in (*PICTURES, *REPEATED)]
+    plain_columns = [name for name in names if name not in (*PICTURES, *REPEATED)]
     packed = dict.fromkeys(names, "snappy")
     packed |= {name: "none" for name in PICTURES if name in packed}
     packed |= {name: "zstd" for name in REPEATED if name in packed}
     return {
         "compression": packed,
-        "use_dictionary": [*plain, *REPEATED, f"{BASE}.bytes"] if lazy else plain,
+        "use_dictionary": [*plain_columns, *REPEATED, f"{BASE}.bytes"] if lazy else plain_columns,
         "dictionary_pagesize_limit": DICTIONARY_BYTES if lazy else None,
-        "write_statistics": plain,
+        "write_statistics": plain_columns,
         "version": "2.6",
     }
 
@@ -66,17 +66,17 @@ def _groups(rows: Iterable[Mapping[str, Any]]) -> Iterator[list[Mapping[str, Any
 def _steps(rows: Iterable[Mapping[str, Any]]) -> Iterator[list[Mapping[str, Any]]]:
     """Group consecutive rows that share a picture, so that it is stored in one row group only."""
     group: list[Mapping[str, Any]] = []
-    known: object = None
+    current_picture: object = None
     size = 0
     for row in rows:
         picture: bytes = row[BASE]["bytes"]
-        if picture is not known:
+        if picture is not current_picture:
             is_full = len(group) >= GROUP_ROWS or size >= GROUP_BYTES
             if group and is_full:
                 yield group
                 group = []
                 size = 0
-            known = picture
+            current_picture = picture
             size += len(picture)
         group.append(row)
     if group:

@@ -33,7 +33,11 @@ class Quarantine:
         return sum(self.by_field.values())
 
     def reject(self, record: Rejected) -> None:
-        """Store an input that a reader rejected; raises `SourceError` in a strict build."""
+        """Store an input that a reader rejected.
+
+        Raises:
+            SourceError: the build is strict.
+        """
         self._count(record)
         self._file.write(_line(record))
 

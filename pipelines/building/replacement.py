@@ -7,10 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..dataset.manifest import MANIFEST
+from ..dataset.manifest import MANIFEST, STATE
 from ..errors import BuildError
 from .dataset_card import CARD, CONFIG
-from .output_folder import STATE
 from .quarantine import QUARANTINE
 from .shards import DATA
 
@@ -25,7 +24,9 @@ def replacement_folder(out: Path, overwrite: bool) -> Iterator[Path]:
     The new dataset is built in `.NAME.new` next to the old one. When it is complete, the old one is
     renamed to `.NAME.old`, the new one to `NAME`, and the old one is removed; after a crash between
     the two renames, both are complete under those names. If the build fails, the old one stays.
-    Raises `BuildError` if `out` is not an AgentHijack dataset, or contains other files.
+
+    Raises:
+        BuildError: `out` is not an AgentHijack dataset, or contains other files.
     """
     if not overwrite or not _is_filled(out):
         yield out
@@ -68,17 +69,19 @@ def _is_filled(folder: Path) -> bool:
     return False
 
 
-def _check(folder: Path, shown: Path) -> None:
+def _check(folder: Path, reported: Path) -> None:
     # the folder may contain only an AgentHijack dataset, finished or not
-    found = {entry.name for entry in folder.iterdir()}
-    if not found & {MANIFEST, STATE}:
-        raise BuildError(f"{shown}: is not a dataset of ours, so --overwrite does not replace it")
-    names = os.listdir(folder / DATA) if DATA in found else []
-    others = sorted(found - _DATASET_FILES) + [
+    names_present = {entry.name for entry in folder.iterdir()}
+    if not names_present & {MANIFEST, STATE}:
+        raise BuildError(
+            f"{reported}: is not a dataset of ours, so --overwrite does not replace it"
+        )
+    names = os.listdir(folder / DATA) if DATA in names_present else []
+    foreign_names = sorted(names_present - _DATASET_FILES) + [
         f"{DATA}/{n}" for n in sorted(names) if not _SHARD.fullmatch(n)
     ]
-    if others:
-        what = ", ".join(others[:3])
+    if foreign_names:
+        examples = ", ".join(foreign_names[:3])
         raise BuildError(
-            f"{shown}: holds files that are no part of the dataset ({what}); move them away"
+            f"{reported}: holds files that are no part of the dataset ({examples}); move them away"
         )

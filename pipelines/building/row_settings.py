@@ -50,8 +50,8 @@ def make_settings(options: BuildOptions) -> tuple[RowSettings, tuple[str, ...]]:
             "nothing to build: no corruption and no clean rows; leave out --no-clean (in Python:"
             " clean=False)"
         )
-    wanted = any(needs_boxes(planner) for planner in planners.values())
-    detect = wanted and has_detector()
+    uses_boxes = any(needs_boxes(planner) for planner in planners.values())
+    detect = uses_boxes and has_detector()
     settings = RowSettings(
         planners=tuple(planners.items()),
         seed=int(seed),
@@ -63,7 +63,7 @@ def make_settings(options: BuildOptions) -> tuple[RowSettings, tuple[str, ...]]:
         allow_platform_mismatch=bool(options.allow_platform_mismatch),
     )
     _ = settings.pack  # raises for a missing pack before anything is written
-    if wanted and not detect:
+    if uses_boxes and not detect:
         return settings, (_no_detector(),)
     return settings, ()
 
@@ -82,7 +82,7 @@ def manifest_parameters(
 ) -> dict[str, Any]:
     """Return everything that decides the bytes of a dataset, as JSON data for the manifest.
 
-    Options that were not given have no key, as in the manifests of older builds.
+    Options that were not given have no key.
     """
     planners = dict(settings.planners)
     parameters: dict[str, Any] = {"reader": ", ".join(sources.formats)}
@@ -144,12 +144,12 @@ def in_order(rows: Mapping[str, int], settings: RowSettings) -> dict[str, int]:
     return {label: rows.get(label, 0) for label in labels}
 
 
-def settings_from(parameters: Mapping[str, Any], where: str) -> RowSettings | None:
+def settings_from(parameters: Mapping[str, Any], dataset: str) -> RowSettings | None:
     """Return the settings of a build from the `parameters` of its manifest.
 
     Args:
         parameters: those of the manifest.
-        where: the dataset, for messages.
+        dataset: its name, for messages.
 
     Returns:
         The settings, or `None` if no configuration file can hold the corruptions: the manifest
@@ -161,7 +161,7 @@ def settings_from(parameters: Mapping[str, Any], where: str) -> RowSettings | No
     try:
         return _settings_from(parameters)
     except (KeyError, TypeError, ValueError, yaml.YAMLError) as error:
-        raise DatasetError(f"{where}: manifest.json: parameters are damaged ({error})") from None
+        raise DatasetError(f"{dataset}: manifest.json: parameters are damaged ({error})") from None
 
 
 def _settings_from(parameters: Mapping[str, Any]) -> RowSettings | None:
@@ -181,9 +181,9 @@ def _settings_from(parameters: Mapping[str, Any]) -> RowSettings | None:
     )
 
 
-def _check_word(name: str, word: object, known: tuple[str, ...]) -> None:
-    if word not in known:
-        raise BuildError(f"{name} {word!r} is not known{suggest(word, known)}")
+def _check_word(name: str, word: object, allowed: tuple[str, ...]) -> None:
+    if word not in allowed:
+        raise BuildError(f"{name} {word!r} is not known{suggest(word, allowed)}")
 
 
 def _asset_folder(options: BuildOptions) -> str | None:

@@ -22,26 +22,25 @@ SCOPE = "observation"
 def select(corruptions: Mapping[str, Planner] | str) -> dict[str, Planner]:
     """Return planners by label.
 
-    Passes on `UnknownNameError` (an unknown name).
-
     Args:
-        corruptions: a mapping from labels to planners, a line of text (see `inline`), `ALL`
-            registered corruptions, or the `VISUAL` ones, which change the picture alone.
+        corruptions: a mapping from labels to planners, a line of text (see `inline_corruptions`),
+            `ALL` registered corruptions, or the `VISUAL` ones, which change the picture alone.
 
     Raises:
         BuildError: a corruption cannot be built.
+        UnknownNameError: no corruption has such a name.
     """
     if not isinstance(corruptions, str | Mapping):
         raise BuildError(
             "corruptions must be names or a mapping from labels to corruptions, got"
             f" {corruptions!r:.80}"
         )
-    chosen = _named(corruptions) if isinstance(corruptions, str) else dict(corruptions)
-    for label, planner in chosen.items():
+    planners = _named(corruptions) if isinstance(corruptions, str) else dict(corruptions)
+    for label, planner in planners.items():
         _check_label(label)
         _check_planner(label, planner)
         _check_effects(planner)
-    return chosen
+    return planners
 
 
 def needs_boxes(planner: Planner) -> bool:

@@ -89,11 +89,11 @@ class _Batch:
         self.trajectories = []
         return task
 
-    def is_full(self, root: Path, more: int, most: int) -> bool:
+    def is_full(self, root: Path, added_rows: int, max_rows: int) -> bool:
         """Return whether a trajectory of `more` rows from the source `root` needs a new file."""
         if not self.trajectories:
             return False
-        return self.rows + more > most or self.root != root
+        return self.rows + added_rows > max_rows or self.root != root
 
 
 def shard_tasks(
@@ -124,13 +124,13 @@ def shard_tasks(
             reject(item)
             continue
         batch = batches[splits.of(item)]
-        more = len(item.steps) * variants
-        if batch.is_full(read.root, more, rows_per_shard):
+        added_rows = len(item.steps) * variants
+        if batch.is_full(read.root, added_rows, rows_per_shard):
             yield batch.cut(index)
             index += 1
         batch.root = read.root
         batch.trajectories.append(item)
-        batch.rows += more
+        batch.rows += added_rows
     for batch in batches.values():
         if batch.trajectories or not index:
             yield batch.cut(index)
@@ -150,15 +150,15 @@ def build_shard(
     """
     tally = RowCounts()
     inputs = hashlib.sha256(task.records.encode())
-    made: list[tuple[int, int, str]] = []
+    file_facts: list[tuple[int, int, str]] = []
 
     def write(path: Path) -> None:
         rows = write_parquet(path, shard_rows(task, settings, tally, inputs, tick), settings.lazy)
-        made.append((rows, path.stat().st_size, file_sha256(path)))
+        file_facts.append((rows, path.stat().st_size, file_sha256(path)))
 
     replace_atomic(out / task.file, write)
-    rows, size, digest = made[0]
-    reasons = {label: dict(found) for label, found in tally.not_applicable.items()}
+    rows, size, digest = file_facts[0]
+    reasons = {label: dict(counts) for label, counts in tally.not_applicable.items()}
     return ShardRecord(
         index=task.index,
         file=task.file,
@@ -223,13 +223,13 @@ def shard_rows(
     root = Path(task.root)
     for trajectory in task.trajectories:
         for step in trajectory:
-            where = picture_name(step.image, root)
+            image_name = picture_name(step.image, root)
             try:
-                data = read_picture(step.image, where)
+                data = read_picture(step.image, image_name)
                 inputs.update(hashlib.sha256(data).digest())
-                yield from make_rows(trajectory, step, data, where, settings, tally)
+                yield from make_rows(trajectory, step, data, image_name, settings, tally)
             except ImageError as error:
-                tally.reject(where, f"{trajectory.id}, step {step.index}", "image", error)
+                tally.reject(image_name, f"{trajectory.id}, step {step.index}", "image", error)
             if tick is not None:
                 tick(settings.variants)
 

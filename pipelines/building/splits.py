@@ -24,9 +24,9 @@ class Splits:
     """Shares of the episodes by split; without shares, all of them are in `train`."""
 
     def __init__(self, shares: Mapping[str, float] | None = None) -> None:
-        given = shares or {}
+        requested = shares or {}
         # in their fixed order, without shares of 0
-        self.shares = {name: given[name] for name in NAMES if given.get(name)}
+        self.shares = {name: requested[name] for name in NAMES if requested.get(name)}
 
     @property
     def names(self) -> list[str]:
@@ -59,25 +59,25 @@ class Splits:
         return self.names[-1]
 
     def parameters(self) -> dict[str, Any]:
-        """Return the entry of the manifest; empty if all is `train`, as in older builds."""
+        """Return the entry of the manifest; empty if all is `train`."""
         if self.names == [TRAIN]:
             return {}
         return {"splits": self.shares}
 
 
-def choose_splits(given: str | Mapping[str, float] | None) -> Splits:
+def choose_splits(option: str | Mapping[str, float] | None) -> Splits:
     """Return the splits for the option `splits`.
 
     Args:
-        given: a mapping, or text such as `"train=0.9,test=0.1"`; `None` puts all in `train`.
-            Raises `ParameterError` for text in another form and for shares that do not sum to 1.
+        option: a mapping, or text such as `"train=0.9,test=0.1"`; `None` puts all in `train`.
 
     Raises:
         BuildError: `load_dataset` does not find a split of that name.
+        ParameterError: the text has another form, or the shares do not sum to 1.
     """
-    if given is None:
+    if option is None:
         return Splits()
-    parsed = _parsed(given) if isinstance(given, str) else given
+    parsed = _parsed(option) if isinstance(option, str) else option
     shares = OPTIONS["splits"].check("splits", parsed)
     for name in shares:
         if name not in NAMES:
@@ -98,10 +98,10 @@ def _parsed(text: str) -> dict[str, float]:
 def _parsed_share(part: str) -> tuple[str, float]:
     name, sign, share = part.partition("=")
     example = "NAME=SHARE, such as train=0.9,test=0.1"
-    wrong = ParameterError(f"splits: {part.strip()!r} must be {example}")
+    error = ParameterError(f"splits: {part.strip()!r} must be {example}")
     if not sign:
-        raise wrong
+        raise error
     try:
         return name.strip(), float(share)
     except ValueError:
-        raise wrong from None
+        raise error from None

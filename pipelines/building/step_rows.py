@@ -52,7 +52,8 @@ class RowSettings:
         detect: whether to detect elements in pictures if none are recorded.
         lazy: whether to store plans instead of corrupted pictures.
         assets: the folder of the asset pack, if not the default one.
-        allow_platform_mismatch: whether to show the desktop of the pack also in recordings of other platforms.
+        allow_platform_mismatch: whether to show the desktop of the pack in recordings of other
+            platforms, too.
     """
 
     planners: tuple[tuple[str, Planner], ...]
@@ -73,7 +74,8 @@ class RowSettings:
     def pack(self) -> AssetPack | None:
         """The asset pack, or `None` if no corruption acts on the machine.
 
-        Raises `AssetError` if the pack is missing or damaged.
+        Raises:
+            AssetError: the pack is missing or damaged.
         """
         if any(has_effects(planner) for _, planner in self.planners):
             return AssetPack.load(self.assets)
@@ -101,9 +103,9 @@ class RowCounts:
         reasons = self.not_applicable.setdefault(label, Counter())
         reasons[re.sub(r"\d+", "N", reason)] += 1
 
-    def reject(self, where: str, place: str, field: str, error: Exception) -> None:
+    def reject(self, file: str, place: str, field: str, error: Exception) -> None:
         """Record an input that cannot be used."""
-        self.rejected.append(Rejected(where, place, field, str(error)))
+        self.rejected.append(Rejected(file, place, field, str(error)))
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,7 @@ def make_rows(
     trajectory: Trajectory,
     step: Step,
     data: bytes,
-    where: str,
+    image_name: str,
     settings: RowSettings,
     tally: RowCounts,
 ) -> Iterator[Any]:
@@ -137,44 +139,44 @@ def make_rows(
         trajectory: the recording.
         step: one of its steps.
         data: the bytes of its screenshot.
-        where: the name of the screenshot in reports.
+        image_name: the name of the screenshot in reports.
         settings: those of the build.
         tally: counts the rows, and the samples that gave none.
     """
-    sample = decode_sample(trajectory, step, data, where, settings, tally)
+    sample = decode_sample(trajectory, step, data, image_name, settings, tally)
     if sample is None:
         return
-    for made in draw_rows(sample, where, settings, tally):
-        yield _stored(made, settings)
+    for row in draw_rows(sample, image_name, settings, tally):
+        yield _stored(row, settings)
 
 
 def decode_sample(
     trajectory: Trajectory,
     step: Step,
     data: bytes,
-    where: str,
+    image_name: str,
     settings: RowSettings,
     tally: RowCounts,
 ) -> Sample | None:
     """Return a step with its screenshot decoded, or `None` if it is rejected; see `make_rows`."""
     place = f"{trajectory.id}, step {step.index}"
     try:
-        image = decode(data, where)
+        image = decode(data, image_name)
         scene = _scene(trajectory, step, image, settings)
         tally.transparent += is_transparent(data)
         return Sample(trajectory, step, BaseImage(image), scene)
     except ImageError as error:
-        tally.reject(where, place, "image", error)
+        tally.reject(image_name, place, "image", error)
     except ParameterError as error:  # the target has no area, is off the screen or off the action
-        tally.reject(where, place, "target_box", error)
+        tally.reject(image_name, place, "target_box", error)
     return None
 
 
 def draw_rows(
-    sample: Sample, where: str, settings: RowSettings, tally: RowCounts
+    sample: Sample, image_name: str, settings: RowSettings, tally: RowCounts
 ) -> Iterator[DrawnRow]:
     """Yield the clean row of a step and those of each corruption, in the order of the dataset."""
-    counter = _Counter(sample, where, settings, tally)
+    counter = _Counter(sample, image_name, settings, tally)
     if settings.clean:
         plan = Plan.clean(sample.scene.size)
         yield from counter.rows(CLEAN, iter([Variant(sample, plan, plan)]))
@@ -200,10 +202,10 @@ class _Counter:
         # after an error, no further rows of the label are made
         try:
             for variant in variants:
-                made = self._made(label, variant)
-                if made is not None:
+                row = self._made(label, variant)
+                if row is not None:
                     self.tally.rows[label] += 1
-                    yield made
+                    yield row
         except ActionError as error:
             place = f"{self.sample.trajectory.id}, step {self.sample.step.index}, {label}"
             self.tally.reject(self.where, place, "action_code", error)
@@ -222,14 +224,14 @@ class _Counter:
             reason = "; ".join(plan.notes) or "the plan leaves the picture as it is"
             self.tally.skip(label, reason)
             return None
-        made = draw_row(variant, label, self.settings.seed)
-        if plan.ops and not made.labels["changed_pixels"]:
+        row = draw_row(variant, label, self.settings.seed)
+        if plan.ops and not row.labels["changed_pixels"]:
             self.tally.skip(label, "no pixel differs from the clean picture")
             return None
-        if not keeps(self.settings.label_policy, plan, made.labels["target_visible"]):
+        if not keeps(self.settings.label_policy, plan, row.labels["target_visible"]):
             self.tally.dropped[label] += 1
             return None
-        return made
+        return row
 
 
 def _scene(trajectory: Trajectory, step: Step, image: UInt8Array, settings: RowSettings) -> Scene:
@@ -252,11 +254,11 @@ def _needs_scene(trajectory: Trajectory, step: Step, settings: RowSettings) -> b
     return False
 
 
-def keeps(label_policy: str, plan: Plan, seen: float | None) -> bool:
+def keeps(label_policy: str, plan: Plan, visible: float | None) -> bool:
     """Return whether a label policy keeps a row whose target is visible to the share `seen`."""
     if label_policy != "drop" or not plan.ops:
         return True
-    return seen is None or seen >= VISIBLE
+    return visible is None or visible >= VISIBLE
 
 
 def draw_row(variant: Variant, label: str, seed: int) -> DrawnRow:
@@ -264,12 +266,12 @@ def draw_row(variant: Variant, label: str, seed: int) -> DrawnRow:
     plan = variant.plan
     image = variant.sample.image
     picture = image
-    changed = 0
+    changed_count = 0
     if plan.ops:
         picture = cast("UInt8Array", apply(plan, image))
-        changed = changed_pixels(image, picture, plan)
+        changed_count = changed_pixels(image, picture, plan)
     labels = row_labels(variant, label, seed)
-    labels["changed_pixels"] = changed
+    labels["changed_pixels"] = changed_count
     return DrawnRow(label, variant, picture, labels)
 
 
@@ -292,20 +294,20 @@ def row_labels(variant: Variant, label: str, seed: int) -> dict[str, Any]:
     }
 
 
-def _stored(made: DrawnRow, settings: RowSettings) -> dict[str, Any]:
+def _stored(drawn_row: DrawnRow, settings: RowSettings) -> dict[str, Any]:
     """Return a row in the form in which it is stored."""
-    sample = made.variant.sample
-    stored = _picture(sample.base, made.picture, made.variant.plan, settings)
-    row = {**made.labels, **stored}
+    sample = drawn_row.variant.sample
+    stored = _picture(sample.base, drawn_row.picture, drawn_row.variant.plan, settings)
+    row = {**drawn_row.labels, **stored}
     if settings.lazy:
-        row["plan"] = lazy_plan(made, row, settings)
+        row["plan"] = lazy_plan(drawn_row, row, settings)
     return row
 
 
-def lazy_plan(made: DrawnRow, row: Mapping[str, Any], settings: RowSettings) -> str:
+def lazy_plan(drawn_row: DrawnRow, row: Mapping[str, Any], settings: RowSettings) -> str:
     """Return the value of the column `plan` of a lazy row."""
-    planner = dict(settings.planners).get(made.label)
-    return stored_plan(made.variant.plan, row, made.variant.sample.key, planner)
+    planner = dict(settings.planners).get(drawn_row.label)
+    return stored_plan(drawn_row.variant.plan, row, drawn_row.variant.sample.key, planner)
 
 
 def _about(variant: Variant, label: str) -> dict[str, Any]:

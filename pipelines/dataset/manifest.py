@@ -16,7 +16,12 @@ from ..errors import RESUME, DatasetError
 from .shard import ShardRecord, file_sha256
 
 MANIFEST = "manifest.json"
+# The folder of an unfinished build, and the parameters in it.
+STATE = ".build"
+PARAMETERS = "parameters.json"
 FORMAT = "agenthijack-dataset"
+# A manifest names its format at its beginning.
+_HEAD_BYTES = 200
 VERSION = 1
 LAZY = "lazy"
 OUTPUTS = ("materialised", LAZY)
@@ -120,7 +125,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """
     path = folder / MANIFEST
     state = "not a dataset of ours"
-    if (folder / ".build").is_dir():
+    if (folder / STATE).is_dir():
         state = f"an unfinished build: the same build with {RESUME} finishes it"
     manifest = read_versioned_json(
         path,
@@ -135,6 +140,17 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     ):
         raise DatasetError(f"{path}: damaged: no list of shards, or no parameters")
     return manifest
+
+
+def holds_build(folder: Path) -> bool:
+    """Return whether a folder is a dataset of ours, also an unfinished, newer or damaged one."""
+    if (folder / STATE / PARAMETERS).is_file():
+        return True
+    try:
+        with (folder / MANIFEST).open("rb") as manifest:
+            return FORMAT.encode() in manifest.read(_HEAD_BYTES)
+    except OSError:  # there is none
+        return False
 
 
 def is_lazy(manifest: Mapping[str, Any]) -> bool:

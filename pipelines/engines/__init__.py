@@ -1,60 +1,9 @@
-"""Engines make the shards of a build, here or elsewhere; all engines make the same files."""
+"""Engines make the shards of a build, here or elsewhere; all engines make the same files.
 
-from collections.abc import Callable, Generator, Iterable, Iterator
-from functools import partial
-from pathlib import Path
-from typing import Any, TypeAlias
+`pipelines.building.engine_registry` defines what an engine is, and names the modules of this folder
+without importing them: they need `building`, not the reverse.
+"""
 
-from hijack_data.registry import Registry
+from ..building.engine_registry import ENGINES, LOCAL, RAY, Engine, Tick, get_engine, register
 
-from ..building.shards import ShardTask
-from ..building.step_rows import RowSettings
-from ..dataset.shard import ShardRecord
-from ..errors import BuildError
-
-Tick: TypeAlias = Callable[[int], None]
-# Called with tasks, settings, output folder, workers and `tick`; yields the record of each task, in
-# any order. `tick` must be called with the number of rows processed.
-Engine: TypeAlias = Callable[
-    [Iterable[ShardTask], RowSettings, Path, int, Tick], Generator[ShardRecord]
-]
-LOCAL = "local"
-RAY = "ray"
-
-
-def _problems(engine: Any, _: str) -> Iterator[str]:
-    """Yield what is wrong with an engine."""
-    if not callable(engine):
-        yield "an engine is a function of (tasks, settings, folder, workers, tick)"
-
-
-ENGINES = Registry[Engine](
-    "engine",
-    "engines",
-    builtin={LOCAL: "pipelines.engines.local:run", RAY: "pipelines.engines.ray:run"},
-    problems=_problems,
-)
-register = ENGINES.register
-
-
-def get_engine(name: str, ray_address: str | None = None) -> Engine:
-    """Return the engine with a name.
-
-    Raises `UnknownNameError` with the closest name, and `PluginError` if its plug-in cannot be
-    loaded.
-
-    Args:
-        name: `"local"`, `"ray"`, or that of a plug-in.
-        ray_address: names a running Ray cluster; see `pipelines.engines.ray`.
-
-    Raises:
-        BuildError: an address is given for another engine than Ray.
-    """
-    run: Any = ENGINES.get(name)
-    if name == RAY:
-        return partial(run, address=ray_address)
-    if ray_address is not None:
-        raise BuildError(
-            f"ray_address {ray_address!r} is for engine='ray' (--engine ray), not for {name!r}"
-        )
-    return run
+__all__ = ["ENGINES", "LOCAL", "RAY", "Engine", "Tick", "get_engine", "register"]

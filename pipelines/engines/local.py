@@ -35,14 +35,14 @@ def run(
 
     Args:
         tasks: the shards, read from the source on demand.
-        settings: those of the build. Raises `BuildError` if its corruptions cannot be sent to a
-            worker.
+        settings: those of the build.
         out: the folder of the dataset.
         workers: number of processes; 1 is this one.
         tick: called with the number of rows processed.
 
     Raises:
-        BuildError: a worker died, or there can be none.
+        BuildError: the corruptions cannot be sent to a worker, a worker died, or this machine
+            allows none.
     """
     if workers == 1:
         for task in tasks:
@@ -85,8 +85,8 @@ def _bounded(
     """Keep at most `limit` tasks in flight; yield each with its result when it is done."""
     pending = {submit(task): task for task in islice(tasks, limit)}
     while pending:
-        done, _ = wait(pending, return_when=FIRST_COMPLETED)
-        for future in done:
+        finished, _ = wait(pending, return_when=FIRST_COMPLETED)
+        for future in finished:
             yield pending.pop(future), future.result()
             pending.update((submit(task), task) for task in islice(tasks, 1))
 

@@ -2,10 +2,10 @@
 
 Ray Data needs all items before it starts, and a source may be larger than memory. So shards are
 processed in waves, and the next wave is read from the source while the present one is made. Waves
-grow from `FIRST_WAVE_SHARDS` to `MAX_WAVE_SHARDS` shards per worker, so that the idle time at the end of each wave does
-not matter. Only tasks and records pass through Ray: a worker writes its file itself, into a folder
-that all machines share, and renames it when it is complete. So it is harmless if Ray makes a shard
-twice, as it does when a process or a machine dies.
+grow from `FIRST_WAVE_SHARDS` to `MAX_WAVE_SHARDS` per worker, so that the idle time at the end of
+each wave does not matter. Only tasks and records pass through Ray: a worker writes its file itself,
+into a folder that all machines share, and renames it when it is complete. So it is harmless if Ray
+makes a shard twice, as it does when a process or a machine dies.
 """
 
 import os
@@ -21,11 +21,10 @@ from hijack_data.errors import HijackError
 from hijack_data.file_io import write_atomic
 from hijack_data.pack import VARIABLE
 
-from ..building.output_folder import STATE
 from ..building.row_settings import pack_identity
 from ..building.shards import ONE_THREAD, ShardTask
 from ..building.step_rows import RowSettings
-from ..dataset.manifest import libraries
+from ..dataset.manifest import STATE, libraries
 from ..dataset.shard import ShardRecord
 from ..errors import RESUME, BuildError
 from .ray_data import data_options, session, without_warnings
@@ -47,9 +46,6 @@ def run(
 ) -> Generator[ShardRecord]:
     """Yield the record of each task, in any order.
 
-    Raises `MissingDependencyError` without Ray, and `BuildError` if there is no cluster, if a node
-    does not share the folders or has other libraries, or if a shard kept killing its process.
-
     Args:
         tasks: the shards, taken from the source as they are needed.
         settings: those of the build.
@@ -59,6 +55,11 @@ def run(
         address: a running cluster, `"auto"` for that of this machine. By default that of
             `RAY_ADDRESS`, or a cluster of `workers` CPUs on this machine that is started and
             stopped here. If the caller has started Ray, that connection is used.
+
+    Raises:
+        BuildError: there is no cluster, a node does not share the folders or has other libraries,
+            or a shard kept killing its process.
+        MissingDependencyError: Ray is not installed.
     """
     source = iter(tasks)
     wave = list(islice(source, FIRST_WAVE_SHARDS * workers))
@@ -120,27 +121,27 @@ def _made(ray: Any, wave: list[ShardTask], job: ShardJob, workers: int) -> Gener
         raise BuildError(_failure(ray, error)) from None
 
 
-def _record(made: ShardRecord | HijackError, node: str, out: Path) -> ShardRecord:
+def _record(result: ShardRecord | HijackError, node: str, out: Path) -> ShardRecord:
     # returns the record of a shard after its file is visible on this machine
-    if isinstance(made, HijackError):
-        raise made
-    file = out / made.file
-    if not wait_until(lambda: file.is_file() and file.stat().st_size == made.bytes):
+    if isinstance(result, HijackError):
+        raise result
+    file = out / result.file
+    if not wait_until(lambda: file.is_file() and file.stat().st_size == result.bytes):
         raise BuildError(
             f"{file}: the node {node} wrote this file, but it is not here; the output must lie in a"
             f" folder that all nodes share under one path ({GUIDE})"
         )
-    return made
+    return result
 
 
 def _failure(ray: Any, error: BaseException) -> str:
     text = str(error).partition("\n\nThe above exception")[0].strip() or type(error).__name__
     reason = text.splitlines()[-1]
     if isinstance(error, ray.exceptions.RayTaskError):
-        what = f"a worker failed with an error ({reason})"
+        failure = f"a worker failed with an error ({reason})"
     else:
-        what = (
+        failure = (
             f"a shard was given up after {RETRIES + 1} workers died over it"
             f" ({type(error).__name__}: {reason})"
         )
-    return f"{what}; finished shards are kept: build again with {RESUME}"
+    return f"{failure}; finished shards are kept: build again with {RESUME}"

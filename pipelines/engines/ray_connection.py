@@ -38,8 +38,6 @@ def session(
 ) -> Generator[Any]:
     """Connect to a Ray cluster, or start one, and yield the module `ray`.
 
-    Raises `MissingDependencyError` without Ray, and `error` if the cluster cannot be used.
-
     Args:
         cpus: processors of a cluster that is started here.
         address: a running cluster, `"auto"` for that of this machine. By default that of
@@ -48,7 +46,10 @@ def session(
         memory: bytes that actors and tasks of a cluster that is started here may ask for; by
             default what Ray finds.
         modules: further modules of Ray to import, such as `"ray.data"`.
-        error: the class of the error.
+        error: the class of the error if the cluster cannot be used.
+
+    Raises:
+        MissingDependencyError: Ray is not installed.
     """
     ray = _import(modules)
     with _quiet():
@@ -116,8 +117,8 @@ def _quiet() -> Generator[None]:
     """Suppress Ray's log lines, and keep its messages on dead processes off standard output."""
     loggers = [logging.getLogger(name) for name in ("ray", "ray.data")]
     levels = [logger.level for logger in loggers]
-    added = {name: value for name, value in ENVIRONMENT.items() if name not in os.environ}
-    os.environ.update(added)
+    added_variables = {name: value for name, value in ENVIRONMENT.items() if name not in os.environ}
+    os.environ.update(added_variables)
     for logger in loggers:
         logger.setLevel(logging.CRITICAL)
     try:
@@ -126,7 +127,7 @@ def _quiet() -> Generator[None]:
     finally:
         for logger, level in zip(loggers, levels, strict=True):
             logger.setLevel(level)
-        for name in added:
+        for name in added_variables:
             os.environ.pop(name, None)
 
 

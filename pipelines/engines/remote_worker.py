@@ -10,11 +10,10 @@ from typing import Any
 
 from hijack_data.errors import HijackError
 
-from ..building.output_folder import STATE
 from ..building.row_settings import pack_identity
 from ..building.shards import ShardTask, build_shard, records_hash
 from ..building.step_rows import RowSettings
-from ..dataset.manifest import libraries
+from ..dataset.manifest import STATE, libraries
 from ..dataset.shard import ShardRecord
 from ..errors import BuildError
 
@@ -55,10 +54,10 @@ def make(row: Mapping[str, Any], job: ShardJob) -> dict[str, Any]:
     task: ShardTask = row["task"]
     try:
         check_node(task, job)
-        made: ShardRecord | HijackError = build_shard(task, job.settings, job.out)
+        result: ShardRecord | HijackError = build_shard(task, job.settings, job.out)
     except HijackError as error:
-        made = error
-    return {"made": made, "node": socket.gethostname()}
+        result = error
+    return {"made": result, "node": socket.gethostname()}
 
 
 def check_node(task: ShardTask, job: ShardJob) -> None:
@@ -74,15 +73,16 @@ def check_node(task: ShardTask, job: ShardJob) -> None:
             " the build does; the output must lie in a folder that all nodes share under one path"
             f" ({GUIDE})"
         )
-    here = libraries(job.settings.detect)
-    other = [
-        f"{name} {here.get(name)} instead of {v}"
+    local_libraries = libraries(job.settings.detect)
+    differences = [
+        f"{name} {local_libraries.get(name)} instead of {v}"
         for name, v in job.libraries.items()
-        if here.get(name) != v
+        if local_libraries.get(name) != v
     ]
-    if other:
+    if differences:
         raise BuildError(
-            f"the node {host} has {', '.join(other)}, and would make other bytes; install the same"
+            f"the node {host} has {', '.join(differences)}, and would make other bytes; install the"
+            " same"
         )
     if pack_identity(job.settings) != job.assets:
         raise BuildError(

@@ -14,7 +14,10 @@ class GrainSource:
     group, not a file.
 
     Args:
-        folder: a dataset that `build` made. Raises `DatasetError` for any other folder.
+        folder: a dataset that `build` made.
+
+    Raises:
+        DatasetError: the folder is not such a dataset.
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:

@@ -27,8 +27,11 @@ class TorchDataset(Dataset[Any]):
     or none. Unknown values are `None`, so batches need `collate`.
 
     Args:
-        folder: a dataset that `build` made; another folder is a `DatasetError`.
+        folder: a dataset that `build` made.
         transform: called with each item; its result replaces the item.
+
+    Raises:
+        DatasetError: the folder is not such a dataset.
     """
 
     def __init__(

@@ -56,7 +56,7 @@ class AgentNet(FileReader):
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, lines in order."""
         root = source_root(path)
-        seen: set[str] = set()
+        ids: set[str] = set()
         for file in files_below(path):
             if isinstance(file, Rejected):
                 yield file
@@ -67,12 +67,12 @@ class AgentNet(FileReader):
             try:
                 inside(root, name, "")
                 if file.suffix == ".json":
-                    yield from _record(parse_file(file), name, "", file.parent, seen)
+                    yield from _record(parse_file(file), name, "", file.parent, ids)
                     continue
                 for line in lines(file):
-                    where = f"line {line.number}"
+                    place = f"line {line.number}"
                     try:
-                        yield from _record(line.record(), name, where, file.parent, seen)
+                        yield from _record(line.record(), name, place, file.parent, ids)
                     except FieldError as error:
                         yield Rejected(name, f"line {line.number}", error.field, error.reason)
             except FieldError as error:
@@ -87,15 +87,17 @@ def _is_read(file: Path, source: Source) -> bool:
     return at_top and file.suffix in (".json", ".jsonl")
 
 
-def _record(record: JsonObject, file: str, where: str, root: Path, seen: set[str]) -> Iterator[Any]:
+def _record(
+    record: JsonObject, file: str, location: str, root: Path, ids: set[str]
+) -> Iterator[Any]:
     name = fields.text(record, "task_id")
-    if name in seen:
+    if name in ids:
         raise FieldError("task_id", f"{name!r} was there before")
     is_bench = "steps" in record and "traj" not in record
     instruction = fields.text(record, _instruction_key(record) if is_bench else "instruction")
     entries = fields.items(record, "steps" if is_bench else "traj")
     about = _about(record, file)
-    seen.add(name)
+    ids.add(name)
     steps: dict[int, Step] = {}
     for place, entry in enumerate(entries):
         try:
@@ -106,7 +108,7 @@ def _record(record: JsonObject, file: str, where: str, root: Path, seen: set[str
                 raise FieldError(field, f"step {step.index} was there before")
             steps[step.index] = step
         except FieldError as error:
-            parts = (where, name, f"entry {place}")
+            parts = (location, name, f"entry {place}")
             yield Rejected(file, ", ".join(filter(None, parts)), error.field, error.reason)
     if not entries:
         raise FieldError("steps" if is_bench else "traj", "is empty")
@@ -120,23 +122,23 @@ def _record(record: JsonObject, file: str, where: str, root: Path, seen: set[str
 def _instruction_key(record: JsonObject) -> str:
     # The benchmark gives its models the high-level text; some tasks have only the annotator's own.
     high_level = "high_level_task_description"
-    own = "user_task_description"
-    if record.get(own) and not record.get(high_level):
-        return own
+    key = "user_task_description"
+    if record.get(key) and not record.get(high_level):
+        return key
     return high_level
 
 
 def _about(record: JsonObject, file: str) -> dict[str, Any]:
     meta: object = record.get("meta_info")
-    known = cast("JsonObject", meta) if isinstance(meta, dict) else {}
-    apps = fields.strings(known.get("applications"))
+    facts = cast("JsonObject", meta) if isinstance(meta, dict) else {}
+    apps = fields.strings(facts.get("applications"))
     # Websites are looked at in some browser, which is not always named among the applications.
-    if fields.strings(known.get("websites")):
+    if fields.strings(facts.get("websites")):
         apps = (*apps, BROWSER)
     return {
-        "domain": fields.text(known, "domain", "meta_info.domain", default=""),
+        "domain": fields.text(facts, "domain", "meta_info.domain", default=""),
         "apps": apps,
-        "platform": find_platform(known.get("system")) or _platform(file),
+        "platform": find_platform(facts.get("system")) or _platform(file),
     }
 
 
@@ -177,12 +179,12 @@ def _place(name: str, root: Path) -> str:
         return name
     folders = [folder for folder in IMAGES if (root / folder).is_dir()]
     places = [os.path.join(folder, inner, name) for folder in folders for inner in _UNPACKED]
-    found = [place for place in places if (root / place).is_file()]
-    if len(found) > 1:
-        several = " and in ".join(map(os.path.dirname, found))
+    existing = [place for place in places if (root / place).is_file()]
+    if len(existing) > 1:
+        several = " and in ".join(map(os.path.dirname, existing))
         raise FieldError("image", f"{name!r} is in {several}; keep one")
-    if found:
-        return found[0]
+    if existing:
+        return existing[0]
     if any(_packed(root / folder) for folder in folders):
         raise FieldError("image", f"{name!r} is not there: unpack the zip files into their folder")
     first = folders[0] if folders else ""
@@ -195,7 +197,11 @@ def _packed(folder: Path) -> bool:
 
 
 def _action(code: str, size: Size, field: str) -> tuple[Action, str]:
-    """Return the action, and its code, in pixels of the screenshot."""
+    """Return the action, and its code, in pixels of the screenshot.
+
+    Raises:
+        FieldError: the code is not an action, or points outside the screenshot.
+    """
     try:
         action = parse_pyautogui(code, size, normalized=True)
         pixels = scale_normalized(code, size)

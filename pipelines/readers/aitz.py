@@ -47,27 +47,27 @@ class Aitz(FileReader):
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, episodes in order."""
         root = source_root(path)
-        seen: set[str] = set()
-        yield from read_tables(path, lambda file: _episodes(file, root, seen))
+        ids: set[str] = set()
+        yield from read_tables(path, lambda file: _episodes(file, root, ids))
 
 
-def _episodes(file: Path, root: Path, seen: set[str]) -> Iterator[Trajectory | Rejected]:
+def _episodes(file: Path, root: Path, ids: set[str]) -> Iterator[Trajectory | Rejected]:
     name = relative_name(file, root)
-    for own, rows in itertools.groupby(json_rows(file), _episode_id):
+    for episode, rows in itertools.groupby(json_rows(file), _episode_id):
         steps: list[Step] = []
         instruction = ""
         for row in rows:
             try:
-                if own in seen:
-                    raise FieldError("episode_id", f"{own!r} was there before")
+                if episode in ids:
+                    raise FieldError("episode_id", f"{episode!r} was there before")
                 instruction = instruction or fields.text(row.record, "instruction")
                 steps.append(_step(row.record, file, root))
             except FieldError as error:
                 yield Rejected(name, row.where, error.field, error.reason)
-        seen.add(own)
+        ids.add(episode)
         if steps:
             yield RecordedTrajectory(
-                id=own,
+                id=episode,
                 source=Aitz.name,
                 instruction=instruction,
                 steps=tuple(steps),
@@ -80,8 +80,8 @@ def _episodes(file: Path, root: Path, seen: set[str]) -> Iterator[Trajectory | R
 def _episode_id(row: JsonRow) -> str:
     """Return the id of a row's episode; `""` for a row that is broken or names none."""
     values = row.values if not isinstance(row.values, FieldError) else {}
-    own = values.get("episode_id")
-    return own if isinstance(own, str) else ""
+    episode = values.get("episode_id")
+    return episode if isinstance(episode, str) else ""
 
 
 def _step(record: JsonObject, file: Path, root: Path) -> Step:
@@ -100,7 +100,11 @@ def _step(record: JsonObject, file: Path, root: Path) -> Step:
 
 
 def _action(record: JsonObject, size: Size) -> Action:
-    """Return the action of a step, in pixels; raises `HijackError`."""
+    """Return the action of a step, in pixels.
+
+    Raises:
+        FieldError: the step is no action of AITZ.
+    """
     kind = record.get("result_action_type")
     if kind in (_LONG_PRESS, _GESTURE):
         touch, lift = (_point(record, f"result_{end}_yx") for end in ("touch", "lift"))
@@ -124,7 +128,11 @@ def _action(record: JsonObject, size: Size) -> Action:
 
 
 def _point(record: JsonObject, key: str) -> tuple[float, float]:
-    """Return x and y of a point that is recorded as y, x, in JSON text or as a list."""
+    """Return x and y of a point that is recorded as y, x, in JSON text or as a list.
+
+    Raises:
+        FieldError: the value is not two numbers.
+    """
     value = fields.items({key: parse_embedded(record.get(key), key)}, key)
     if len(value) != 2:
         raise FieldError(key, f"must be y and x, got {fields.shown(value)}")

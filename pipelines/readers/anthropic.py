@@ -9,7 +9,7 @@ from . import fields
 from .base import FileReader, Rejected, register
 from .conversation_logs import Conversation, JsonPath, LogEntry, content_parts, read_logs
 from .fields import FieldError, FieldTypeError, JsonObject
-from .file_head import FileHead
+from .file_head import LISTS, FileHead, one_of_each
 from .recorded_actions import ANTHROPIC
 from .safe_files import Source
 
@@ -41,6 +41,7 @@ class Anthropic(FileReader):
 
     name = "anthropic"
     adopts = True
+    keys = one_of_each(("content", *LISTS))
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether one of the first messages uses the tool `computer`."""
@@ -59,54 +60,58 @@ class _EntryReader:
         self.file: Path | None = None
         self.zooms: set[object] = set()
 
-    def __call__(self, talk: Conversation, entry: LogEntry) -> Iterator[FieldError]:
-        if self.file != talk.file:
-            self.file = talk.file
+    def __call__(self, conversation: Conversation, entry: LogEntry) -> Iterator[FieldError]:
+        if self.file != conversation.file:
+            self.file = conversation.file
             self.zooms = set()
         for pointer, part in content_parts(entry):
             try:
-                self._part(talk, entry, pointer, part)
+                self._part(conversation, entry, pointer, part)
             except FieldError as error:
                 yield error
 
     def _part(
-        self, talk: Conversation, entry: LogEntry, pointer: JsonPath, part: JsonObject
+        self, conversation: Conversation, entry: LogEntry, pointer: JsonPath, part: JsonObject
     ) -> None:
         kind = part.get("type")
         is_user = entry.data.get("role") == "user"
         if _is_use(part):
-            self._use(talk, part)
+            self._use(conversation, part)
         elif kind == "text" and is_user:
-            talk.ask(part.get("text"))
+            conversation.add_user_text(part.get("text"))
         elif kind == "image" and is_user:
-            _look(talk, entry, pointer, part)
+            _look(conversation, entry, pointer, part)
         elif kind == "tool_result" and str(part.get("tool_use_id")) not in self.zooms:
-            _result(talk, entry, pointer, part)
+            _result(conversation, entry, pointer, part)
 
-    def _use(self, talk: Conversation, part: JsonObject) -> None:
-        given = fields.mapping(part.get("input"), "input")
+    def _use(self, conversation: Conversation, part: JsonObject) -> None:
+        arguments = fields.mapping(part.get("input"), "input")
         name = part.get("name")
-        action = given if name == TOOL else {"action": name, **given}
+        action = arguments if name == TOOL else {"action": name, **arguments}
         kind = action.get("action")
         if kind == "zoom":
             self.zooms.add(str(part.get("id")))
         if kind not in _LOOKING_TOOLS:
-            talk.act(action, ANTHROPIC, "input")
+            conversation.add_action(action, ANTHROPIC, "input")
 
 
-def _result(talk: Conversation, entry: LogEntry, pointer: JsonPath, part: JsonObject) -> None:
+def _result(
+    conversation: Conversation, entry: LogEntry, pointer: JsonPath, part: JsonObject
+) -> None:
     """Take the pictures that a use of the tool returned as the screen."""
     for index, inner in enumerate(fields.listed(part.get("content"))):
         block = fields.mapping(inner, f"content[{index}]")
         if block.get("type") == "image":
-            _look(talk, entry, (*pointer, "content", index), block)
+            _look(conversation, entry, (*pointer, "content", index), block)
 
 
-def _look(talk: Conversation, entry: LogEntry, pointer: JsonPath, block: JsonObject) -> None:
+def _look(
+    conversation: Conversation, entry: LogEntry, pointer: JsonPath, block: JsonObject
+) -> None:
     source = fields.mapping(block.get("source"), "source")
     if source.get("type") != "base64":
         raise FieldTypeError("source.type", "base64", source.get("type"))
-    talk.look(source.get("data"), entry, (*pointer, "source", "data"))
+    conversation.add_screenshot(source.get("data"), entry, (*pointer, "source", "data"))
 
 
 def _is_use(part: JsonObject) -> bool:

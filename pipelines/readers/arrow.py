@@ -23,8 +23,8 @@ class ArrowTable:
 
     def __init__(self, file: Path) -> None:
         pa = pyarrow()
-        with file.open("rb") as opened:
-            is_file = opened.read(len(_FILE_MAGIC)) == _FILE_MAGIC
+        with file.open("rb") as stream:
+            is_file = stream.read(len(_FILE_MAGIC)) == _FILE_MAGIC
         self._map = pa.memory_map(os.fspath(file))
         if is_file:
             reader = pa.ipc.open_file(self._map)

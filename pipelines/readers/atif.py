@@ -77,6 +77,7 @@ class Atif(DocumentReader):
     """
 
     name = "atif"
+    keys = (frozenset({"schema_version"}),)
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether the document states a version of ATIF."""
@@ -100,7 +101,7 @@ class _Document:
     instruction: str = ""
     image: str = ""
     size: Size = (0, 0)
-    why: str = _NO_SCREEN
+    no_screen: str = _NO_SCREEN
     actions: int = 0
     pictures: int = 0
     steps: list[Step] = field(default_factory=list[Step])
@@ -111,7 +112,9 @@ class _Document:
         try:
             record = parse_file(inside(self.root, name, ""))
             steps = fields.mappings(fields.items(record, "steps"), "steps")
-            own = fields.text(record, "trajectory_id", default="") or os.path.splitext(name)[0]
+            trajectory_id = (
+                fields.text(record, "trajectory_id", default="") or os.path.splitext(name)[0]
+            )
             domain = fields.text(_export_record(record), "domain", default="")
         except FieldError as error:
             yield Rejected(name, "", error.field, error.reason)
@@ -131,7 +134,7 @@ class _Document:
         elif not self.instruction:
             yield Rejected(name, "", "instruction", "no message of the user holds text")
         elif self.steps:
-            yield Trajectory(own, Atif.name, self.instruction, tuple(self.steps), domain)
+            yield Trajectory(trajectory_id, Atif.name, self.instruction, tuple(self.steps), domain)
 
     def _take(self, step: JsonObject, index: int) -> Iterator[FieldError]:
         if step.get("is_copied_context"):
@@ -150,8 +153,8 @@ class _Document:
         if any(_kind(_arguments(call)) == _CROPPED for call in calls):
             return  # a part of the screen
         observation: Any = step.get("observation")
-        shown = observation.get("results") if isinstance(observation, dict) else None
-        for result in fields.objects(shown):
+        results = observation.get("results") if isinstance(observation, dict) else None
+        for result in fields.objects(results):
             try:
                 self._look(result.get("content"))
             except FieldError as error:
@@ -165,13 +168,17 @@ class _Document:
                 self.instruction = fields.storable(text.strip(), "message")
 
     def _look(self, content: object) -> None:
-        """Take the last picture of a content as the screen."""
+        """Take the last picture of a content as the screen.
+
+        Raises:
+            FieldError: the picture is on the web, or cannot be read.
+        """
         for part in fields.objects(content):
             if part.get("type") != "image":
                 continue
             self.pictures += 1
             self.image = ""
-            self.why = "the screenshot before this action cannot be read"
+            self.no_screen = "the screenshot before this action cannot be read"
             source = fields.mapping(part.get("source"), "source")
             name = fields.text(source, "path", "source.path")
             if "://" in name:
@@ -183,24 +190,28 @@ class _Document:
             self.image = os.fspath(path)
 
     def _act(self, step: JsonObject, call: JsonObject, index: int) -> bool:
-        """Add the action of a call; return whether it is one, and not a look at the screen."""
+        """Add the action of a call; return whether it is one, and not a look at the screen.
+
+        Raises:
+            FieldError: the tool is not known, or its screen is corrupted.
+        """
         name = fields.text(call, "function_name", "tool_calls.function_name")
         arguments = _arguments(call)
         if name in (COMPUTER, HARBOR) and _kind(arguments) in _LOOKING_TOOLS:
             return False
         self.actions += 1
-        image, why = self.image, self.why
-        self.image, self.why = "", _STALE
+        image, no_screen = self.image, self.no_screen
+        self.image, self.no_screen = "", _STALE
         if name not in _TOOLS:
-            known = ", ".join(_TOOLS)
-            reason = f"{name!r} does not say what its coordinates count; known tools: {known}"
+            tools = ", ".join(_TOOLS)
+            reason = f"{name!r} does not say what its coordinates count; known tools: {tools}"
             raise FieldError("tool_calls.function_name", reason)
-        ours = _export_record(step)
-        if ours.get("corruption", "clean") != "clean":
-            reason = f"{fields.shown(ours['corruption'])}: the picture is corrupted, not clean"
+        export = _export_record(step)
+        if export.get("corruption", "clean") != "clean":
+            reason = f"{fields.shown(export['corruption'])}: the picture is corrupted, not clean"
             raise FieldError("extra.corruption", reason)
         if not image:
-            raise FieldError("screenshot", why)
+            raise FieldError("screenshot", no_screen)
         self.steps.append(_step(step, name, arguments, image, self.size, index))
         return True
 
@@ -230,14 +241,14 @@ def _step(
 
 def _exported(step: JsonObject, arguments: JsonObject, image: str, size: Size, index: int) -> Step:
     """Return a step of our own export, whose message is the action in its dialect."""
-    ours = _export_record(step)
-    dialect = ours.get("dialect")
+    export = _export_record(step)
+    dialect = export.get("dialect")
     code = fields.text(step, "message", default="") if dialect in DIALECTS else ""
     target: Box | None = None
-    if ours.get("target_box") is not None:
-        (target,) = fields.boxes([ours["target_box"]], size, "target_box")
+    if export.get("target_box") is not None:
+        (target,) = fields.boxes([export["target_box"]], size, "target_box")
     return RecordedStep(
-        index=fields.step_number(ours, "step") if "step" in ours else index,
+        index=fields.step_number(export, "step") if "step" in export else index,
         image=image,
         action=fields.action(arguments, size),
         action_code=code,
@@ -247,7 +258,11 @@ def _exported(step: JsonObject, arguments: JsonObject, image: str, size: Size, i
 
 
 def _harbor_action(arguments: JsonObject) -> Action:
-    """Return an action of Harbor's computer-1; raises `ActionError` for one that is not known."""
+    """Return an action of Harbor's computer-1.
+
+    Raises:
+        ActionError: the action is not known.
+    """
     kind = arguments.get("type")
     place = None
     if arguments.get("x") is not None:
@@ -287,5 +302,5 @@ def _kind(arguments: JsonObject) -> object:
 def _export_record(record: JsonObject) -> JsonObject:
     """Return what our own export says in `extra`; nothing for any other document."""
     extra: Any = record.get("extra")
-    ours = extra.get(EXPORT_KEY) if isinstance(extra, dict) else None
-    return ours if isinstance(ours, dict) else {}
+    export = extra.get(EXPORT_KEY) if isinstance(extra, dict) else None
+    return export if isinstance(export, dict) else {}

@@ -49,8 +49,8 @@ class Reader(Protocol):
     `RecordedTrajectory`, which names what they show.
 
     A folder may hold several formats. Every record file is passed to `detect` by itself, and `read`
-    gets a `Part` of the files that it accepted: `source_root` and `files_below` take a `Part` as they
-    take a folder. A reader may also have
+    gets a `Part` of the files that it accepted: `source_root` and `files_below` take a `Part` or a
+    folder. A reader may also have
 
     - what `FileReader` declares (`file_names`, `suffixes`, `keys`, `recognizes`), which spares it
       the reading in `detect`: a file's beginning is then read once for all readers;
@@ -76,30 +76,35 @@ class Reader(Protocol):
 class FileReader:
     """Base of readers that are recognized by a file's name, or else by its first records.
 
-    A file whose name is in `file_names` is of the format and is not opened to find that out. Any
-    other file is if its suffix is in `suffixes` and `recognizes` returns true: that a record has
-    all `keys` of one set, unless the reader overrides it. Without `keys`, the suffix decides.
+    A file whose name is one of `file_names` (names, or patterns with * and ?) is of the format, and
+    is not opened to find that out. Any other file is of the format if its name ends with one of the
+    `suffixes` (`""` is the end of every name), one of its first records has all `keys` of one set
+    (any record will do if there are no `keys`), and `recognizes` returns true.
     """
 
     file_names: tuple[str, ...] = ()
     suffixes: tuple[str, ...] = (".json", ".jsonl")
     keys: tuple[frozenset[str], ...] = ()
 
-    def recognizes(self, head: FileHead) -> bool:
-        """Return whether a file with one of the `suffixes` is of this format."""
-        return not self.keys or any(keys <= found for keys in self.keys for found in head.keys)
+    def may_hold(self, head: FileHead) -> bool:
+        """Return whether a file has one of the `suffixes` and the `keys` of a record."""
+        is_named = head.path.name.endswith(self.suffixes)
+        return is_named and (not self.keys or head.has_keys(self.keys))
 
-    def accepts(self, head: FileHead) -> bool:
-        """Return whether a file is of this format, if its name does not decide."""
-        return head.path.suffix in self.suffixes and self.recognizes(head)
+    def recognizes(self, head: FileHead) -> bool:
+        """Return whether a file is of this format, whose suffix and keys are those declared."""
+        return True
 
     def detect(self, path: Path) -> bool:
         """Return whether a file, or one in a folder, is of this format."""
-        return any(
-            file.name in self.file_names or self.accepts(FileHead(file))
-            for file in files_below(path)
-            if isinstance(file, Path)
-        )
+        for file in files_below(path):
+            if isinstance(file, Path):
+                head = FileHead(file)
+                if head.is_named(self.file_names):
+                    return True
+                if self.may_hold(head) and self.recognizes(head):
+                    return True
+        return False
 
 
 class DocumentReader(FileReader, ABC):
@@ -153,7 +158,8 @@ READERS = Registry[Reader](
 def register(cls: type[R]) -> type[R]:
     """Class decorator: make a reader known under its `name`.
 
-    Raises `ParameterError` if it lacks a method or a name, or the name is taken.
+    Raises:
+        ParameterError: the class lacks a method or a name, or the name is taken.
     """
     READERS.add(cls)
     return cls
@@ -167,11 +173,13 @@ def names() -> list[str]:
 def get_reader(name: str) -> Reader:
     """Return the reader of a format.
 
-    Raises `UnknownNameError` with the nearest name, `PluginError` if the file, module or plug-in
-    cannot be loaded, and `ParameterError` if it does not hold a reader, or its name is taken.
-
     Args:
-        name: of a format, or `package.module:Reader`, or `path/to/file.py:Reader`.
+        name: the name of a format, or `package.module:Reader`, or `path/to/file.py:Reader`.
+
+    Raises:
+        ParameterError: the file or module does not hold a reader, or the reader's name is taken.
+        PluginError: the file, module or plug-in cannot be loaded.
+        UnknownNameError: there is no such format; the message has the nearest name.
     """
     return READERS.get(READERS.find(name))
 
@@ -207,11 +215,11 @@ def check_path(path: str | os.PathLike[str]) -> Path:
     """
     try:
         source = Path(path)
-        there = source.is_file() or source.is_dir()
+        exists = source.is_file() or source.is_dir()
     except (OSError, ValueError):
-        there = False
+        exists = False
         source = Path()
-    if not there:
+    if not exists:
         raise SourceError(
             f"{os.fspath(path)!r}: no such file or folder; give a recording (formats:"
             f" {', '.join(names())})"

@@ -79,23 +79,23 @@ def detect_form(
     """
     spaces = (choices.coordinates,) if choices.coordinates else (FRACTIONS, PIXELS)
     orders = (choices.boxes,) if choices.boxes else BOXES
-    every = frozenset(itertools.product(spaces, orders))
+    candidates = frozenset(itertools.product(spaces, orders))
     try:
-        left = _narrowed(every, _unseen(boxes, every), field)
+        forms = _narrowed(candidates, _unseen(boxes, candidates), field)
     except FieldError:  # one that leaves its picture may be at fault
-        left = _narrowed(every, _seen(boxes, size, every, every), field)
+        forms = _narrowed(candidates, _seen(boxes, size, candidates, candidates), field)
     else:
-        may_be_corners = len(orders) > 1 and _are_widths(left)
-        if len(left) > 1 or may_be_corners:
-            left = _narrowed(left, _seen(boxes, size, every, left), field)
-    if len(left) == 1:
-        return next(iter(left))
+        may_be_corners = len(orders) > 1 and _are_widths(forms)
+        if len(forms) > 1 or may_be_corners:
+            forms = _narrowed(forms, _seen(boxes, size, candidates, forms), field)
+    if len(forms) == 1:
+        return next(iter(forms))
     for form in known:
-        if form in left:
+        if form in forms:
             return form
-    possible = sorted(f"{order} in {space}" for space, order in left)
-    named = " or ".join(possible)
-    raise FieldError(field, f"could be {named}: say which with --boxes and --coordinates")
+    possible = sorted(f"{order} in {space}" for space, order in forms)
+    options = " or ".join(possible)
+    raise FieldError(field, f"could be {options}: say which with --boxes and --coordinates")
 
 
 def _are_widths(forms: Forms) -> bool:
@@ -109,7 +109,7 @@ def _unseen(boxes: Sequence[object], among: Forms) -> Iterator[tuple[int, Forms]
 
 
 def _seen(
-    boxes: Sequence[object], size: Callable[[int], Size | None], among: Forms, left: Forms
+    boxes: Sequence[object], size: Callable[[int], Size | None], among: Forms, remaining: Forms
 ) -> Iterator[tuple[int, Forms]]:
     """Yield the forms that each row may have on its picture, until only two corners are `left`."""
     for index, box in enumerate(boxes):
@@ -119,25 +119,25 @@ def _seen(
         forms = _forms(box, shape, among)
         yield index, forms
         if forms:
-            left &= forms
-        if len(left) == 1 and not _are_widths(left):
+            remaining &= forms
+        if len(remaining) == 1 and not _are_widths(remaining):
             return
 
 
-def _narrowed(left: Forms, rows: Iterable[tuple[int, Forms]], field: str) -> Forms:
+def _narrowed(remaining: Forms, rows: Iterable[tuple[int, Forms]], field: str) -> Forms:
     for index, forms in rows:
         if not forms:
             continue
-        if not left & forms:
-            before = _listed(left)
-            this = _listed(forms)
+        if not remaining & forms:
+            before = _listed(remaining)
+            current = _listed(forms)
             raise FieldError(
                 field,
                 f"rows disagree: those before row {index} are {before}, this one can only be"
-                f" {this}; split the table, or say which with --boxes and --coordinates",
+                f" {current}; split the table, or say which with --boxes and --coordinates",
             )
-        left &= forms
-    return left
+        remaining &= forms
+    return remaining
 
 
 def _listed(forms: Forms) -> str:
@@ -149,11 +149,11 @@ def _forms(value: object, size: tuple[float, float], among: Forms) -> Forms:
         numbers = _numbers(value, "")
     except FieldError:
         return frozenset()
-    found = frozenset(form for form in among if _fits(numbers, form, size))
+    fitting = frozenset(form for form in among if _fits(numbers, form, size))
     if numbers[0] != numbers[2] and numbers[1] != numbers[3]:
-        return found
+        return fitting
     # Two corners without area, or a width that equals x: any order is possible.
-    spaces = {space for space, _ in found}
+    spaces = {space for space, _ in fitting}
     return frozenset((space, order) for space, order in among if space in spaces)
 
 
@@ -192,10 +192,10 @@ def _is_swapped(numbers: Sequence[float]) -> bool:
 
 
 def _numbers(value: object, field: str) -> list[float]:
-    given = fields.items({field: value}, field)
-    if len(given) != 4 or not all(map(_is_number, given)):
-        raise FieldTypeError(field, "four numbers", given)
-    return [float(number) for number in given]
+    values = fields.items({field: value}, field)
+    if len(values) != 4 or not all(map(_is_number, values)):
+        raise FieldTypeError(field, "four numbers", values)
+    return [float(number) for number in values]
 
 
 def _is_number(value: object) -> bool:

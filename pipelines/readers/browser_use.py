@@ -43,6 +43,7 @@ class BrowserUse(DocumentReader):
     """
 
     name = "browser_use"
+    keys = (frozenset({"history"}),)
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether a file is a history with model outputs and states."""
@@ -108,14 +109,18 @@ def _first_action(entry: JsonObject) -> tuple[str, JsonObject, object] | None:
     output = fields.mapping(entry["model_output"], "model_output")
     actions = fields.mappings(fields.items(output, "action"), "model_output.action")
     for action in actions:
-        for name, given in action.items():
-            if isinstance(given, dict):
-                return name, given, actions
+        for name, arguments in action.items():
+            if isinstance(arguments, dict):
+                return name, arguments, actions
     return None
 
 
 def _screen(entry: JsonObject, index: int, file: Path, root: Path) -> tuple[str, Size]:
-    """Return the picture of an entry, and its (height, width)."""
+    """Return the picture of an entry, and its (height, width).
+
+    Raises:
+        FieldError: the screenshot is a placeholder, or cannot be read.
+    """
     state = fields.mapping(entry.get("state"), "state")
     if state.get("screenshot"):
         image = in_json(file, None, ("history", index, "state", "screenshot"))
@@ -129,20 +134,26 @@ def _screen(entry: JsonObject, index: int, file: Path, root: Path) -> tuple[str,
 
 
 def _file(value: str, file: Path, root: Path) -> Path:
-    """Return a screenshot by its name, since its path is that of the machine that recorded it."""
+    """Return a screenshot by its name, since its path is that of the machine that recorded it.
+
+    Raises:
+        FieldError: no such file is in the source.
+    """
     name = value.replace("\\", "/").rpartition("/")[2]
-    here = relative_name(file.parent, root)
+    folder_name = relative_name(file.parent, root)
     for folder in _SCREENSHOTS:
-        candidate = os.path.normpath(os.path.join(here, folder, name))
+        candidate = os.path.normpath(os.path.join(folder_name, folder, name))
         if name and (root / candidate).is_file():
             return inside(root, candidate, "state.screenshot_path")
     reason = f"{name!r} is neither beside the history nor in screenshots/: copy it there"
     raise FieldError("state.screenshot_path", reason)
 
 
-def _step(index: int, name: str, given: JsonObject, raw: object, image: str, size: Size) -> Step:
+def _step(
+    index: int, name: str, arguments: JsonObject, raw: object, image: str, size: Size
+) -> Step:
     try:
-        action = fields.check_on_screen(_action(name, given), size, name)
+        action = fields.check_on_screen(_action(name, arguments), size, name)
     except FieldError:
         raise
     except HijackError as error:
@@ -154,18 +165,20 @@ def _step(index: int, name: str, given: JsonObject, raw: object, image: str, siz
         return RecordedStep(index, image, action, code, dialect=SIZELESS)
 
 
-def _action(name: str, given: JsonObject) -> Action:
+def _action(name: str, arguments: JsonObject) -> Action:
     """Return an action; one that is not known, such as one of the user's own, is `"other"`."""
     match name:
         case "done":
-            text = fields.text(given, "text", default="")
-            return Action("fail" if given.get("success") is False else "done", text=text or None)
+            text = fields.text(arguments, "text", default="")
+            return Action(
+                "fail" if arguments.get("success") is False else "done", text=text or None
+            )
         case "wait":
-            seconds: Any = given.get("seconds")
+            seconds: Any = arguments.get("seconds")
             return Action("wait", amount=None if seconds is None else number(seconds, "seconds"))
         case "send_keys":
-            return Action("hotkey", keys=key_names(given.get("keys"), "keys", "+"))
+            return Action("hotkey", keys=key_names(arguments.get("keys"), "keys", "+"))
         case _ if name in _TYPING_ACTIONS:
-            return Action("other", text=fields.text(given, "text", default=""))
+            return Action("other", text=fields.text(arguments, "text", default=""))
         case _:
             return Action("other")

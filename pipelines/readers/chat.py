@@ -12,7 +12,7 @@ from . import fields
 from .base import FileReader, Rejected, register
 from .chat_turns import ChatTurns, messages_in
 from .fields import FieldError, JsonObject
-from .file_head import FileHead
+from .file_head import one_of_each
 from .json_rows import JsonRow, json_rows, picture_at, picture_inside, read_tables
 from .parquet_rows import screen_domain
 from .reader_options import NO_CHOICES, ReaderOptions
@@ -28,11 +28,6 @@ _EXPORT_COLUMNS = ("corruption", "plan_digest", "image_sha256")
 _COMPANION_FILES = ("dataset_info.json", "export.json")
 
 
-def is_chat(head: FileHead) -> bool:
-    """Return whether one of the first records is a chat row that names pictures."""
-    return any(keys & set(_MESSAGES) and keys & set(_PICTURES) for keys in head.keys)
-
-
 @register
 @dataclass(frozen=True)
 class Chat(FileReader):
@@ -44,25 +39,22 @@ class Chat(FileReader):
     and `images` or `image`: paths seen from the file or the source, or from `images/` in either, or
     base64. A row is a trajectory, whose id is its `id`, or else the file and its number; an id that
     an earlier file has comes after the name of its file. Its episode is its `trajectory_id` or
-    `episode_id`, or the field of the choice `episode_key`. A picture
-    is shown by `<image>` in the text of the user; each reply that is an action (see `replies`) is a
-    step on the picture shown last. The instruction is the first text of the user, or what the
+    `episode_id`, or the field of the choice `episode_key`. A picture is shown by `<image>` in the
+    text of the user; each reply that is an action (see `model_replies`) is a step on the picture
+    shown last. The instruction is the first text of the user, or what the
     prompts of the recipes call the task.
 
     Rows of our own export come back with their target; those with a corrupted picture are rejected,
     as they are no clean screens.
 
-    Coordinates: see `replies`; what cannot be told needs the choice `coordinates`.
+    Coordinates: see `model_replies`; what cannot be told needs the choice `coordinates`.
     """
 
     choices: ReaderOptions = NO_CHOICES
     name = "chat"
+    keys = one_of_each(_MESSAGES, _PICTURES)
     takes = ("coordinates", "episode_key")
     episodes = ROW_EPISODES
-
-    def recognizes(self, head: FileHead) -> bool:
-        """Return whether one of the first records is a chat row that names pictures."""
-        return is_chat(head)
 
     def beside(self, file: Path) -> bool:
         """Return whether a file describes the rows of LLaMA-Factory or of our own export."""
@@ -80,8 +72,8 @@ class Chat(FileReader):
         is_empty = True
         for row in json_rows(file):
             is_empty = False
-            found = _Row(file, root, self.choices, row)
-            for item in ids.unique(found.trajectory()):
+            chat_row = _Row(file, root, self.choices, row)
+            for item in ids.unique(chat_row.trajectory()):
                 if isinstance(item, Trajectory):
                     yield item
                 else:
@@ -116,33 +108,41 @@ class _Row:
         return picture_at(value, self.file, self.root, field)
 
     def trajectory(self) -> Iterator[Trajectory | FieldError]:
-        """Yield what is broken, and the trajectory. Raises `FieldError`."""
+        """Yield what is broken, and the trajectory.
+
+        Raises:
+            FieldError: the row names no picture, or its picture is corrupted.
+        """
         record = self.row.record
         _check_clean(record)
         key = "messages" if "messages" in record else "conversations"
         messages = messages_in(record.get(key), key)
         column = "images" if "images" in record else "image"
-        given: object = record.get(column)
-        pictures = cast("list[Any]", given) if isinstance(given, list) else [given]
-        if not pictures or given is None:
+        column_value: object = record.get(column)
+        pictures = (
+            cast("list[Any]", column_value) if isinstance(column_value, list) else [column_value]
+        )
+        if not pictures or column_value is None:
             raise FieldError(column, "names no picture")
-        talk = ChatTurns(
+        turns = ChatTurns(
             lambda index: self.picture(pictures, column, index),
             len(pictures),
             self.choices.coordinates,
         )
-        talk.hear(fields.text(record, "system", default=""), "system")
-        yield from talk.read(messages, key)
-        if talk.steps:
-            yield self._made(talk, record)
+        turns.add_prompt(fields.text(record, "system", default=""), "system")
+        yield from turns.read(messages, key)
+        if turns.steps:
+            yield self._made(turns, record)
 
-    def _made(self, talk: ChatTurns, record: JsonObject) -> Trajectory:
-        own = record.get("id")
+    def _made(self, turns: ChatTurns, record: JsonObject) -> Trajectory:
+        row_id = record.get("id")
         stem = os.path.splitext(relative_name(self.file, self.root))[0]
         name = (
-            str(own) if isinstance(own, str | int) and str(own) else f"{stem}/{self.row.number:06d}"
+            str(row_id)
+            if isinstance(row_id, str | int) and str(row_id)
+            else f"{stem}/{self.row.number:06d}"
         )
-        steps = list(talk.steps)
+        steps = list(turns.steps)
         target: object = record.get("target_box")
         if target is not None and all(key in record for key in _EXPORT_COLUMNS):
             size = (fields.step_number(record, "height"), fields.step_number(record, "width"))
@@ -152,7 +152,7 @@ class _Row:
         return RecordedTrajectory(
             fields.storable(name, "id"),
             Chat.name,
-            talk.instruction,
+            turns.instruction,
             tuple(steps),
             screen_domain(domain),
             episode=stated_episode(record, self.choices.episode_key),
@@ -160,7 +160,11 @@ class _Row:
 
 
 def _check_clean(record: JsonObject) -> None:
-    """Refuse a row of our own export whose picture is corrupted. Raises `FieldError`."""
+    """Refuse a row of our own export whose picture is corrupted.
+
+    Raises:
+        FieldError: the picture is corrupted.
+    """
     if all(key in record for key in _EXPORT_COLUMNS) and record["corruption"] != CLEAN:
         raise FieldError(
             "corruption",

@@ -65,7 +65,7 @@ class ChatTurns:
         self.steps: list[Step] = []
         self.instruction = ""
         self.replies = self.shown = 0
-        self.told: Space | None = None
+        self.stated_space: Space | None = None
         self.screen: int | None = None
         self.calls = False
 
@@ -104,20 +104,20 @@ class ChatTurns:
         role = _role(message)
         text = self._look(_content(message), role != ASSISTANT)
         if role != ASSISTANT:
-            self.hear(text, role)
+            self.add_prompt(text, role)
             return
         self._reply(message, text, is_last)
 
-    def hear(self, text: str, role: str) -> None:
+    def add_prompt(self, text: str, role: str) -> None:
         """Take in the task and the space of the coordinates from a prompt."""
         stated = _RESOLUTION.search(text)
         if stated:
-            self.told = (int(stated[2]), int(stated[1]))
-        bare = text.replace(IMAGE, "").strip()
-        asked = parse_question(bare)
-        task = _task(bare)
-        if asked:
-            task, self.told = asked
+            self.stated_space = (int(stated[2]), int(stated[1]))
+        prompt = text.replace(IMAGE, "").strip()
+        question = parse_question(prompt)
+        task = _task(prompt)
+        if question:
+            task, self.stated_space = question
         if role == USER and not self.instruction:
             self.instruction = fields.storable(task, "content")
 
@@ -147,41 +147,41 @@ class ChatTurns:
 
     def _reply(self, message: JsonObject, text: str, is_last: bool) -> None:
         text, calls = _with_calls(message, text)
-        found = acting_calls(calls)
-        is_end = self.calls and is_last and not found and not is_action(text)
-        if not found and not is_end and not is_action(text):
+        acting = acting_calls(calls)
+        is_end = self.calls and is_last and not acting and not is_action(text)
+        if not acting and not is_end and not is_action(text):
             return
         self.replies += 1
         if self.screen is None:
             raise FieldError("images", "no image was shown between this action and the one before")
         image, size = self.picture(self.screen)
         self.screen = None
-        if found:
-            reply = ModelReply(self._called(found[0], calls, size))
+        if acting:
+            reply = ModelReply(self._called(acting[0], calls, size))
         elif is_end:
-            done = Action("done", text=fields.storable(text, "content"))
-            reply = ModelReply(ParsedAction(done, text, SIZELESS))
+            end = Action("done", text=fields.storable(text, "content"))
+            reply = ModelReply(ParsedAction(end, text, SIZELESS))
         else:
-            asked = ReplyContext(size, self.choice, _space(self.told, size))
-            reply = parse_reply(text, "content", asked)
+            context = ReplyContext(size, self.choice, _space(self.stated_space, size))
+            reply = parse_reply(text, "content", context)
         self._add(image, reply)
 
     def _add(self, image: str, reply: ModelReply) -> None:
-        said = reply.said
+        recorded_action = reply.recorded
         step = RecordedStep(
             index=self.replies,
             image=image,
-            action=said.action,
-            action_code=said.code,
+            action=recorded_action.action,
+            action_code=recorded_action.code,
             target_box=reply.box,
-            dialect=said.dialect,
+            dialect=recorded_action.dialect,
         )
         self.steps.append(step)
 
-    def _called(self, found: tuple[str, JsonObject], calls: object, size: Size) -> ParsedAction:
+    def _called(self, call: tuple[str, JsonObject], calls: object, size: Size) -> ParsedAction:
         """Read structured calls, in 0..1000 unless the user chose another space."""
         space = self.choice or THOUSAND
-        action = parse_call(*found, size, space_scaling(space, size))
+        action = parse_call(*call, size, space_scaling(space, size))
         if space in (THOUSAND, FRACTIONS):
             return ParsedAction(action, raw_action_text(calls, "tool_calls"), SIZELESS)
         return ParsedAction(action, "", PYAUTOGUI)
@@ -197,11 +197,11 @@ def _with_calls(message: JsonObject, text: str) -> tuple[str, object]:
     """Return the text of a reply, and its structured calls: those of Qwen's tools become text."""
     calls: object = message.get("tool_calls")
     functions = fields.objects([call.get("function") for call in fields.objects(calls)])
-    named = [function for function in functions if function.get("name") in TOOLS]
-    if not named:
+    tool_functions = [function for function in functions if function.get("name") in TOOLS]
+    if not tool_functions:
         return text, calls
-    written = [tool_call_text(one["name"], _given(one)) for one in named]
-    return "\n".join([text, *written]).strip(), None
+    texts = [tool_call_text(tool["name"], _given(tool)) for tool in tool_functions]
+    return "\n".join([text, *texts]).strip(), None
 
 
 def _given(function: JsonObject) -> dict[str, Any]:
@@ -209,13 +209,13 @@ def _given(function: JsonObject) -> dict[str, Any]:
     return {key: value for key, value in call_arguments(function).items() if value is not None}
 
 
-def _space(told: Space | None, size: Size) -> Space | None:
+def _space(stated: Space | None, size: Size) -> Space | None:
     """Return the space of a stated resolution: resized, thousandths, or a grid of its own."""
-    if told == (1000, 1000):
+    if stated == (1000, 1000):
         return THOUSAND
-    if isinstance(told, tuple) and told == _resized(size):
+    if isinstance(stated, tuple) and stated == _resized(size):
         return RESIZED
-    return told
+    return stated
 
 
 def _resized(size: Size) -> Size | None:
@@ -247,9 +247,9 @@ def _content(message: JsonObject) -> object:
 
 def _task(text: str) -> str:
     for pattern in _TASKS:
-        found = pattern.search(text)
-        if found:
-            return found[1].strip()
+        match = pattern.search(text)
+        if match:
+            return match[1].strip()
     return text.strip()
 
 

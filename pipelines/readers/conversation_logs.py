@@ -54,11 +54,11 @@ class Conversation:
     actions: int = 0
     image: str = ""
     size: Size = (0, 0)
-    why: str = "no screenshot came before this action"
+    no_screen: str = "no screenshot came before this action"
     apps: tuple[str, ...] = ()
     platform: Platform | None = None
 
-    def look(self, value: object, entry: LogEntry, pointer: JsonPath) -> None:
+    def add_screenshot(self, value: object, entry: LogEntry, pointer: JsonPath) -> None:
         """Add a screenshot.
 
         Args:
@@ -71,7 +71,7 @@ class Conversation:
             FieldTypeError: the value is not text.
         """
         self.image = ""
-        self.why = "the screenshot before this action cannot be read"
+        self.no_screen = "the screenshot before this action cannot be read"
         if not isinstance(value, str) or not value:
             raise FieldTypeError("image", "a data: URL or a path", value)
         if value.startswith(("http:", "https:")):
@@ -86,13 +86,13 @@ class Conversation:
             self.size = image_size(decode_base64(value))
             self.image = in_json(self.file, entry.offset, (*entry.pointer, *pointer))
 
-    def act(self, raw: object, dialect: str, where: str, code: object = None) -> None:
+    def add_action(self, raw: object, dialect: str, field_name: str, code: object = None) -> None:
         """Add an action.
 
         Args:
             raw: the action in its dialect.
             dialect: name of the dialect.
-            where: the field of the action.
+            field_name: the field of the action.
             code: the text to keep of it, if that is not `raw` itself.
 
         Raises:
@@ -101,17 +101,17 @@ class Conversation:
         """
         self.actions += 1
         image = self.image
-        why = self.why
+        reason = self.no_screen
         self.image = ""
-        self.why = "no screenshot was taken between this action and the one before"
+        self.no_screen = "no screenshot was taken between this action and the one before"
         if not image:
-            raise FieldError("screenshot", why)
-        action = first_action(raw, dialect, self.size, where)
-        text = raw_action_text(raw if code is None else code, where)
+            raise FieldError("screenshot", reason)
+        action = first_action(raw, dialect, self.size, field_name)
+        text = raw_action_text(raw if code is None else code, field_name)
         self.steps.append(RecordedStep(self.actions, image, action, text, dialect=dialect))
 
-    def ask(self, text: object) -> None:
-        """Add a text of the user, the first of which is the instruction."""
+    def add_user_text(self, text: object) -> None:
+        """Add a text of the user; the first of which is the instruction."""
         if not self.instruction and isinstance(text, str) and text.strip():
             self.instruction = fields.storable(text.strip(), "instruction")
 
@@ -145,40 +145,40 @@ def read_logs(path: Source, source: str, take: ReadEntry) -> Iterator[Trajectory
         take: handles an entry, and yields the errors in it.
     """
     root = source_root(path)
-    seen: set[str] = set()
+    ids: set[str] = set()
     for file in files_below(path):
         if isinstance(file, Rejected):
             yield file
         elif is_json(file):
-            yield from _conversation(Conversation(file, root, source), take, seen)
+            yield from _conversation(Conversation(file, root, source), take, ids)
 
 
 def _conversation(
-    talk: Conversation, take: ReadEntry, seen: set[str]
+    conversation: Conversation, take: ReadEntry, ids: set[str]
 ) -> Iterator[Trajectory | Rejected]:
-    file = relative_name(talk.file, talk.root)
+    file = relative_name(conversation.file, conversation.root)
     name = os.path.splitext(file)[0]
     try:
-        inside(talk.root, file, "")
-        for entry in entries(talk.file):
+        inside(conversation.root, file, "")
+        for entry in entries(conversation.file):
             if isinstance(entry, Rejected):
                 yield Rejected(file, entry.where, entry.field, entry.reason)
                 continue
-            for error in _taken(talk, entry, take):
+            for error in _taken(conversation, entry, take):
                 yield Rejected(file, entry.where, error.field, error.reason)
-        if name in seen:
+        if name in ids:
             raise FieldError("id", f"{name!r} was there before, in a file with another suffix")
-        seen.add(name)
-        yield from talk.trajectory(name)
+        ids.add(name)
+        yield from conversation.trajectory(name)
     except FieldError as error:
         yield Rejected(file, "", error.field, error.reason)
     except OSError as error:
         yield Rejected(file, "", "", f"cannot be read ({error.strerror or error})")
 
 
-def _taken(talk: Conversation, entry: LogEntry, take: ReadEntry) -> Iterator[FieldError]:
+def _taken(conversation: Conversation, entry: LogEntry, take: ReadEntry) -> Iterator[FieldError]:
     try:
-        yield from take(talk, entry)
+        yield from take(conversation, entry)
     except OtherFormatError:
         raise
     except FieldError as error:
@@ -193,11 +193,11 @@ def entries(file: Path) -> Iterator[LogEntry | Rejected]:
     """
     if file.suffix == ".jsonl":
         for line in lines(file):
-            where = f"line {line.number}"
+            place = f"line {line.number}"
             try:
-                yield from _spread(line.record(), where, line.offset, ())
+                yield from _spread(line.record(), place, line.offset, ())
             except FieldError as error:
-                yield Rejected("", where, error.field, error.reason)
+                yield Rejected("", place, error.field, error.reason)
         return
     data = parse_any(file)
     if isinstance(data, list):
@@ -217,24 +217,24 @@ def content_parts(entry: LogEntry) -> Iterator[tuple[JsonPath, JsonObject]]:
 
 
 def _spread(
-    record: JsonObject, where: str, offset: int | None, pointer: JsonPath
+    record: JsonObject, location: str, offset: int | None, pointer: JsonPath
 ) -> Iterator[LogEntry | Rejected]:
     inner = [key for key in LISTS if isinstance(record.get(key), list)]
     if not inner or "role" in record:
-        yield LogEntry(record, where, offset, pointer)
+        yield LogEntry(record, location, offset, pointer)
         return
     outer = {key: value for key, value in record.items() if key not in inner}
-    yield LogEntry(outer, where, offset, pointer)
+    yield LogEntry(outer, location, offset, pointer)
     for key in inner:
-        place = f"{where}, {key}" if where else key
+        place = f"{location}, {key}" if location else key
         yield from _items(record[key], place, offset, (*pointer, key))
 
 
 def _items(
-    values: list[Any], where: str, offset: int | None, pointer: JsonPath
+    values: list[Any], location: str, offset: int | None, pointer: JsonPath
 ) -> Iterator[LogEntry | Rejected]:
     for index, value in enumerate(values):
-        place = f"{where} {index}"
+        place = f"{location} {index}"
         if isinstance(value, dict):
             yield LogEntry(cast("dict[str, Any]", value), place, offset, (*pointer, index))
         else:

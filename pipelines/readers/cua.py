@@ -43,6 +43,7 @@ class Cua(FolderReader):
 
     name = "cua"
     records = METADATA
+    suffixes = (METADATA,)
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether a file is a `metadata.json` beside turns."""
@@ -111,8 +112,8 @@ class _Run:
         if not self.actions:
             yield Rejected(name, "", "", "there is no action in the turns beside it")
         elif self.steps:
-            own = folder_id(self.folder, self.root)
-            yield Trajectory(own, Cua.name, instruction, tuple(self.steps))
+            trajectory_id = folder_id(self.folder, self.root)
+            yield Trajectory(trajectory_id, Cua.name, instruction, tuple(self.steps))
 
     def _take(self, file: Path) -> None:
         kind = cast("re.Match[str]", _ARTIFACT.fullmatch(file.name))[2]
@@ -144,21 +145,27 @@ class _Run:
             raise FieldError("screenshot", "no screenshot was saved before this action")
         image = inside(self.root, relative_name(screen, self.root), "screenshot")
         size = image_size(image, "screenshot")
-        said = first_action(action, OPENAI, size, "item.action")
+        parsed_action = first_action(action, OPENAI, size, "item.action")
         code = raw_action_text(action, "item.action")
-        self.steps.append(RecordedStep(self.actions, os.fspath(image), said, code, dialect=OPENAI))
+        self.steps.append(
+            RecordedStep(self.actions, os.fspath(image), parsed_action, code, dialect=OPENAI)
+        )
 
 
 def _instruction(metadata: JsonObject) -> str:
-    """Return the first text of the user."""
+    """Return the first text of the user.
+
+    Raises:
+        FieldError: no message of the user holds text.
+    """
     kwargs = fields.mapping(metadata.get("kwargs"), "kwargs")
     for entry in fields.items(kwargs, "messages"):
         message = fields.mapping(entry, "kwargs.messages")
-        found = next(_texts(message.get("content")), None)
-        if message.get("role") == "user" and found:
-            return fields.storable(found.strip(), "kwargs.messages")
-    held = fields.shown(json.dumps(kwargs, default=str))
-    raise FieldError("kwargs.messages", f"hold no text of the user: {held}")
+        text = next(_texts(message.get("content")), None)
+        if message.get("role") == "user" and text:
+            return fields.storable(text.strip(), "kwargs.messages")
+    excerpt = fields.shown(json.dumps(kwargs, default=str))
+    raise FieldError("kwargs.messages", f"hold no text of the user: {excerpt}")
 
 
 def _texts(content: object) -> Iterator[str]:

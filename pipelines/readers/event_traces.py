@@ -71,7 +71,7 @@ class StepRows(ABC):
             about = (self.name, SOURCE, self.instruction, tuple(self.steps))
             yield Trajectory(*about, platform=self.platform)
 
-    def _append(self, index: int, image: str, size: Size, action: Action, kept: str) -> None:
+    def _append(self, index: int, image: str, size: Size, action: Action, code_text: str) -> None:
         """Add a step whose code is made of its action, or else is `kept`."""
         fields.check_on_screen(action, size, "action")
         dialect = PYAUTOGUI
@@ -79,7 +79,7 @@ class StepRows(ABC):
             code = write_pyautogui(action)
         except ActionError:
             dialect = SIZELESS
-            code = "" if action.point else kept
+            code = "" if action.point else code_text
         self.steps.append(RecordedStep(index, image, action, code, dialect=dialect))
 
 
@@ -100,7 +100,11 @@ class CuaBenchTrace(StepRows):
         self.stepped = False
 
     def add(self, row: ParquetRow) -> None:
-        """Take in an event. Raises `FieldError`."""
+        """Take in an event.
+
+        Raises:
+            FieldError: the event is broken.
+        """
         before = self.screen
         self.screen = None
         count = len(fields.listed(row.record.get("data_images")))
@@ -133,13 +137,19 @@ class CuaBenchTrace(StepRows):
             if action.get("type") == "screenshot":
                 continue
             image, size = self._shown(screen)
-            said = first_action(action, OPENAI, size, "data_json.output")
+            parsed_action = first_action(action, OPENAI, size, "data_json.output")
             code = raw_action_text(action, "data_json.output")
-            self.steps.append(RecordedStep(self.actions, image, said, code, dialect=OPENAI))
+            self.steps.append(
+                RecordedStep(self.actions, image, parsed_action, code, dialect=OPENAI)
+            )
             return
 
     def _shown(self, screen: tuple[str, Size] | None) -> tuple[str, Size]:
-        """Count an action, and return the screen that it was taken on."""
+        """Count an action, and return the screen that it was taken on.
+
+        Raises:
+            FieldError: no screenshot came before the action.
+        """
         self.actions += 1
         if screen is None:
             raise FieldError("data_images", "no screenshot came before this action")
@@ -154,7 +164,11 @@ class TessEpisode(StepRows):
     """
 
     def add(self, row: ParquetRow) -> None:
-        """Take in a step. Raises `FieldError`."""
+        """Take in a step.
+
+        Raises:
+            FieldError: the row is broken.
+        """
         record = row.record
         image, size = row.picture("image")
         index = fields.step_number(record, "step_idx")
@@ -168,7 +182,11 @@ class TessEpisode(StepRows):
 
 
 def _tess_action(record: JsonObject, size: Size) -> Action:
-    """Return the action of a row; raises `HijackError`."""
+    """Return the action of a row.
+
+    Raises:
+        ActionError: the card of the set does not describe the action.
+    """
     kind, click = record.get("action_type"), record.get("click_type")
     if kind == _KEYBOARD:
         text = fields.text(record, "keyboard_text")
@@ -190,8 +208,10 @@ def _python_call(value: object) -> tuple[str, dict[str, Any]]:
     try:
         call = ast.parse(value.strip(), mode="eval").body
         if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and not call.args:
-            given = {str(one.arg): ast.literal_eval(one.value) for one in call.keywords}
-            return call.func.id, given
+            arguments = {
+                str(keyword.arg): ast.literal_eval(keyword.value) for keyword in call.keywords
+            }
+            return call.func.id, arguments
     except (SyntaxError, MemoryError, RecursionError, TypeError):
         pass
     raise ValueError(value)
@@ -209,21 +229,25 @@ def _description(task: object) -> str:
 
 
 def _python_action(value: object) -> tuple[Action, str]:
-    """Return an action, as Python writes the object, and that text; raises `FieldError`."""
+    """Return an action, as Python writes the object, and that text.
+
+    Raises:
+        FieldError: the value is not an action.
+    """
     try:
-        name, given = _python_call(value)
-        return _action(name, given), fields.storable(str(value), "data_json.action")
+        name, arguments = _python_call(value)
+        return _action(name, arguments), fields.storable(str(value), "data_json.action")
     except FieldError:
         raise
     except (HijackError, ValueError) as error:
         reason = f"{fields.shown(value)} is not an action of cua-bench"
-        said = str(error) if isinstance(error, ActionError) else reason
-        raise FieldError("data_json.action", said) from None
+        detail = str(error) if isinstance(error, ActionError) else reason
+        raise FieldError("data_json.action", detail) from None
 
 
-def _action(name: str, given: dict[str, Any]) -> Action:
+def _action(name: str, arguments: dict[str, Any]) -> Action:
     def place(x: str, y: str) -> tuple[int, int]:
-        return round(number(given.get(x), x)), round(number(given.get(y), y))
+        return round(number(arguments.get(x), x)), round(number(arguments.get(y), y))
 
     if name in _POINTER_ACTIONS:
         return action_at(_POINTER_ACTIONS[name], place("x", "y"))
@@ -232,13 +256,13 @@ def _action(name: str, given: dict[str, Any]) -> Action:
             x2, y2 = place("to_x", "to_y")
             return action_at("drag", place("from_x", "from_y"), x2=x2, y2=y2)
         case "TypeAction":
-            return Action("type", text=fields.text(given, "text", default=""))
+            return Action("type", text=fields.text(arguments, "text", default=""))
         case "KeyAction":
-            return Action("hotkey", keys=key_names(given.get("key"), "key"))
+            return Action("hotkey", keys=key_names(arguments.get("key"), "key"))
         case "HotkeyAction":
-            return Action("hotkey", keys=key_names(given.get("keys"), "keys"))
+            return Action("hotkey", keys=key_names(arguments.get("keys"), "keys"))
         case "WaitAction":
-            return Action("wait", amount=number(given.get("seconds", 1.0), "seconds"))
+            return Action("wait", amount=number(arguments.get("seconds", 1.0), "seconds"))
         case "DoneAction":
             return Action("done")
         case "ScrollAction":

@@ -112,7 +112,7 @@ def listed(value: object) -> list[object]:
 
 def objects(value: object) -> list[JsonObject]:
     """Return the JSON objects of an optional list; other items are left out."""
-    return [cast("dict[str, Any]", one) for one in listed(value) if isinstance(one, dict)]
+    return [cast("dict[str, Any]", item) for item in listed(value) if isinstance(item, dict)]
 
 
 def text(
@@ -177,9 +177,9 @@ def action(value: object, size: Size) -> Action:
     data = mapping(value, "action")
     for key in data:
         if key not in ACTION_FIELDS:
-            other = _OTHER_FIELDS.get(key.lower())
-            meant = f"; write {other}" if other else suggest(key, ACTION_FIELDS)
-            raise FieldError(f"action.{key}", f"is not a field of an action{meant}")
+            field_name = _OTHER_FIELDS.get(key.lower())
+            hint = f"; write {field_name}" if field_name else suggest(key, ACTION_FIELDS)
+            raise FieldError(f"action.{key}", f"is not a field of an action{hint}")
     kind = text(data, "type", "action.type")
     if kind not in ACTION_TYPES:
         reason = f"{kind!r} is not a type of action{suggest(kind, ACTION_TYPES)}"
@@ -216,14 +216,14 @@ def boxes(labels: object, size: Size, field: str) -> tuple[Box, ...]:
             field, f"has {count} boxes; the limit is {MAX_ELEMENTS}: leave out what does not show"
         )
     try:
-        found = clip_boxes(boxes_from_labels(labels, size=size).boxes, size)
+        clipped = clip_boxes(boxes_from_labels(labels, size=size).boxes, size)
     except HijackError as error:
         raise FieldError(field, str(error)) from None
-    is_empty = (found[:, 2] <= found[:, 0]) | (found[:, 3] <= found[:, 1])
+    is_empty = (clipped[:, 2] <= clipped[:, 0]) | (clipped[:, 3] <= clipped[:, 1])
     if field == "target_box" and is_empty.any():
         screen = f"{size[1]}x{size[0]} screenshot"
         raise FieldError(field, f"{shown(labels)} is empty or outside the {screen}")
-    return tuple((x1, y1, x2, y2) for x1, y1, x2, y2 in found.tolist())
+    return tuple((x1, y1, x2, y2) for x1, y1, x2, y2 in clipped.tolist())
 
 
 def storable(value: str, field: str) -> str:
@@ -268,21 +268,21 @@ def shown(value: object) -> str:
     return representation if len(representation) <= 60 else f"{representation[:57]}..."
 
 
-def unique_id(name: str, place: str, taken: set[str]) -> str:
+def unique_id(name: str, place: str, used_ids: set[str]) -> str:
     """Return the id of a trajectory, after the name of its file or folder if the id is taken.
 
     Args:
         name: the id in its file.
         place: the name of the file or folder.
-        taken: the ids of the files so far; the new one is added.
+        used_ids: the ids of the files so far; the new one is added.
     """
-    own = name if name not in taken else f"{place}/{name}"
+    candidate = name if name not in used_ids else f"{place}/{name}"
     number = 1
-    while own in taken:
+    while candidate in used_ids:
         number += 1
-        own = f"{place}/{name}~{number}"
-    taken.add(own)
-    return own
+        candidate = f"{place}/{name}~{number}"
+    used_ids.add(candidate)
+    return candidate
 
 
 @dataclass
@@ -292,14 +292,14 @@ class RowIds:
     An id is that of one row of its file. The same id in a later file is qualified by that file.
     """
 
-    taken: set[str] = field(default_factory=set[str])
+    used_ids: set[str] = field(default_factory=set[str])
     place: str = ""
-    own: set[str] = field(default_factory=set[str])
+    row_ids: set[str] = field(default_factory=set[str])
 
     def open(self, place: str) -> None:
         """Begin a file, named `place` in ids."""
         self.place = place
-        self.own = set()
+        self.row_ids = set()
 
     def unique(self, items: Iterable[Trajectory | FieldError]) -> Iterator[Trajectory | FieldError]:
         """Yield the trajectories of a row with unique ids.
@@ -312,12 +312,12 @@ class RowIds:
                 if not isinstance(item, Trajectory):
                     yield item
                     continue
-                if item.id in self.own:
+                if item.id in self.row_ids:
                     reason = f"{item.id!r} is the id of an earlier row of this file; number them"
                     yield FieldError("id", f"{reason} anew, or leave the ids out")
                     return
-                self.own.add(item.id)
-                yield replace(item, id=unique_id(item.id, self.place, self.taken))
+                self.row_ids.add(item.id)
+                yield replace(item, id=unique_id(item.id, self.place, self.used_ids))
         except FieldError as error:
             yield error
 
@@ -347,9 +347,9 @@ def _points(data: JsonObject, size: Size) -> dict[str, int | None]:
     for x, y in _POINTS:
         _check_space(data, x, y)
     for x, y in _POINTS:
-        for one, other in ((x, y), (y, x)):
-            if pixels[one] is None and pixels[other] is not None:
-                raise FieldError(f"action.{one}", f"is missing, though {other} is given")
+        for key, partner in ((x, y), (y, x)):
+            if pixels[key] is None and pixels[partner] is not None:
+                raise FieldError(f"action.{key}", f"is missing, though {partner} is given")
     return pixels
 
 

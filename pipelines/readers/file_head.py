@@ -1,8 +1,10 @@
 """The beginning of a file, read once, by which the readers recognize their format."""
 
 import json
+from collections.abc import Iterable
+from fnmatch import fnmatchcase
 from functools import cached_property
-from itertools import islice
+from itertools import islice, product
 from pathlib import Path
 from typing import cast
 
@@ -12,7 +14,13 @@ from .safe_files import MAX_HEAD_RECORDS, MAX_RECORD_BYTES, first_records, parse
 JSON = ".json"
 # Bodies of logs hold their entries in one of these lists.
 LISTS = ("messages", "items", "input", "output")
+_TABLES = (".parquet", ".arrow")  # binary files without lines
 _HEAD_BYTES = 1 << 18
+
+
+def one_of_each(*alternatives: Iterable[str]) -> tuple[frozenset[str], ...]:
+    """Return the sets of keys that have one key of each of the `alternatives`."""
+    return tuple(frozenset(keys) for keys in product(*alternatives))
 
 
 class FileHead:
@@ -25,6 +33,14 @@ class FileHead:
     def __init__(self, path: Path) -> None:
         self.path = path
 
+    def is_named(self, patterns: Iterable[str]) -> bool:
+        """Return whether the file's name is one of `patterns`, which may contain * and ?."""
+        return any(fnmatchcase(self.path.name, pattern) for pattern in patterns)
+
+    def has_keys(self, alternatives: tuple[frozenset[str], ...]) -> bool:
+        """Return whether one of the first records has all keys of one of the sets."""
+        return any(keys <= present for keys in alternatives for present in self.keys)
+
     @cached_property
     def records(self) -> list[JsonObject]:
         """The first objects: of the list in a `.json`, or else of the lines of a file.
@@ -32,7 +48,7 @@ class FileHead:
         They are empty for a file that cannot be read. Repeated keys are no error here.
         """
         try:
-            if not self.path.is_file():
+            if self.path.suffix in _TABLES or not self.path.is_file():
                 return []
             if self.path.suffix != JSON:
                 return first_records(self.path)

@@ -9,7 +9,6 @@ from hijack_data.types import Step, Trajectory
 
 from .base import FileReader, Rejected, files_below
 from .fields import FieldError, JsonObject
-from .file_head import FileHead
 from .safe_files import Source, inside, lines, relative_name, source_root
 
 
@@ -23,17 +22,14 @@ class FolderReader(FileReader, ABC):
     """Base of the readers whose trajectories are folders with one record file each.
 
     A subclass sets `name` and `records`, the name of the record file, and implements `episode`.
-    With `any_name`, a file given as the source is a record file whatever its name. A file with the
-    name in `file_names` is of the format; otherwise `recognizes` decides.
+    With `any_name`, a file given as the source is a record file whatever its name. Unless it sets
+    `suffixes`, only the `file_names` are of the format.
     """
 
     name: str = ""
     records: str = ""
     any_name: bool = False
-
-    def recognizes(self, head: FileHead) -> bool:
-        """Return False: only the name tells."""
-        return False
+    suffixes = ()
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of their paths."""

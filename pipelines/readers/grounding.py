@@ -13,7 +13,7 @@ from . import fields
 from .base import FileReader, Rejected, register
 from .box_forms import Form, box_center, box_in, detect_form
 from .fields import FieldError, JsonObject
-from .file_head import FileHead
+from .file_head import FileHead, one_of_each
 from .json_rows import FOLDERS, JsonRow, json_rows, picture_at, read_tables
 from .parquet_rows import screen_domain
 from .reader_options import FRACTIONS, NO_CHOICES, PIXELS, XYWH, XYXY, ReaderOptions
@@ -41,7 +41,7 @@ class Grounding(FileReader):
     with `elements` are one for each. The id is the file and the row's number. The other boxes of
     the picture in the same file are its elements.
 
-    Coordinates: decided for the whole file, see `boxes`. If the rows leave several forms, the set's
+    Coordinates: decided for the whole file, see `box_forms`. If rows leave several forms, the set's
     own layout counts: x, y, width, height in pixels (ScreenSpot, OSWorld-G), two corners in pixels
     (ScreenSpot-Pro, UI-Vision, GroundCUA), two corners in fractions (OS-Atlas, MMBench-GUI).
     """
@@ -50,6 +50,7 @@ class Grounding(FileReader):
     name = "grounding"
     takes = ("coordinates", "boxes", "episode_key")
     episodes = PICTURE_EPISODES
+    keys = one_of_each(PICTURES, (*BOXES, "elements"))
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether one of the first records names a picture and a box, or boxes in it."""
@@ -112,15 +113,15 @@ class _Table:
                 yield Rejected(self.name, entry.row.where, error.field, error.reason)
 
     def _entries(self) -> tuple[list[_Entry], list[Rejected]]:
-        found: list[_Entry] = []
+        entries: list[_Entry] = []
         broken: list[Rejected] = []
         stem = os.path.splitext(self.name)[0]
         for row in json_rows(self.file):
             try:
-                found += _row_entries(row, f"{stem}/{row.number:06d}")
+                entries += _row_entries(row, f"{stem}/{row.number:06d}")
             except FieldError as error:
                 broken.append(Rejected(self.name, row.where, error.field, error.reason))
-        return found, broken
+        return entries, broken
 
     def _picture(self, entry: _Entry) -> tuple[str, Size]:
         record = entry.row.record
@@ -130,16 +131,16 @@ class _Table:
         folders = _FOLDERS
         if isinstance(platform, str) and platform:
             folders = (*folders, platform)
-        found = self.sizes.get(value) if isinstance(value, str) else None
-        if found is None:
-            found = picture_at(value, self.file, self.root, key, folders)
-        self.sizes[value] = found
+        size = self.sizes.get(value) if isinstance(value, str) else None
+        if size is None:
+            size = picture_at(value, self.file, self.root, key, folders)
+        self.sizes[value] = size
         stated: object = record.get("img_size", record.get("image_size"))
-        height, width = found[1]
+        height, width = size[1]
         if isinstance(stated, list) and stated != [width, height]:
             reason = f"is {fields.shown(stated)}, but the picture is {width}x{height}"
             raise FieldError("img_size", reason)
-        return found
+        return size
 
     def _size(self, entry: _Entry) -> Size | None:
         try:
@@ -149,14 +150,14 @@ class _Table:
 
     def _elements(self, entries: list[_Entry], form: Form) -> dict[str, list[Box]]:
         """Return the boxes of each picture."""
-        found: dict[str, list[Box]] = {}
+        boxes: dict[str, list[Box]] = {}
         for entry in entries:
             try:
                 image, size = self._picture(entry)
-                found.setdefault(image, []).append(box_in(form, entry.box, size, "bbox"))
+                boxes.setdefault(image, []).append(box_in(form, entry.box, size, "bbox"))
             except FieldError:
                 continue
-        return found
+        return boxes
 
     def _trajectory(self, entry: _Entry, form: Form, elements: dict[str, list[Box]]) -> Trajectory:
         record = entry.row.record

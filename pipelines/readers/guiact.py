@@ -69,8 +69,8 @@ class GuiAct(FileReader):
 
 def _episodes(file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
     name = relative_name(file, root)
-    seen: set[str] = set()
-    for (own, _), rows in itertools.groupby(json_rows(file), _episode):
+    ids: set[str] = set()
+    for (episode, _), rows in itertools.groupby(json_rows(file), _episode):
         steps: list[Step] = []
         question = ""
         for row in rows:
@@ -81,12 +81,12 @@ def _episodes(file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
                 yield Rejected(name, row.where, error.field, error.reason)
         if not steps:
             continue
-        while own in seen:  # the set uses some numbers for two tasks
-            own += "~2"
-        seen.add(own)
-        is_phone = own.startswith("uid_episode")
+        while episode in ids:  # the set uses some numbers for two tasks
+            episode += "~2"
+        ids.add(episode)
+        is_phone = episode.startswith("uid_episode")
         yield RecordedTrajectory(
-            id=own,
+            id=episode,
             source=GuiAct.name,
             instruction=question,
             steps=tuple(steps),
@@ -102,15 +102,15 @@ def _episode(row: JsonRow) -> tuple[str, object]:
     uid = values.get("uid")
     if not isinstance(uid, str):
         return row.where, None
-    found = _UID.fullmatch(uid)
-    own = uid if found is None else f"uid_{found[1]}_{found[2]}"
+    match = _UID.fullmatch(uid)
+    name = uid if match is None else f"uid_{match[1]}_{match[2]}"
     question = values.get("question")
-    return own, question if isinstance(question, str) else None
+    return name, question if isinstance(question, str) else None
 
 
 def _step(row: JsonRow, file: Path, root: Path) -> Step:
     record = row.record
-    found = _UID.fullmatch(fields.text(record, "uid"))
+    match = _UID.fullmatch(fields.text(record, "uid"))
     image, size = _picture(fields.text(record, "image_id"), file, root)
     label: Any = record.get("actions_label")
     labels = [label] if isinstance(label, dict) else fields.items(record, "actions_label")
@@ -126,29 +126,33 @@ def _step(row: JsonRow, file: Path, root: Path) -> Step:
     except HijackError as error:
         raise FieldError("actions_label", str(error)) from None
     target = box if action.point else None
-    index = int(found[3]) if found else 0
-    kept = "" if action.point else raw_action_text(label, "actions_label")
+    index = int(match[3]) if match else 0
+    label_text = "" if action.point else raw_action_text(label, "actions_label")
     try:
         code = write_pyautogui(action)
     except ActionError:
-        return RecordedStep(index, image, action, kept, target, dialect=SIZELESS)
+        return RecordedStep(index, image, action, label_text, target, dialect=SIZELESS)
     if action.type == "click" and first.get("text") is not None:
         code += f"\npyautogui.write({fields.text(first, 'text', default='')!r})"
     return RecordedStep(index, image, action, code, target, dialect=PYAUTOGUI)
 
 
-def _picture(own: str, file: Path, root: Path) -> tuple[str, Size]:
+def _picture(name: str, file: Path, root: Path) -> tuple[str, Size]:
     for suffix in _SUFFIXES:
         try:
-            return picture_at(own + suffix, file, root, "image_id", _FOLDERS)
+            return picture_at(name + suffix, file, root, "image_id", _FOLDERS)
         except FieldError as error:
             if "is not in the source folder" not in error.reason:
                 raise
-    raise FieldError("image_id", f"there is no picture {own}{_SUFFIXES[0]}; {_TABLE}")
+    raise FieldError("image_id", f"there is no picture {name}{_SUFFIXES[0]}; {_TABLE}")
 
 
 def _action(first: JsonObject, record: JsonObject, size: Size, box: Box | None) -> Action:
-    """Return an action in pixels; raises `HijackError`."""
+    """Return an action in pixels.
+
+    Raises:
+        FieldError: the name is not an action of GUIAct.
+    """
     name = fields.text(first, "name").lower()
     text = fields.text(first, "text", default="")
     has_place = box is not None or first.get("point") is not None
@@ -215,7 +219,11 @@ def _box(element: object, record: JsonObject, size: Size) -> Box | None:
 
 
 def _related(spaces: JsonObject, record: JsonObject, count: int, field: str) -> list[float]:
-    """Return the fractions of a place, after comparing them with its pixels, if it has any."""
+    """Return the fractions of a place, after comparing them with its pixels, if it has any.
+
+    Raises:
+        FieldError: fractions and pixels are two places.
+    """
     related = _numbers(spaces.get("related"), count, f"{field}.related")
     sides: Any = record.get("image_size")
     if spaces.get("absolute") is None or not isinstance(sides, dict):
@@ -229,8 +237,8 @@ def _related(spaces: JsonObject, record: JsonObject, count: int, field: str) -> 
 
 
 def _numbers(value: object, count: int, field: str) -> list[float]:
-    found = _NUMBERS.fullmatch(value.strip()) if isinstance(value, str) else None
-    parts: Sequence[str] = found[1].split(",") if found else ()
+    match = _NUMBERS.fullmatch(value.strip()) if isinstance(value, str) else None
+    parts: Sequence[str] = match[1].split(",") if match else ()
     if len(parts) != count:
         raise FieldError(field, f"must hold {count} numbers, got {fields.shown(value)}")
     return [_decimal(part, field) for part in parts]

@@ -87,16 +87,16 @@ class Images:
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of the pictures' names."""
         root = source_root(path)
-        known = _Metadata(root)
+        metadata = _Metadata(root)
         for item in _files(path):
             if isinstance(item, Path) and item.name == METADATA:
-                yield from known.add(item)
+                yield from metadata.add(item)
         for item in _files(path):
             if not isinstance(item, Path):
                 yield Rejected(relative_name(item[0], root), "", "", item[1])
             elif is_picture(item):
-                yield from _picture(item, root, known, self.choices.episode_key)
-        yield from known.unused()
+                yield from _picture(item, root, metadata, self.choices.episode_key)
+        yield from metadata.unused()
 
 
 def _files(source: Source) -> Iterable[Path | tuple[Path, str]]:
@@ -133,8 +133,8 @@ class _Metadata:
             try:
                 self._line(file, line)
             except FieldError as error:
-                shown = relative_name(file, self.root)
-                yield Rejected(shown, f"line {line.number}", error.field, error.reason)
+                name = relative_name(file, self.root)
+                yield Rejected(name, f"line {line.number}", error.field, error.reason)
 
     def _line(self, file: Path, line: RecordLine) -> None:
         name = fields.text(line.record(), FILE_NAME)
@@ -163,11 +163,11 @@ class _Metadata:
 
 
 def _picture(
-    file: Path, root: Path, known: _Metadata, episode_key: str | None
+    file: Path, root: Path, metadata: _Metadata, episode_key: str | None
 ) -> Iterator[Trajectory | Rejected]:
     name = relative_name(file, root)
     try:
-        yield _trajectory(name, file, known.of(file), episode_key)
+        yield _trajectory(name, file, metadata.of(file), episode_key)
     except FieldError as error:
         yield Rejected(name, "", error.field, error.reason)
 
@@ -222,7 +222,7 @@ def _action(record: JsonObject, code: str, size: Size | None, problems: LineProb
     if not calls_pyautogui(code):
         return Action("other")
     try:
-        said = parse_pyautogui(code, None)
+        parsed_action = parse_pyautogui(code, None)
     except HijackError:  # the effect of the code is known only when it runs
         return Action("other")
-    return fields.check_on_screen(said, size, "action_code")
+    return fields.check_on_screen(parsed_action, size, "action_code")

@@ -12,7 +12,7 @@ from . import fields
 from .base import FileReader, Rejected, files_below, register
 from .fields import FieldError, JsonObject
 from .file_head import FileHead
-from .plain_fields import LineProblems, read_apps, read_step
+from .plain_fields import LineProblems, identity, read_apps, read_step
 from .safe_files import (
     Part,
     RecordLine,
@@ -27,8 +27,7 @@ from .safe_files import (
 )
 
 RECORDS = "trajectories.jsonl"
-_SIGNS = {"trajectory_id", "step"}
-_TABLES = (".parquet", ".arrow")  # they hold no lines, which are then not looked for
+_KEYS = frozenset({"trajectory_id", "step"})
 
 
 @dataclass
@@ -44,15 +43,13 @@ class _Index:
         """Take in a line; one that is broken or repeats an id is a `FieldError`."""
         record = line.record()
         problems = LineProblems()
-        name = problems.of(lambda: fields.text(record, "trajectory_id"))
-        step = problems.of(lambda: fields.step_number(record, "step"))
-        own = problems.of(lambda: fields.text(record, "id", default=""))
-        if own and own in self.ids:
-            problems.found.append(FieldError("id", f"{own!r} was used by an earlier line"))
+        name, step, row_id = identity(record, problems)
+        if row_id and row_id in self.ids:
+            problems.found.append(FieldError("id", f"{row_id!r} was used by an earlier line"))
         if problems.found or name is None or step is None:
             read_step(record, self.root, self.folder, problems=problems)
             return
-        self.ids.add(own or "")
+        self.ids.add(row_id or "")
         self.places.setdefault(name, array("q")).extend((step, line.offset, line.number))
 
     def step_lines(self, name: str) -> list[tuple[int, int, int]]:
@@ -84,26 +81,24 @@ class Jsonl(FileReader):
     name = "jsonl"
 
     file_names = (RECORDS,)
-
-    def accepts(self, head: FileHead) -> bool:
-        """Return whether a file is of our format: lines may have any suffix but that of a table."""
-        return head.path.suffix not in _TABLES and self.recognizes(head)
+    suffixes = ("",)
+    keys = (_KEYS,)
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether the first lines are steps, and not the chat rows of an export."""
-        return any(keys >= _SIGNS and "messages" not in keys for keys in head.keys)
+        return any(keys >= _KEYS and "messages" not in keys for keys in head.keys)
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, in the order in which they begin."""
         root = source_root(path)
-        taken: set[str] = set()
+        used_ids: set[str] = set()
         yield from (item for item in files_below(path) if isinstance(item, Rejected))
         for file in _record_files(path):
             records = relative_name(file, root)
             try:
                 inside(root, records, "")
                 refuse_array(file)
-                yield from _file(file, records, root, taken)
+                yield from _file(file, records, root, used_ids)
             except FieldError as error:
                 yield Rejected(records, "", error.field, error.reason)
             except OSError as error:
@@ -116,38 +111,38 @@ def _record_files(source: Source) -> list[Path]:
         return list(source.files)
     if source.is_file():
         return [source]
-    found = [
+    record_files = [
         file for file in files_below(source) if isinstance(file, Path) and file.name == RECORDS
     ]
-    return found or [source / RECORDS]
+    return record_files or [source / RECORDS]
 
 
 def _file(
-    records: Path, shown: str, root: Path, taken: set[str]
+    records: Path, file_name: str, root: Path, used_ids: set[str]
 ) -> Iterator[Trajectory | Rejected]:
     index = _Index(root, records.parent)
-    yield from _index(records, shown, index)
+    yield from _index(records, file_name, index)
     with records.open("rb") as file:
         for name in index.places:
-            yield from _trajectory(file, shown, name, _free(name, shown, taken), index)
+            yield from _trajectory(file, file_name, name, _free(name, file_name, used_ids), index)
 
 
-def _free(name: str, records: str, taken: set[str]) -> str:
+def _free(name: str, records: str, used_ids: set[str]) -> str:
     """Return the id of a trajectory: its name, after the file's folder if the name is taken."""
     folder = Path(records).parent.as_posix()
-    return fields.unique_id(name, Path(records).stem if folder == "." else folder, taken)
+    return fields.unique_id(name, Path(records).stem if folder == "." else folder, used_ids)
 
 
-def _index(records: Path, shown: str, index: _Index) -> Iterator[Rejected]:
+def _index(records: Path, file_name: str, index: _Index) -> Iterator[Rejected]:
     for line in lines(records):
         try:
             index.add(line)
         except FieldError as error:
-            yield Rejected(shown, f"line {line.number}", error.field, error.reason)
+            yield Rejected(file_name, f"line {line.number}", error.field, error.reason)
 
 
 def _trajectory(
-    file: Any, records: str, name: str, own: str, index: _Index
+    file: Any, records: str, name: str, trajectory_id: str, index: _Index
 ) -> Iterator[Trajectory | Rejected]:
     steps: list[Step] = []
     about: dict[str, Any] = {}
@@ -162,18 +157,18 @@ def _trajectory(
         except FieldError as error:
             yield Rejected(records, f"line {number}", error.field, error.reason)
     if steps:
-        yield Trajectory(source=Jsonl.name, id=own, steps=tuple(steps), **about)
+        yield Trajectory(source=Jsonl.name, id=trajectory_id, steps=tuple(steps), **about)
 
 
 def _agree(about: dict[str, Any], record: JsonObject) -> None:
     # A step must agree with the first one about the whole trajectory.
-    own = {
+    facts = {
         "instruction": fields.text(record, "instruction"),
         "domain": fields.text(record, "domain", default=""),
         "apps": read_apps(record),
         "platform": fields.platform(record.get("platform"), "platform"),
     }
-    for key, value in own.items():
+    for key, value in facts.items():
         if about.setdefault(key, value) != value:
             first = fields.shown(about[key])
             raise FieldError(key, f"differs from that of the trajectory's first step, {first}")

@@ -50,9 +50,9 @@ def key_problem(keys: Iterable[str]) -> str:
     if not names:
         return "names no key; write such as ['ctrl', 's']"
     for name in names:
-        plain = name.lower()
-        if len(name) != 1 and plain not in NAMES:
-            other = OTHER_NAMES.get(plain)
-            hint = f"; write {other!r}" if other else suggest(plain, NAMES)
+        lowered = name.lower()
+        if len(name) != 1 and lowered not in NAMES:
+            suggestion = OTHER_NAMES.get(lowered)
+            hint = f"; write {suggestion!r}" if suggestion else suggest(lowered, NAMES)
             return f"{name!r:.40} is not the name of a key in pyautogui{hint}"
     return ""

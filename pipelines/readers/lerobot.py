@@ -45,11 +45,12 @@ class LeRobot(FolderReader):
 
     name = "lerobot"
     records = INFO
+    suffixes = (INFO,)
+    keys = (frozenset({"codebase_version", "features"}),)
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether a file is the description of a set."""
-        is_info = head.path.name == INFO and head.path.parent.name == META
-        return is_info and any({"codebase_version", "features"} <= keys for keys in head.keys)
+        return head.path.name == INFO and head.path.parent.name == META
 
     def beside(self, file: Path) -> bool:
         """Return whether a file is part of a set."""
@@ -133,13 +134,17 @@ class _Set:
             return
         name = f"{folder_id(self.home, self.root)}/{self.episode:06d}"
         if not instruction:
-            where = f"episode {self.episode}"
-            yield Rejected(f"{META}/{_TASKS}", where, "task", "not recorded, left empty")
+            place = f"episode {self.episode}"
+            yield Rejected(f"{META}/{_TASKS}", place, "task", "not recorded, left empty")
         yield Trajectory(name, LeRobot.name, instruction, steps)
 
 
 def _picture_column(info: JsonObject) -> str:
-    """Return the column of the pictures; a set that cannot be read is a `FieldError`."""
+    """Return the column of the pictures.
+
+    Raises:
+        FieldError: the set is of another version, or holds no actions on a screen.
+    """
     version = fields.text(info, "codebase_version")
     if not version.startswith(_VERSION):
         reason = f"is {version!r:.20}: convert the set to v3.0 with lerobot's own script"
@@ -154,7 +159,9 @@ def _picture_column(info: JsonObject) -> str:
         )
         raise FieldError(f"features.{ACTION}", reason)
     kinds: dict[str, Any] = {
-        name: one.get("dtype") for name, one in features.items() if isinstance(one, dict)
+        name: feature.get("dtype")
+        for name, feature in features.items()
+        if isinstance(feature, dict)
     }
     pictures = [name for name, kind in kinds.items() if kind in ("image", "video")]
     if len(pictures) != 1:
@@ -176,12 +183,12 @@ def _tasks(file: Path) -> dict[object, str]:
     table = open_parquet(file)
     names = table.schema_arrow.names
     text = next((name for name in _TASK_COLUMNS if name in names), None)
-    found: dict[object, str] = {}
+    tasks: dict[object, str] = {}
     if text is None or "task_index" not in names:
-        return found
+        return tasks
     for group in range(table.num_row_groups):
         for record in GroupRows(table, group, ["task_index", text]):
             if not isinstance(record, FieldError):
-                found[record["task_index"]] = fields.text(record, text, "task", default="")
+                tasks[record["task_index"]] = fields.text(record, text, "task", default="")
     table.close()
-    return found
+    return tasks

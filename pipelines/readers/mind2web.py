@@ -42,8 +42,8 @@ def mind2web(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
     operation = _object(record.get("operation"), "operation")
     kind = fields.text(operation, "op", "operation.op")
     if kind not in _OPERATIONS:
-        known = ", ".join(_OPERATIONS)
-        raise FieldError("operation.op", f"{fields.shown(kind)} is not one of {known}")
+        operations = ", ".join(_OPERATIONS)
+        raise FieldError("operation.op", f"{fields.shown(kind)} is not one of {operations}")
     box = _target(fields.items(record, "pos_candidates"), size)
     x, y = box_center(box)
     value = fields.text(operation, "value", "operation.value", default="")
@@ -81,8 +81,8 @@ def _target(candidates: list[Any], size: Size) -> Box:
     Raises:
         FieldError: no element has a box.
     """
-    found = [_object(candidate, "pos_candidates") for candidate in candidates]
-    for candidate in sorted(found, key=_is_other):
+    elements = [_object(candidate, "pos_candidates") for candidate in candidates]
+    for candidate in sorted(elements, key=_is_other):
         attributes = _object(candidate.get("attributes"), "pos_candidates.attributes")
         rect = attributes.get("bounding_box_rect")
         if isinstance(rect, str) and rect != _NOWHERE:

@@ -1,6 +1,5 @@
 """Recordings of phones: GUI-Odyssey's annotations, and AndroidControl converted to JSON."""
 
-import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,7 +24,8 @@ from .safe_files import Source, inside, parse_file, relative_name, source_root
 _FOLDERS = (*FOLDERS, "screenshots")
 _KEYS = ("KEY_HOME", "KEY_BACK", "KEY_APPSELECT")
 _DIRECTIONS = ("up", "down", "left", "right")
-_RECORDS = re.compile(r".*(?:\.tfrecords?|-\d{5}-of-\d{5})")
+_FIVE_DIGITS = "[0-9]" * 5
+_TFRECORDS = ("*.tfrecord", "*.tfrecords", f"*-{_FIVE_DIGITS}-of-{_FIVE_DIGITS}")
 _WAY_OUT = (
     "a TFRecord file, which is not read: write a JSON an episode (episode_id, goal, actions,"
     ' screenshots) and its PNGs with tf.data.TFRecordDataset(files, compression_type="GZIP")'
@@ -42,24 +42,24 @@ class _Phone(FileReader, ABC):
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of the files."""
         root = source_root(path)
-        seen: set[str] = set()
+        ids: set[str] = set()
         for file in files_below(path):
             if isinstance(file, Rejected):
                 yield file
             elif file.suffix == ".json":
-                yield from self._episode(file, root, seen)
-            elif _RECORDS.fullmatch(file.name):
+                yield from self._episode(file, root, ids)
+            elif FileHead(file).is_named(_TFRECORDS):
                 yield Rejected(relative_name(file, root), "", "", _WAY_OUT)
 
-    def _episode(self, file: Path, root: Path, seen: set[str]) -> Iterator[Trajectory | Rejected]:
+    def _episode(self, file: Path, root: Path, ids: set[str]) -> Iterator[Trajectory | Rejected]:
         name = relative_name(file, root)
         steps: list[Step] = []
         try:
             record = parse_file(inside(root, name, ""))
-            own, instruction, apps = self.about(record)
-            if own in seen:
-                raise FieldError("episode_id", f"{own!r} was there before")
-            seen.add(own)
+            episode, instruction, apps = self.about(record)
+            if episode in ids:
+                raise FieldError("episode_id", f"{episode!r} was there before")
+            ids.add(episode)
             entries = self.entries(record)
             if not entries:
                 raise FieldError("", "holds no step")
@@ -74,7 +74,7 @@ class _Phone(FileReader, ABC):
                 yield Rejected(name, f"step {index}", error.field, error.reason)
         if steps:
             yield RecordedTrajectory(
-                id=own,
+                id=episode,
                 source=self.name,
                 instruction=instruction,
                 steps=tuple(steps),
@@ -136,19 +136,31 @@ class GuiOdyssey(_Phone):
     keys = (frozenset({"episode_id", "device_info", "steps"}),)
 
     def about(self, record: JsonObject) -> tuple[str, str, tuple[str, ...]]:
-        """Return the id, the instruction and the apps. Raises `FieldError`."""
+        """Return the id, the instruction and the apps.
+
+        Raises:
+            FieldError: the record is broken.
+        """
         task = fields.mapping(record.get("task_info"), "task_info")
         key = "instruction" if task.get("instruction") else "task"
         name = fields.text(record, "episode_id")
         return name, fields.text(task, key), fields.strings(task.get("app"))
 
     def entries(self, record: JsonObject) -> list[_Entry]:
-        """Return the steps in order. Raises `FieldError`."""
+        """Return the steps in order.
+
+        Raises:
+            FieldError: the record is broken.
+        """
         steps = fields.mappings(fields.items(record, "steps"), "steps")
         return [(step.get("screenshot"), step) for step in steps]
 
     def action(self, entry: JsonObject, size: Size) -> Action:
-        """Return what was done, in pixels. Raises `HijackError`."""
+        """Return what was done, in pixels.
+
+        Raises:
+            FieldError: the action is not one of the format.
+        """
         kind = fields.text(entry, "action")
         info = entry.get("info")
         scaling = Scaling.fractions(size, 1000)
@@ -191,24 +203,29 @@ class AndroidControl(_Phone):
     """
 
     name = "android_control"
+    file_names = _TFRECORDS
     keys = (frozenset({"episode_id", "goal", "actions"}),)
 
-    def accepts(self, head: FileHead) -> bool:
-        """Return whether a file is of this format, by its first record or a TFRecord's name."""
-        return bool(_RECORDS.fullmatch(head.path.name)) or super().accepts(head)
-
     def about(self, record: JsonObject) -> tuple[str, str, tuple[str, ...]]:
-        """Return the id, the instruction and the apps. Raises `FieldError`."""
-        given = record.get("episode_id")
-        if isinstance(given, bool) or not isinstance(given, str | int) or not str(given):
-            raise FieldTypeError("episode_id", "a number or a name", given)
+        """Return the id, the instruction and the apps.
+
+        Raises:
+            FieldTypeError: the id is neither a number nor a name.
+        """
+        episode = record.get("episode_id")
+        if isinstance(episode, bool) or not isinstance(episode, str | int) or not str(episode):
+            raise FieldTypeError("episode_id", "a number or a name", episode)
         actions = fields.objects(fields.items(record, "actions"))
-        opened = [action.get("app_name") for action in actions]
-        name = fields.storable(str(given), "episode_id")
-        return name, fields.text(record, "goal"), fields.strings(opened)
+        app_names = [action.get("app_name") for action in actions]
+        name = fields.storable(str(episode), "episode_id")
+        return name, fields.text(record, "goal"), fields.strings(app_names)
 
     def entries(self, record: JsonObject) -> list[_Entry]:
-        """Return the steps in order. Raises `FieldError`."""
+        """Return the steps in order.
+
+        Raises:
+            FieldError: the numbers of pictures and of actions do not fit.
+        """
         pictures = fields.items(record, "screenshots")
         actions = fields.items(record, "actions")
         if len(pictures) - len(actions) not in (0, 1):
@@ -217,7 +234,11 @@ class AndroidControl(_Phone):
         return list(zip(pictures, fields.mappings(actions, "actions"), strict=False))
 
     def action(self, entry: JsonObject, size: Size) -> Action:
-        """Return what was done, in pixels. Raises `HijackError`."""
+        """Return what was done, in pixels.
+
+        Raises:
+            FieldError: the action is not one of the format.
+        """
         kind = fields.text(entry, "action_type")
         match kind:
             case "click" | "long_press" | "type":
@@ -244,7 +265,11 @@ class AndroidControl(_Phone):
 
 
 def _points(value: object, count: int) -> list[tuple[float, float]]:
-    """Return points given as a list of pairs. Raises `HijackError`."""
+    """Return points given as a list of pairs.
+
+    Raises:
+        FieldError: the value is not a list of `count` pairs.
+    """
     listed = cast("list[Any]", value) if isinstance(value, list) else []
     if len(listed) != count or not all(
         isinstance(pair, list) and len(pair) == 2 for pair in listed

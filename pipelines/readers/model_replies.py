@@ -97,7 +97,7 @@ _ATLAS_CLICKS = {
 class ModelReply:
     """The action of a reply, and the box of its target if it names one."""
 
-    said: ParsedAction
+    recorded: ParsedAction
     box: Box | None = None
 
 
@@ -108,18 +108,24 @@ class ReplyContext:
     Args:
         size: (height, width) of the picture.
         choice: the space that the user chose, if any.
-        told: the space stated in the prompt, if any.
+        stated_space: the space stated in the prompt, if any.
     """
 
     size: Size
     choice: str | None = None
-    told: Space | None = None
+    stated_space: Space | None = None
 
     def read(
         self, raw: str, dialect: str, field: str, default: Space | None = None
     ) -> ParsedAction:
-        """Return an action in a dialect; raises `FieldError` if it cannot be read."""
-        return read_recorded(raw, dialect, self.size, field, self.choice, self.told or default)
+        """Return an action in a dialect.
+
+        Raises:
+            FieldError: the action cannot be read.
+        """
+        return read_recorded(
+            raw, dialect, self.size, field, self.choice, self.stated_space or default
+        )
 
     def reply(self, raw: str, dialect: str, field: str, default: Space | None = None) -> ModelReply:
         """Return a reply that is an action in a dialect, see `read`."""
@@ -131,7 +137,7 @@ def is_action(text: str) -> bool:
     return _family(text) is not None
 
 
-def parse_reply(text: str, field: str, asked: ReplyContext) -> ModelReply:
+def parse_reply(text: str, field: str, context: ReplyContext) -> ModelReply:
     """Return the action of a reply.
 
     Raises:
@@ -140,33 +146,35 @@ def parse_reply(text: str, field: str, asked: ReplyContext) -> ModelReply:
     family = _family(text)
     if family is None:
         raise FieldError(field, f"{fields.shown(text)} is not an action")
-    return family(text, field, asked)
+    return family(text, field, context)
 
 
 def _family(text: str) -> Callable[[str, str, ReplyContext], ModelReply] | None:
     """Return the function that reads replies such as this one, if it is an action."""
     if holds_tool_call(text):
-        return lambda text, field, asked: asked.reply(text, QWEN_3, field)
+        return lambda text, field, context: context.reply(text, QWEN_3, field)
     if _SEED.search(text):
-        return lambda text, field, asked: asked.reply(text, UI_TARS, field, THOUSAND)
+        return lambda text, field, context: context.reply(text, UI_TARS, field, THOUSAND)
     for dialect, space, form in _DEFINED:
         if form.search(text):
             return partial(_defined, dialect, space)
     if _UI_TARS.search(text):
-        return lambda text, field, asked: asked.reply(text, UI_TARS, field)
+        return lambda text, field, context: context.reply(text, UI_TARS, field)
     if _ACTION.search(text):
         return _scale_cua
     code = reply_code(text)
     if code:
-        return lambda _, field, asked: asked.reply(code, PYAUTOGUI, field, PIXELS)
+        return lambda _, field, context: context.reply(code, PYAUTOGUI, field, PIXELS)
     if _ATLAS_BOX.search(text):
         return _atlas_box
     return _atlas if _is_atlas(_atlas_body(text)) else None
 
 
-def _defined(dialect: str, space: Space, text: str, field: str, asked: ReplyContext) -> ModelReply:
+def _defined(
+    dialect: str, space: Space, text: str, field: str, context: ReplyContext
+) -> ModelReply:
     # What the prompt says of the size of the screen does not change the space of these models.
-    return ModelReply(read_recorded(text, dialect, asked.size, field, asked.choice, space))
+    return ModelReply(read_recorded(text, dialect, context.size, field, context.choice, space))
 
 
 def _is_atlas(body: str) -> bool:
@@ -188,21 +196,25 @@ def reply_code(text: str) -> str:
 
 def _last_lines(text: str) -> str:
     """Return the lines of code at the end of a reply that begins with prose."""
-    found = _LAST_CALLS.search(text)
-    code = found[0].strip() if found else ""
+    match = _LAST_CALLS.search(text)
+    code = match[0].strip() if match else ""
     return code if code and calls_pyautogui(code) else ""
 
 
-def _scale_cua(text: str, field: str, asked: ReplyContext) -> ModelReply:
-    """Read calls such as `click(x=0.5, y=0.5)`: most have pyautogui's names and arguments."""
+def _scale_cua(text: str, field: str, context: ReplyContext) -> ModelReply:
+    """Read calls such as `click(x=0.5, y=0.5)`: most have pyautogui's names and arguments.
+
+    Raises:
+        FieldError: the reply is not a list of calls.
+    """
     body = _ACTION.findall(text)[-1]
     calls = _calls(body)
     if not calls:
         raise FieldError(field, f"{fields.shown(body)} is not a list of calls")
     if len(calls) == 1 and calls[0][0] not in _PYAUTOGUI:
-        return ModelReply(_own_call(*calls[0], field, asked))
+        return ModelReply(_own_call(*calls[0], field, context))
     lines = [f"{_module(name)}.{ast.unparse(call)}" for name, call in calls]
-    return asked.reply("\n".join(lines), PYAUTOGUI, field, PIXELS)
+    return context.reply("\n".join(lines), PYAUTOGUI, field, PIXELS)
 
 
 def _calls(body: str) -> list[tuple[str, ast.Call]]:
@@ -211,40 +223,42 @@ def _calls(body: str) -> list[tuple[str, ast.Call]]:
         tree = ast.parse(body)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         return []
-    named: list[tuple[str, ast.Call]] = []
+    calls: list[tuple[str, ast.Call]] = []
     for statement in tree.body:
         call = statement.value if isinstance(statement, ast.Expr) else None
         if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name):
             return []
-        named.append((call.func.id, call))
-    return named
+        calls.append((call.func.id, call))
+    return calls
 
 
 def _module(name: str) -> str:
     return "computer" if name in _WORDS else "pyautogui"
 
 
-def _own_call(name: str, call: ast.Call, field: str, asked: ReplyContext) -> ParsedAction:
+def _own_call(name: str, call: ast.Call, field: str, context: ReplyContext) -> ParsedAction:
     """Read a call that pyautogui does not have.
 
     Raises:
         FieldError: the call is unknown.
     """
-    given = {keyword.arg: ast.unparse(keyword.value) for keyword in call.keywords if keyword.arg}
+    arguments = {
+        keyword.arg: ast.unparse(keyword.value) for keyword in call.keywords if keyword.arg
+    }
     text = ast.unparse(call)
     if name in _OWN_CALLS:
         return ParsedAction(_OWN_CALLS[name], text, SIZELESS)
     if name == "response":
-        done = Action("done", text=_answer(call))
-        return ParsedAction(fields.check_on_screen(done, asked.size, field), text, SIZELESS)
-    if name == "swipe" and {"from_coord", "to_coord"} <= given.keys():
-        start = f"pyautogui.moveTo({given['from_coord']})"
-        end = f"pyautogui.dragTo({given['to_coord']})"
-        return asked.read(f"{start}\n{end}", PYAUTOGUI, field, PIXELS)
-    if name == "long_press" and {"x", "y"} <= given.keys():
-        move = f"pyautogui.moveTo({given['x']}, {given['y']})"
-        held = asked.read(move, PYAUTOGUI, field, PIXELS)
-        return ParsedAction(replace(held.action, type="other"), "", PYAUTOGUI)
+        end_action = Action("done", text=_answer(call))
+        return ParsedAction(fields.check_on_screen(end_action, context.size, field), text, SIZELESS)
+    if name == "swipe" and {"from_coord", "to_coord"} <= arguments.keys():
+        start = f"pyautogui.moveTo({arguments['from_coord']})"
+        end = f"pyautogui.dragTo({arguments['to_coord']})"
+        return context.read(f"{start}\n{end}", PYAUTOGUI, field, PIXELS)
+    if name == "long_press" and {"x", "y"} <= arguments.keys():
+        move = f"pyautogui.moveTo({arguments['x']}, {arguments['y']})"
+        held_action = context.read(move, PYAUTOGUI, field, PIXELS)
+        return ParsedAction(replace(held_action.action, type="other"), "", PYAUTOGUI)
     raise FieldError(field, f"{fields.shown(text)} is not an action that is known")
 
 
@@ -258,29 +272,29 @@ def _answer(call: ast.Call) -> str | None:
 
 
 def _atlas_body(text: str) -> str:
-    found = _ATLAS.search(text)
-    return (found[1] if found else text).strip()
+    match = _ATLAS.search(text)
+    return (match[1] if match else text).strip()
 
 
-def _atlas(text: str, field: str, asked: ReplyContext) -> ModelReply:
+def _atlas(text: str, field: str, context: ReplyContext) -> ModelReply:
     body = _atlas_body(text)
     if body in _ATLAS_WORDS:
         return ModelReply(ParsedAction(_ATLAS_WORDS[body], text, SIZELESS))
     place = _ATLAS_POINT.fullmatch(body)
     if place:
-        x, y = _atlas_point(place, field, asked)
+        x, y = _atlas_point(place, field, context)
         action = Action(_ATLAS_CLICKS[place[1]], x, y)
-        return ModelReply(_kept(action, text, field, asked))
-    said = _ATLAS_TEXT.fullmatch(body)
-    action = _atlas_text(said[1], said[2]) if said else Action("other")
+        return ModelReply(_kept(action, text, field, context))
+    match = _ATLAS_TEXT.fullmatch(body)
+    action = _atlas_text(match[1], match[2]) if match else Action("other")
     return ModelReply(
-        ParsedAction(fields.check_on_screen(action, asked.size, field), text, SIZELESS)
+        ParsedAction(fields.check_on_screen(action, context.size, field), text, SIZELESS)
     )
 
 
-def _atlas_point(place: re.Match[str], field: str, asked: ReplyContext) -> tuple[int, int]:
+def _atlas_point(place: re.Match[str], field: str, context: ReplyContext) -> tuple[int, int]:
     try:
-        scaling = space_scaling(asked.choice or THOUSAND, asked.size)
+        scaling = space_scaling(context.choice or THOUSAND, context.size)
         return scaling.point(float(place[2]), float(place[3]))
     except HijackError as error:
         raise FieldError(field, str(error)) from None
@@ -297,21 +311,21 @@ def _atlas_text(name: str, argument: str) -> Action:
     return Action("other")
 
 
-def _atlas_box(text: str, field: str, asked: ReplyContext) -> ModelReply:
+def _atlas_box(text: str, field: str, context: ReplyContext) -> ModelReply:
     boxes = _ATLAS_BOX.findall(text)
     if len(boxes) > 1:
         raise FieldError(field, f"names {len(boxes)} boxes; one is a click, several are none")
     numbers = [float(number) for number in boxes[0].split(",")]
-    box = box_in((asked.choice or THOUSAND, XYXY), numbers, asked.size, field)
+    box = box_in((context.choice or THOUSAND, XYXY), numbers, context.size, field)
     x, y = box_center(box)
     action = Action("click", x, y)
-    return ModelReply(_kept(action, text, field, asked), box)
+    return ModelReply(_kept(action, text, field, context), box)
 
 
-def _kept(action: Action, text: str, field: str, asked: ReplyContext) -> ParsedAction:
+def _kept(action: Action, text: str, field: str, context: ReplyContext) -> ParsedAction:
     """Return the text that a step keeps: a reply in thousandths, else the action in pixels."""
-    fields.check_on_screen(action, asked.size, field)
-    if asked.choice in (None, THOUSAND):
+    fields.check_on_screen(action, context.size, field)
+    if context.choice in (None, THOUSAND):
         return ParsedAction(action, text, SIZELESS)
     code = ""
     if action.type == "click":

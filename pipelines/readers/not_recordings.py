@@ -54,6 +54,6 @@ _FILES: tuple[tuple[frozenset[str], str], ...] = tuple(
 def explanation(head: FileHead) -> str:
     """Return what a file is that no reader takes, and what to do; `""` if that is not known."""
     for keys, text in _FILES:
-        if any(keys <= found for found in head.keys):
+        if any(keys <= present for present in head.keys):
             return text
     return ""

@@ -10,7 +10,7 @@ from . import fields
 from .base import FileReader, Rejected, register
 from .conversation_logs import Conversation, LogEntry, content_parts, read_logs
 from .fields import FieldError
-from .file_head import FileHead
+from .file_head import LISTS, FileHead, one_of_each
 from .recorded_actions import OPENAI
 from .safe_files import Source
 
@@ -40,6 +40,7 @@ class OpenAI(FileReader):
 
     name = "openai"
     adopts = True
+    keys = one_of_each(("type", *LISTS))
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether one of the first items is a `computer_call` or its output."""
@@ -57,20 +58,20 @@ class _EntryReader:
         self.file: Path | None = None
         self.seen: set[tuple[str, str]] = set()
 
-    def __call__(self, talk: Conversation, entry: LogEntry) -> Iterator[FieldError]:
-        if self.file != talk.file:
-            self.file = talk.file
+    def __call__(self, conversation: Conversation, entry: LogEntry) -> Iterator[FieldError]:
+        if self.file != conversation.file:
+            self.file = conversation.file
             self.seen = set()
         kind = entry.data.get("type")
-        _environment(talk, entry.data.get("tools"))
+        _environment(conversation, entry.data.get("tools"))
         if kind in (CALL, RESULT):
-            self._once(talk, entry)
-        elif entry.data.get("role") == "user" and not talk.actions:
-            yield from _message(talk, entry)
+            self._once(conversation, entry)
+        elif entry.data.get("role") == "user" and not conversation.actions:
+            yield from _message(conversation, entry)
         elif "role" not in entry.data:
-            talk.ask(entry.data.get("input"))
+            conversation.add_user_text(entry.data.get("input"))
 
-    def _once(self, talk: Conversation, entry: LogEntry) -> None:
+    def _once(self, conversation: Conversation, entry: LogEntry) -> None:
         """Take in a call or its output, unless it was there before."""
         kind = str(entry.data.get("type"))
         key = (kind, fields.text(entry.data, "call_id"))
@@ -78,31 +79,31 @@ class _EntryReader:
             return
         self.seen.add(key)
         if kind == CALL:
-            _call(talk, entry)
+            _call(conversation, entry)
         else:
-            _result(talk, entry)
+            _result(conversation, entry)
 
 
-def _environment(talk: Conversation, tools: object) -> None:
+def _environment(conversation: Conversation, tools: object) -> None:
     """Take in the `environment` of a body's computer tool: a platform, or `"browser"`."""
     for tool in fields.objects(tools):
         environment = tool.get("environment")
-        talk.platform = talk.platform or find_platform(environment)
+        conversation.platform = conversation.platform or find_platform(environment)
         if environment == "browser":
-            talk.apps = ("browser",)
+            conversation.apps = ("browser",)
 
 
-def _message(talk: Conversation, entry: LogEntry) -> Iterator[FieldError]:
+def _message(conversation: Conversation, entry: LogEntry) -> Iterator[FieldError]:
     for pointer, part in content_parts(entry):
         try:
-            talk.ask(part.get("text"))
+            conversation.add_user_text(part.get("text"))
             if part.get("type") == "input_image":
-                talk.look(part.get("image_url"), entry, (*pointer, "image_url"))
+                conversation.add_screenshot(part.get("image_url"), entry, (*pointer, "image_url"))
         except FieldError as error:
             yield error
 
 
-def _call(talk: Conversation, entry: LogEntry) -> None:
+def _call(conversation: Conversation, entry: LogEntry) -> None:
     if entry.data.get("actions") is None:
         field = "action"
         raw: object = fields.mapping(entry.data.get("action"), "action")
@@ -113,10 +114,10 @@ def _call(talk: Conversation, entry: LogEntry) -> None:
         actions = fields.mappings(raw, "actions")
     for action in actions:
         if action.get("type") != "screenshot":
-            talk.act(action, OPENAI, field, code=raw)
+            conversation.add_action(action, OPENAI, field, code=raw)
             return
 
 
-def _result(talk: Conversation, entry: LogEntry) -> None:
+def _result(conversation: Conversation, entry: LogEntry) -> None:
     output = fields.mapping(entry.data.get("output"), "output")
-    talk.look(output.get("image_url"), entry, ("output", "image_url"))
+    conversation.add_screenshot(output.get("image_url"), entry, ("output", "image_url"))

@@ -79,13 +79,13 @@ class _Episode(EpisodeFolder):
     Args:
         actions: actions so far, those without a step included.
         screen: the picture on which the next action is taken; `""` if there is none.
-        why: why there is none.
+        no_screen: why there is no screen.
         instruction: the task, as the log or the task's JSON gives it.
     """
 
     actions: int = 0
     screen: str = ""
-    why: str = _NOT_SAVED
+    no_screen: str = _NOT_SAVED
     instruction: str = ""
 
     def __post_init__(self) -> None:
@@ -146,12 +146,12 @@ class _Episode(EpisodeFolder):
             return
         self.actions += 1
         screen = self.screen
-        why = self.why
+        reason = self.no_screen
         self._advance(record)
         if self._observed(record):
             raise FieldError("screenshot_file", _OBSERVED)
         if not screen:
-            raise FieldError("screenshot_file", why)
+            raise FieldError("screenshot_file", reason)
         self.steps.append(self._step(record, screen))
 
     def _step(self, record: JsonObject, screen: str) -> Step:
@@ -165,7 +165,7 @@ class _Episode(EpisodeFolder):
     def _advance(self, record: JsonObject) -> None:
         """Remember the picture after this action."""
         self.screen = ""
-        self.why = _NOT_THERE
+        self.no_screen = _NOT_THERE
         name = record.get("screenshot_file")
         if not name:
             name = f"step_{record.get('step_num')}_{record.get('action_timestamp')}.png"
@@ -173,7 +173,7 @@ class _Episode(EpisodeFolder):
             if isinstance(name, str) and (self.folder / name).is_file():
                 self.screen = name
         except (OSError, ValueError):
-            self.why = f"{name!r:.60} is not a path"
+            self.no_screen = f"{name!r:.60} is not a path"
 
     def _observed(self, record: JsonObject) -> bool:
         """Return whether the fork saved the corrupted screen that the agent saw."""
@@ -184,7 +184,12 @@ class _Episode(EpisodeFolder):
 
 
 def _executed(record: JsonObject) -> tuple[Any, str]:
-    """Return the action of a line and its dialect."""
+    """Return the action of a line and its dialect.
+
+    Raises:
+        FieldError: the command is broken.
+        FieldTypeError: the action is neither code, a word nor an object.
+    """
     action: object = record.get("action")
     if isinstance(action, str):
         code = _after_reply(action) if "summary" in record else action
@@ -205,7 +210,11 @@ def _executed(record: JsonObject) -> tuple[Any, str]:
 
 
 def _after_reply(text: str) -> str:
-    """Return the action that the fork writes right after the model's reply."""
+    """Return the action that the fork writes right after the model's reply.
+
+    Raises:
+        FieldError: neither code nor a word follows the reply.
+    """
     for word in _WORDS:
         if text.endswith(word):
             return word
@@ -240,7 +249,11 @@ def _platform(parts: list[str]) -> Platform:
 
 
 def _task(root: Path, folder: Path, domain: str) -> JsonObject:
-    """Return the task's JSON, or an empty mapping if the source does not have it."""
+    """Return the task's JSON, or an empty mapping if the source does not have it.
+
+    Raises:
+        FieldError: the JSON of the task cannot be read.
+    """
     for file in _task_files(root, folder, domain):
         if not file.is_file():
             continue

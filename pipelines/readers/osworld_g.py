@@ -38,7 +38,7 @@ class OSWorldG(PublishedSet):
     picture = "image_path"
     folder = "images"
     stated = "image_size"
-    kept = ("id", "GUI_types", "box_type")
+    extra_fields = ("id", "GUI_types", "box_type")
 
     def is_table(self, file: Path) -> bool:
         """Return whether the name is that of one of the two tables."""
@@ -68,8 +68,8 @@ def _polygon(record: JsonObject, size: Size) -> GroundingTarget:
     box = box_in((PIXELS, XYXY), edges, size, _WHERE)
     x, y = _inner(corners)
     action = Action("click", min(x, size[1] - 1), min(y, size[0] - 1))
-    more = {OUTLINE: [list(corner) for corner in corners]}
-    return GroundingTarget(action=action, box=box, more=more)
+    extra = {OUTLINE: [list(corner) for corner in corners]}
+    return GroundingTarget(action=action, box=box, extra=extra)
 
 
 def _corners(values: Sequence[Any]) -> Corners:

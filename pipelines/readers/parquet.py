@@ -79,14 +79,14 @@ class Parquet(FileReader):
       trajectory; the messages are JSON text or a list. An image is shown by a part of type `image`
       (with its `index`, or the next one) or by `<image>` in the text. A reply with `tool_calls` is
       a step, its first action that does something; so is a reply in one of the languages of
-      `replies`, and the last reply of a row with tool calls (`"done"`).
+      `model_replies`, and the last reply of a row with tool calls (`"done"`).
     - `image, bbox, instruction` (ScreenSpot): a row is a trajectory of one click at the middle of
       the box.
     - `annotation_id, action_uid, operation, pos_candidates, screenshot` (Multimodal-Mind2Web), see
       `mind2web`.
     - `event_name, data_json, data_images, trajectory_id` (traces of cua-bench), and `episode_id,
       step_idx, image, instruction, action_type, click_type` (TESS-AgentNet): rows of one trajectory
-      follow each other, see `events`.
+      follow each other, see `event_traces`.
 
     Rows are read one at a time. The id is `task_id`, or else the file and the row's number. The
     domain is `domain`, the `platform` in `metadata`, or `data_source`: `desktop`, `mobile`, `ios`,
@@ -95,7 +95,7 @@ class Parquet(FileReader):
     Coordinates: pixels of the screenshot in trajectories and in code; 0..1000 of the picture in
     `tool_calls`; text of Qwen-VL and UI-TARS needs the choice `coordinates`, unless the prompt
     states the resolution. What the numbers of a `bbox` are is decided for the whole table, see
-    `boxes`.
+    `box_forms`.
     """
 
     choices: ReaderOptions = NO_CHOICES
@@ -182,8 +182,8 @@ def _grouped(
                 yield from ended()
                 episode = None
                 common = record[shape.common]
-                made: StepRows = shape.read(common)
-                episode = made
+                step_rows: StepRows = shape.read(common)
+                episode = step_rows
             episode.add(row.holding(record))
         except FieldError as error:
             yield Rejected(name, f"row {count}", error.field, error.reason)
@@ -196,7 +196,7 @@ def _form(table: Any, first: ParquetRow) -> Form:
     boxes = [None if isinstance(record, FieldError) else record["bbox"] for _, _, record in rows]
     pictures = _rows(table, ["image"])
     # ScreenSpot as it is published in Parquet today has fractions, and names its files.
-    known = ((FRACTIONS, XYXY),) if "file_name" in table.schema_arrow.names else ()
+    published_forms = ((FRACTIONS, XYXY),) if "file_name" in table.schema_arrow.names else ()
 
     def size(index: int) -> Size | None:
         group, number, record = next(pictures)
@@ -210,7 +210,7 @@ def _form(table: Any, first: ParquetRow) -> Form:
 
     if not any(boxes):
         return PIXELS, XYXY
-    return detect_form(boxes, size, first.choices, known)
+    return detect_form(boxes, size, first.choices, published_forms)
 
 
 def _rows(table: Any, columns: list[str]) -> Iterator[tuple[int, int, Any]]:
@@ -229,10 +229,10 @@ def _row(
 
 
 def _shape(columns: list[str], episode_key: str | None) -> tuple[_Shape, list[str]]:
-    more = () if episode_key is None else (episode_key,)
+    chosen_key = () if episode_key is None else (episode_key,)
     for shape in SHAPES:
         if set(shape.needs) <= set(columns):
-            taken = (name for name in (*shape.takes, *more) if name in columns)
-            return shape, list(dict.fromkeys([*shape.needs, *taken]))
-    wanted = " or ".join(", ".join(shape.needs) for shape in SHAPES)
-    raise FieldError("columns", f"has {fields.shown(', '.join(columns))}; expected {wanted}")
+            used_columns = (name for name in (*shape.takes, *chosen_key) if name in columns)
+            return shape, list(dict.fromkeys([*shape.needs, *used_columns]))
+    alternatives = " or ".join(", ".join(shape.needs) for shape in SHAPES)
+    raise FieldError("columns", f"has {fields.shown(', '.join(columns))}; expected {alternatives}")

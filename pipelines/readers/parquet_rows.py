@@ -120,10 +120,10 @@ def trajectory(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
     if not actions:
         raise FieldError("actions", "is empty")
     steps: list[Step] = []
-    for index, given in enumerate(actions):
+    for index, action in enumerate(actions):
         field = f"actions[{index}]"
         try:
-            steps.append(_step(row, index, given, field))
+            steps.append(_step(row, index, action, field))
         except FieldError as error:
             yield FieldError(error.field or field, error.reason)
     if steps:
@@ -133,19 +133,19 @@ def trajectory(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
         yield RecordedTrajectory(name, SOURCE, instruction, tuple(steps), domain, episode=episode)
 
 
-def _step(row: ParquetRow, index: int, given: object, field: str) -> Step:
+def _step(row: ParquetRow, index: int, action: object, field: str) -> Step:
     image, size = row.picture("screenshots", index)
-    text = fields.text({"action": given}, "action", field)
+    text = fields.text({"action": action}, "action", field)
     raw: object = text
     dialect = PYAUTOGUI
     if text.lstrip().startswith("{"):
         raw = parse(text.encode())
         dialect = COMPUTER_13
-    said = read_recorded(raw, dialect, size, field, row.choices.coordinates, PIXELS)
-    code = said.code
-    if said.dialect == dialect == COMPUTER_13:
+    recorded_action = read_recorded(raw, dialect, size, field, row.choices.coordinates, PIXELS)
+    code = recorded_action.code
+    if recorded_action.dialect == dialect == COMPUTER_13:
         code = text
-    return RecordedStep(index, image, said.action, code, dialect=said.dialect)
+    return RecordedStep(index, image, recorded_action.action, code, dialect=recorded_action.dialect)
 
 
 def grounding(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
@@ -167,28 +167,28 @@ def chat(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
     record = row.record
     key = "messages" if "messages" in record else "conversations"
     messages = messages_in(record.get(key), key)
-    many = "images" in record
-    count = len(fields.items(record, "images")) if many else 1
+    has_several = "images" in record
+    count = len(fields.items(record, "images")) if has_several else 1
 
     def picture(index: int) -> TurnImage:
-        if many:
+        if has_several:
             return row.picture("images", index)
         if index:
             reason = f"there is one picture, but the messages show {index + 1}"
             raise FieldError("image", reason)
         return row.picture("image")
 
-    talk = ChatTurns(picture, count, row.choices.coordinates)
-    talk.hear(fields.text(record, "system", default=""), "system")
-    yield from talk.read(messages, key)
+    turns = ChatTurns(picture, count, row.choices.coordinates)
+    turns.add_prompt(fields.text(record, "system", default=""), "system")
+    yield from turns.read(messages, key)
     name = fields.text(record, "id", default="") or row.name
     platform = screen_domain(_metadata(record.get("metadata")).get("platform"))
-    if talk.steps:
+    if turns.steps:
         yield RecordedTrajectory(
             name,
             SOURCE,
-            talk.instruction,
-            tuple(talk.steps),
+            turns.instruction,
+            tuple(turns.steps),
             platform,
             episode=stated_episode(record, row.choices.episode_key),
         )

@@ -86,36 +86,46 @@ class LineProblems:
         """
         if not self.found:
             return
-        first, *others = self.found
-        more = "".join(f"; {error}" for error in others)
-        raise FieldError(first.field, f"{first.reason}{more}")
+        first, *further = self.found
+        suffix = "".join(f"; {error}" for error in further)
+        raise FieldError(first.field, f"{first.reason}{suffix}")
 
 
 def check_names(
-    record: JsonObject, problems: LineProblems, known: tuple[str, ...] = FIELDS
+    record: JsonObject, problems: LineProblems, field_names: tuple[str, ...] = FIELDS
 ) -> None:
     """Note each unknown name that is similar to a known name missing in the record."""
     for name in record:
-        meant = _meant(name, known)
-        if name not in known and meant and record.get(meant) is None:
-            problems.found.append(FieldError(name, f"is not a field; did you mean {meant!r}?"))
+        suggestion = _meant(name, field_names)
+        if name not in field_names and suggestion and record.get(suggestion) is None:
+            problems.found.append(FieldError(name, f"is not a field; did you mean {suggestion!r}?"))
 
 
-def extra_json(record: JsonObject, known: tuple[str, ...] = FIELDS) -> str:
+def extra_json(record: JsonObject, field_names: tuple[str, ...] = FIELDS) -> str:
     """Return the fields of a record that are not known, as JSON; `""` if there are none.
 
     Raises:
         FieldError: a dataset cannot store them.
     """
-    more = {name: value for name, value in record.items() if name not in known}
-    if not more:
+    unknown = {name: value for name, value in record.items() if name not in field_names}
+    if not unknown:
         return ""
-    first = next(iter(more))
+    first = next(iter(unknown))
     try:
-        text = json.dumps(more, ensure_ascii=False, allow_nan=False)
+        text = json.dumps(unknown, ensure_ascii=False, allow_nan=False)
     except (ValueError, RecursionError) as error:
         raise FieldError(first, f"cannot be kept as JSON ({error})") from None
     return fields.storable(text, first)
+
+
+def identity(
+    record: JsonObject, problems: LineProblems
+) -> tuple[str | None, int | None, str | None]:
+    """Return the trajectory, the step and the id of a line; `None` for each that is wrong."""
+    trajectory = problems.of(lambda: fields.text(record, "trajectory_id"))
+    step = problems.of(lambda: fields.step_number(record, "step"))
+    row_id = problems.of(lambda: fields.text(record, "id", default=""))
+    return trajectory, step, row_id
 
 
 def read_step(
@@ -144,7 +154,7 @@ def read_step(
         problems.of(lambda: check_agreement(action, code, size))
     target, elements = read_boxes(record, size, problems)
     extra = problems.of(lambda: extra_json(record))
-    own = problems.of(lambda: fields.text(record, "id", default=""))
+    row_id = problems.of(lambda: fields.text(record, "id", default=""))
     problems.check()
     return Step(
         index=record["step"],
@@ -153,7 +163,7 @@ def read_step(
         action_code=code or "",
         target_box=target,
         elements=elements,
-        id=own or None,
+        id=row_id or None,
         extra=extra or "",
     )
 
@@ -183,14 +193,14 @@ def check_agreement(action: Action, code: str, size: Size) -> None:
     if _is_our_code(action, code) or not calls_pyautogui(code):
         return
     try:
-        said = parse_pyautogui(code, size)  # on a screen, the pointer stops at the edge
+        coded = parse_pyautogui(code, size)  # on a screen, the pointer stops at the edge
     except HijackError:
         _check_pixels(code, size)
         return
-    if _contradict(action, said):
+    if _contradict(action, coded):
         raise FieldError(
             "action_code",
-            f"says {_in_words(said)}, but action is {_in_words(action)}; keep the one that was"
+            f"says {_in_words(coded)}, but action is {_in_words(action)}; keep the one that was"
             " done, or leave action_code out",
         )
 
@@ -213,17 +223,19 @@ def _check_pixels(code: str, size: Size) -> None:
         raise FieldError("action_code", reason)
 
 
-def _contradict(action: Action, said: Action) -> bool:
-    kinds = {_kind(action), _kind(said)}
+def _contradict(action: Action, coded: Action) -> bool:
+    kinds = {_kind(action), _kind(coded)}
     if "other" in kinds:
         return False
     if len(kinds) > 1:
         return True
-    if (action.amount or 0) * (said.amount or 0) < 0 and action.type == "scroll":
+    if (action.amount or 0) * (coded.amount or 0) < 0 and action.type == "scroll":
         return True  # up and down
-    pairs = [(action.point, said.point), (action.end, said.end)]
+    pairs = [(action.point, coded.point), (action.end, coded.end)]
     return any(
-        _are_different_points(one, two) for one, two in pairs if one is not None and two is not None
+        _are_different_points(first, second)
+        for first, second in pairs
+        if first is not None and second is not None
     )
 
 
@@ -231,8 +243,8 @@ def _kind(action: Action) -> str:
     return KEYBOARD if action.type in KEYBOARD_TYPES else action.type
 
 
-def _are_different_points(one: Point, two: Point) -> bool:
-    return max(abs(one[0] - two[0]), abs(one[1] - two[1])) > 1
+def _are_different_points(first: Point, second: Point) -> bool:
+    return max(abs(first[0] - second[0]), abs(first[1] - second[1])) > 1
 
 
 def _in_words(action: Action) -> str:
@@ -249,10 +261,10 @@ def read_boxes(
     if size is None:
         return None, ()
     target = None
-    given = record.get("target_box")
-    if given is not None:
-        found = problems.of(lambda: fields.boxes([given], size, "target_box"))
-        target = found[0] if found else None
+    label = record.get("target_box")
+    if label is not None:
+        targets = problems.of(lambda: fields.boxes([label], size, "target_box"))
+        target = targets[0] if targets else None
     labels = record.get("elements") or []
     elements = problems.of(lambda: fields.boxes(labels, size, "elements"))
     return target, elements or ()
@@ -266,13 +278,13 @@ def read_action(value: object, size: Size, problems: LineProblems) -> Action | N
     if not isinstance(value, dict):
         problems.of(lambda: fields.mapping(value, "action"))
         return None
-    left = dict(cast("dict[str, Any]", value))
+    remaining = dict(cast("dict[str, Any]", value))
     before = len(problems.found)
-    for _ in range(len(left) + len(ACTION_FIELDS)):
-        found = problems.of(lambda: fields.action(left, size))
-        if found is not None:
-            return found if len(problems.found) == before else None
-        if not _without(left, problems.found[-1].field):
+    for _ in range(len(remaining) + len(ACTION_FIELDS)):
+        action = problems.of(lambda: fields.action(remaining, size))
+        if action is not None:
+            return action if len(problems.found) == before else None
+        if not _without(remaining, problems.found[-1].field):
             return None
     return None
 
@@ -310,9 +322,9 @@ def read_apps(record: JsonObject) -> tuple[str, ...]:
     return tuple(fields.storable(name, "apps") for name in names)
 
 
-def _meant(name: str, known: tuple[str, ...]) -> str | None:
-    other = OTHER_NAMES.get(name.lower())
-    if other in known:
-        return other
-    close = get_close_matches(name.lower(), known, n=1, cutoff=0.75)
+def _meant(name: str, field_names: tuple[str, ...]) -> str | None:
+    synonym = OTHER_NAMES.get(name.lower())
+    if synonym in field_names:
+        return synonym
+    close = get_close_matches(name.lower(), field_names, n=1, cutoff=0.75)
     return close[0] if close else None

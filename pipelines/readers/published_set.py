@@ -17,7 +17,7 @@ from hijack_data.types import Action, Box, Size, Step, Trajectory
 
 from ..errors import SourceError
 from . import fields
-from .base import Rejected, files_below
+from .base import FileReader, Rejected, files_below
 from .box_forms import Form, box_center, box_in
 from .fields import FieldError, JsonObject
 from .grounding import program_and_platform
@@ -34,12 +34,12 @@ class GroundingTarget:
     Args:
         action: the action, in pixels of the picture.
         box: the target box; `None` if there is none.
-        more: further data on the target, for the column `extra`.
+        extra: further data on the target, for the column `extra`.
     """
 
     action: Action
     box: Box | None = None
-    more: Mapping[str, Any] | None = None
+    extra: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -52,12 +52,14 @@ class _Target:
     target: GroundingTarget
 
 
-class PublishedSet(ABC):
-    """Base of the readers of one published set.
+class PublishedSet(FileReader, ABC):
+    """Base of the readers of one published set, which is selected by name (`--format`).
+
+    Its files are not recognized: detection leaves them to `grounding`.
 
     A subclass sets `name`; `layout`, how its folder looks, for errors; `picture`, the field that
     names the picture; `folder`, where pictures lie; `stated`, the field with the size of the
-    picture, if there is one; and `kept`, the fields that go into `extra`.
+    picture, if there is one; and `extra_fields`, those that go into `extra`.
     """
 
     name: str = ""
@@ -65,7 +67,8 @@ class PublishedSet(ABC):
     picture: str = ""
     folder: str = ""
     stated: str = ""
-    kept: tuple[str, ...] = ()
+    extra_fields: tuple[str, ...] = ()
+    suffixes = ()
     episodes: str = PICTURE_EPISODES
 
     @abstractmethod
@@ -84,10 +87,6 @@ class PublishedSet(ABC):
             FieldError: the row does not have the form of the published set.
         """
 
-    def detect(self, path: Path) -> bool:
-        """Return False: the set is selected by name; detection leaves it to `grounding`."""
-        return False
-
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories of one click each, files by name, rows in order.
 
@@ -95,37 +94,37 @@ class PublishedSet(ABC):
             SourceError: the source has another layout.
         """
         root = source_root(path)
-        found = False
+        has_table = False
         for file in files_below(path):
             if isinstance(file, Rejected):
                 yield file
             elif self.is_table(file):
-                found = True
+                has_table = True
                 yield from self._read(file, root)
-        if not found:
+        if not has_table:
             raise SourceError(f"{root}: is not laid out as {self.name}: {self.layout}")
 
     def _read(self, file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
         name = relative_name(file, root)
-        shown: list[_Target] = []
+        targets: list[_Target] = []
         try:
             inside(root, name, "")
             for row in json_rows(file):
                 try:
-                    shown.append(self._shown(row, file, root))
+                    targets.append(self._shown(row, file, root))
                 except FieldError as error:
                     yield Rejected(name, row.where, error.field, error.reason)
         except FieldError as error:
             yield Rejected(name, "", error.field, error.reason)
         except OSError as error:
             yield Rejected(name, "", "", f"cannot be read ({error.strerror or error})")
-        elements = _elements(shown)
+        elements = _elements(targets)
         stem = os.path.splitext(name)[0]
-        for one in shown:
+        for target in targets:
             try:
-                yield self._trajectory(one, stem, elements.get(one.image, ()))
+                yield self._trajectory(target, stem, elements.get(target.image, ()))
             except FieldError as error:
-                yield Rejected(name, one.row.where, error.field, error.reason)
+                yield Rejected(name, target.row.where, error.field, error.reason)
 
     def _shown(self, row: JsonRow, file: Path, root: Path) -> _Target:
         record = row.record
@@ -135,29 +134,29 @@ class PublishedSet(ABC):
             _check_stated(record.get(self.stated), size, self.stated)
         return _Target(row, image, size, self.target(record, size))
 
-    def _trajectory(self, shown: _Target, stem: str, around: tuple[Box, ...]) -> Trajectory:
-        record = shown.row.record
+    def _trajectory(self, entry: _Target, stem: str, around: tuple[Box, ...]) -> Trajectory:
+        record = entry.row.record
         program, platform = program_and_platform(record)
-        target = shown.target
-        extra: dict[str, Any] = {key: record[key] for key in self.kept if key in record}
-        extra.update(target.more or {})
+        target = entry.target
+        extra: dict[str, Any] = {key: record[key] for key in self.extra_fields if key in record}
+        extra.update(target.extra or {})
         text = json.dumps(extra, ensure_ascii=False) if extra else ""
         step = Step(
             0,
-            shown.image,
+            entry.image,
             target.action,
             target_box=target.box,
             elements=around if len(around) > 1 else (),
             extra=fields.storable(text, "extra"),
         )
         return RecordedTrajectory(
-            id=f"{stem}/{shown.row.number:06d}",
+            id=f"{stem}/{entry.row.number:06d}",
             source=self.name,
             instruction=fields.text(record, "instruction"),
             steps=(step,),
             domain=screen_domain(platform),
             apps=fields.strings([program]),
-            episode=Path(shown.image).name,
+            episode=Path(entry.image).name,
         )
 
 
@@ -180,10 +179,10 @@ def _check_stated(stated: object, size: Size, field: str) -> None:
         raise FieldError(field, reason)
 
 
-def _elements(shown: list[_Target]) -> dict[str, tuple[Box, ...]]:
+def _elements(targets: list[_Target]) -> dict[str, tuple[Box, ...]]:
     """Return the boxes of each picture, each once."""
-    found: dict[str, dict[Box, None]] = {}
-    for one in shown:
-        if one.target.box is not None:
-            found.setdefault(one.image, {}).setdefault(one.target.box)
-    return {image: tuple(boxes) for image, boxes in found.items()}
+    boxes_by_image: dict[str, dict[Box, None]] = {}
+    for entry in targets:
+        if entry.target.box is not None:
+            boxes_by_image.setdefault(entry.image, {}).setdefault(entry.target.box)
+    return {image: tuple(boxes) for image, boxes in boxes_by_image.items()}

@@ -53,25 +53,25 @@ class ReaderOptions:
     episode_key: str | None = None
 
     def __post_init__(self) -> None:
-        known = {"coordinates": COORDINATES, "boxes": BOXES}
+        allowed = {"coordinates": COORDINATES, "boxes": BOXES}
         for name, value in self.to_data().items():
-            if name in known and value not in known[name]:
-                raise BuildError(f"{name} {value!r} is not known{suggest(value, known[name])}")
+            if name in allowed and value not in allowed[name]:
+                raise BuildError(f"{name} {value!r} is not known{suggest(value, allowed[name])}")
 
     def to_data(self) -> dict[str, str]:
         """Return the choices that are set, as JSON data."""
-        said = {
+        values = {
             "coordinates": self.coordinates,
             "boxes": self.boxes,
             "episode_key": self.episode_key,
         }
-        return {name: value for name, value in said.items() if value is not None}
+        return {name: value for name, value in values.items() if value is not None}
 
     def of(self, reader: Reader) -> "ReaderOptions":
         """Return the choices that a reader accepts."""
         takes: tuple[str, ...] = getattr(reader, "takes", ())
-        said = {name: value for name, value in self.to_data().items() if name in takes}
-        return ReaderOptions(**said)
+        values = {name: value for name, value in self.to_data().items() if name in takes}
+        return ReaderOptions(**values)
 
 
 NO_CHOICES = ReaderOptions()
@@ -86,15 +86,15 @@ def with_choices(reader: Reader, choices: ReaderOptions) -> Reader:
     Raises:
         BuildError: the format itself states what the user chose.
     """
-    said = choices.to_data()
+    values = choices.to_data()
     takes: tuple[str, ...] = getattr(reader, "takes", ())
-    for name, value in said.items():
+    for name, value in values.items():
         if name not in takes:
             raise BuildError(
                 f"{name} {value!r}: format {reader.name!r} says itself what its"
                 f" {'episodes' if name == 'episode_key' else name} are; leave the choice out"
             )
-    if not said:
+    if not values:
         return reader
     return cast("Reader", replace(cast("Any", reader), choices=choices))
 

@@ -83,9 +83,9 @@ def first_action(
     Raises:
         FieldError: the value is not an action of the dialect, or points outside the picture.
     """
-    own = OWN_SPACES.get(dialect, PIXELS)
+    default_space = OWN_SPACES.get(dialect, PIXELS)
     try:
-        action = _parsed(raw, dialect, space_scaling(space or own, size))
+        action = _parsed(raw, dialect, space_scaling(space or default_space, size))
     except HijackError as error:
         raise FieldError(field, str(error)) from None
     return fields.check_on_screen(action, size, field)
@@ -149,11 +149,11 @@ def _in_pixels(raw: object, dialect: str, action: Action, scaling: Scaling) -> s
         return ""
 
 
-def _hint(raw: object, dialect: str, size: Size, known: Space | None) -> str:
+def _hint(raw: object, dialect: str, size: Size, tried_space: Space | None) -> str:
     """Return a remedy that lists the spaces, other than the known one, that an action fits."""
     fit: list[str] = []
     for space in COORDINATES:
-        if space == known:
+        if space == tried_space:
             continue
         try:
             action = first_action(raw, dialect, size, "", space)
@@ -184,7 +184,10 @@ def raw_action_text(raw: object, field: str) -> str:
 def observed_code(coords: CoordMap, step: Step) -> str:
     """Return the `action_code` of a step in pixels of the observation of `coords`.
 
-    It stays in its dialect. Raises `ActionError` for code that cannot be mapped.
+    The code stays in its dialect.
+
+    Raises:
+        ActionError: the code cannot be mapped.
     """
     dialect = step.dialect if isinstance(step, RecordedStep) else PYAUTOGUI
     if coords.is_identity:

@@ -177,13 +177,13 @@ _last_column = _LastRead()
 
 def _record(file: str, offset: int) -> object:
     key = (*_stamp(file), offset)
-    kept = _last_record
-    if kept.key != key:
-        kept.clear()
+    last = _last_record
+    if last.key != key:
+        last.clear()
         is_whole = offset == _WHOLE_FILE
-        kept.value = parse_any(Path(file)) if is_whole else _line(file, offset)
-        kept.key = key
-    return kept.value
+        last.value = parse_any(Path(file)) if is_whole else _line(file, offset)
+        last.key = key
+    return last.value
 
 
 def _line(file: str, offset: int) -> object:
@@ -215,11 +215,11 @@ class _Column:
             FieldError: the file has changed, or the row is damaged.
         """
         while self.row < row:
-            found: Any = next(self.rows, None)
-            if found is None:
+            row_value: Any = next(self.rows, None)
+            if row_value is None:
                 raise FieldError("image", _CHANGED)
             self.row += 1
-            self.value = found
+            self.value = row_value
         if isinstance(self.value, FieldError):
             raise self.value
         return self.value[self.name]
@@ -227,12 +227,12 @@ class _Column:
 
 def _parquet_value(file: str, group: int, row: int, column: str, item: int | None) -> object:
     key = (*_stamp(file), group, column)
-    kept = _last_column
-    if kept.key != key or kept.value.row > row:
-        kept.clear()
-        kept.value = _Column(file, group, column)
-        kept.key = key
-    value = kept.value.at(row)
+    last = _last_column
+    if last.key != key or last.value.row > row:
+        last.clear()
+        last.value = _Column(file, group, column)
+        last.key = key
+    value = last.value.at(row)
     return value if item is None else _at(value, [item])
 
 

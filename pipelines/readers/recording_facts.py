@@ -49,11 +49,11 @@ class RecordedTrajectory(Trajectory):
     episode: str | None = None
 
     def __post_init__(self) -> None:
-        known = get_args(ScreenKind)
-        if self.screen is not None and self.screen not in known:
+        kinds = get_args(ScreenKind)
+        if self.screen is not None and self.screen not in kinds:
             raise ParameterError(
                 f"trajectory {self.id!r}: unknown screen"
-                f" {self.screen!r}{suggest(self.screen, known)}"
+                f" {self.screen!r}{suggest(self.screen, kinds)}"
             )
 
 
@@ -108,7 +108,7 @@ def stated_screen(trajectory: Trajectory) -> ScreenKind | None:
 
 @dataclass(frozen=True)
 class RecordingFacts:
-    """What a recording states, as builds and `inspect` read it.
+    """What a recording states, as builds and `inspect_source` read it.
 
     Args:
         screen: what its pictures show, or `None` if it does not say.

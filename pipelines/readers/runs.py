@@ -23,8 +23,6 @@ from .safe_files import image_size, inside, parse_file, relative_name
 # By the class of the desktop, as the log names it.
 _PROVIDERS: dict[str, Platform] = {"EmbeddedDesktop": "linux-xfce", "OsworldDesktop": "linux"}
 
-_SIGNS = {"raw", "code", "image"}
-
 
 @register
 class Runs(FolderReader):
@@ -47,10 +45,12 @@ class Runs(FolderReader):
     name = "runs"
     records = STEPS
     adopts = True
+    suffixes = (STEPS,)
+    keys = (frozenset({"raw", "code", "image"}),)
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether a file is the log of an episode."""
-        return head.path.name == STEPS and any(keys >= _SIGNS for keys in head.keys)
+        return head.path.name == STEPS
 
     def beside(self, file: Path) -> bool:
         """Return whether a file describes a run or an episode."""

@@ -138,7 +138,11 @@ def line_at(file: Any, offset: int) -> bytes:
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> JsonObject:
-    """Return a JSON object, refusing repeated keys, of which Python's reader would use the last."""
+    """Return a JSON object without repeated keys, of which Python would use the last.
+
+    Raises:
+        FieldError: a key is repeated.
+    """
     record = dict(pairs)
     if len(record) == len(pairs):
         return record
@@ -244,20 +248,20 @@ def first_records(path: Path) -> list[JsonObject]:
 
     An archive has none, though the lines of a file in it may lie there uncompressed.
     """
-    found: list[JsonObject] = []
+    records: list[JsonObject] = []
     if unpack_command(path):
-        return found
+        return records
     try:
         for line in islice(lines(path), MAX_HEAD_RECORDS):
             if line.data is None or line.offset > MAX_RECORD_BYTES:
                 break
             try:
-                found.append(line.record(unique=False))
+                records.append(line.record(unique=False))
             except FieldError:
                 continue
     except OSError:
         return []
-    return found
+    return records
 
 
 def unpack_command(path: Path) -> str:
@@ -352,9 +356,9 @@ def walk(path: Path, *, pictures: bool = False) -> Iterator[Path | tuple[Path, s
             elif Path(folder, name).is_symlink():
                 yield Path(folder, name), "a link to a folder, which is not followed"
         for name in sorted(files):
-            found = _check_file(Path(folder, name), root)
-            if isinstance(found, Path) or pictures or not is_picture(found[0]):
-                yield found
+            item = _check_file(Path(folder, name), root)
+            if isinstance(item, Path) or pictures or not is_picture(item[0]):
+                yield item
     for error in closed:
         yield Path(os.fspath(error.filename)), f"cannot be entered ({error.strerror})"
 
@@ -399,7 +403,8 @@ def _refusal_reason(file: Path, root: Path) -> str:
 def _is_inside(path: Path, root: Path) -> bool:
     """Return whether a path leads to a file below `root`, or to a blob of the same snapshot.
 
-    Raises `OSError` or `RuntimeError` for a path that leads nowhere.
+    Raises:
+        OSError, RuntimeError: the path leads nowhere.
     """
     target = path.resolve(strict=True)
     if target.is_relative_to(root.resolve(strict=True)):

@@ -57,7 +57,7 @@ class ScreenAgent(FileReader):
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of their folders."""
         root = source_root(path)
-        seen: set[str] = set()
+        ids: set[str] = set()
         session = _Session(root, root)
         for file in files_below(path):
             if isinstance(file, Rejected):
@@ -66,13 +66,13 @@ class ScreenAgent(FileReader):
             if file.suffix != ".json":
                 continue
             if file.parent != session.folder:
-                yield from session.trajectory(seen)
+                yield from session.trajectory(ids)
                 session = _Session(root, file.parent)
             try:
                 session.take(file)
             except FieldError as error:
                 yield Rejected(relative_name(file, root), "", error.field, error.reason)
-        yield from session.trajectory(seen)
+        yield from session.trajectory(ids)
 
 
 @dataclass
@@ -112,9 +112,9 @@ class _Session:
         self.system = self.system or _system(record)
         self.steps.append(step)
 
-    def trajectory(self, seen: set[str]) -> Iterator[Trajectory | Rejected]:
+    def trajectory(self, ids: set[str]) -> Iterator[Trajectory | Rejected]:
         """Yield the trajectory, if there is one."""
-        if self.id in seen:
+        if self.id in ids:
             yield Rejected(
                 relative_name(self.folder, self.root),
                 "",
@@ -122,7 +122,7 @@ class _Session:
                 f"{self.id!r} was there before",
             )
         elif self.steps:
-            seen.add(self.id)
+            ids.add(self.id)
             yield RecordedTrajectory(
                 self.id,
                 ScreenAgent.name,
@@ -155,8 +155,8 @@ class _Session:
 def _system(record: JsonObject) -> str:
     """Return the operating system in a prompt ("familiar with the Linux operating system")."""
     prompt: object = record.get("send_prompt_en")
-    found = _SYSTEM.search(prompt) if isinstance(prompt, str) else None
-    return found[1] if found else ""
+    match = _SYSTEM.search(prompt) if isinstance(prompt, str) else None
+    return match[1] if match else ""
 
 
 def _checked_size(record: JsonObject, size: Size) -> Size:
@@ -174,13 +174,13 @@ def _action(entries: list[JsonObject], size: Size) -> Action:
     for index, entry in enumerate(entries):
         kind = entry.get("action_type")
         if kind in _ON_SCREEN:
-            where = f"actions[{index}]"
+            place = f"actions[{index}]"
             try:
-                return fields.check_on_screen(_read(entry, str(kind)), size, where)
+                return fields.check_on_screen(_read(entry, str(kind)), size, place)
             except FieldError:
                 raise
             except HijackError as error:
-                raise FieldError(where, str(error)) from None
+                raise FieldError(place, str(error)) from None
         if kind not in _TEXT_ACTIONS:
             raise FieldError(
                 f"actions[{index}].action_type",

@@ -23,7 +23,7 @@ class ScreenSpotPro(PublishedSet):
     picture = "img_filename"
     folder = "images"
     stated = "img_size"
-    kept = ("id", "ui_type", "group", "instruction_cn")
+    extra_fields = ("id", "ui_type", "group", "instruction_cn")
 
     def is_table(self, file: Path) -> bool:
         """Return whether it is a JSON file in a folder `annotations`."""

@@ -28,7 +28,7 @@ class ScreenSpotV2(PublishedSet):
     )
     picture = "img_filename"
     folder = "screenspotv2_image"
-    kept = ("data_type", "data_source")
+    extra_fields = ("data_type", "data_source")
 
     def is_table(self, file: Path) -> bool:
         """Return whether the name is that of one of the three tables."""

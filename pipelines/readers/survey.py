@@ -83,34 +83,38 @@ class Survey:
 def survey(path: str | os.PathLike[str], format: str | None = None) -> Survey:
     """Find the reader of each file of a source; with `format`, that one reads them all.
 
-    Raises `SourceError` if the source is empty, if no file is of a known format, or if a file could
-    be of several formats, which the message names.
+    Raises:
+        SourceError: the source is empty, no file is of a known format, or a file could be of
+            several formats, which the message names.
     """
     source = check_path(path)
     root = source_root(source)
     if format is not None:
         return Survey(root, {get_reader(format).name: source})
-    taken: dict[str, list[Path]] = {}
-    left: list[Path] = []
-    found = Survey(root)
+    files_by_format: dict[str, list[Path]] = {}
+    unmatched: list[Path] = []
+    result = Survey(root)
+    readers = list(_readers(fallback=False))
     for item in files_below(source):
         if isinstance(item, Rejected):
-            found.refused.append(item)
+            result.refused.append(item)
             continue
         if source.is_dir() and item.suffix.lower() in OPAQUE:
             continue
-        name = _detect_file_format(item, root)
+        name = _detect_file_format(item, root, readers)
         if name:
-            taken.setdefault(name, []).append(item)
+            files_by_format.setdefault(name, []).append(item)
         else:
-            left.append(item)
-    if not taken:
-        found.parts = _fallback(source, root, left, found.refused)
-        return found
-    rest = _adopted(taken, left)
-    found.parts = {name: _part(root, taken[name]) for name in sorted(taken)}
-    found.unread = [relative_name(file, root) for file in rest if _may_hold_records(file, taken)]
-    return found
+            unmatched.append(item)
+    if not files_by_format:
+        result.parts = _fallback(source, root, unmatched, result.refused)
+        return result
+    unread = _adopted(files_by_format, unmatched)
+    result.parts = {name: _part(root, files_by_format[name]) for name in sorted(files_by_format)}
+    result.unread = [
+        relative_name(file, root) for file in unread if _may_hold_records(file, files_by_format)
+    ]
+    return result
 
 
 def _part(root: Path, files: list[Path]) -> Part:
@@ -131,37 +135,38 @@ def detect_format(path: str | os.PathLike[str]) -> str:
     Raises:
         SourceError: there is no such file, or it is of no known format, or of several.
     """
-    found = list(survey(path).parts)
-    if len(found) > 1:
-        named = " or ".join(found)
-        raise SourceError(f"{path}: could be of format {named}: {_say_which(found)}")
-    return found[0]
+    formats = list(survey(path).parts)
+    if len(formats) > 1:
+        alternatives = " or ".join(formats)
+        raise SourceError(f"{path}: could be of format {alternatives}: {_say_which(formats)}")
+    return formats[0]
 
 
-def _detect_file_format(file: Path, root: Path) -> str:
+def _detect_file_format(file: Path, root: Path, readers: list[Reader]) -> str:
     """Return the format of one file, or `""`: its name decides, or else its first records.
+
+    Only readers that declare its suffix and its keys, or nothing, are asked about the file.
 
     Raises:
         SourceError: it could be of several.
     """
-    readers = list(_readers(fallback=False))
-    for reader in readers:
-        if isinstance(reader, FileReader) and file.name in reader.file_names:
-            return reader.name
     head = FileHead(file)
-    found = [reader.name for reader in readers if _accepts(reader, head)]
-    if len(found) > 1:
-        named = " or ".join(found)
+    for reader in readers:
+        if isinstance(reader, FileReader) and head.is_named(reader.file_names):
+            return reader.name
+    formats = [reader.name for reader in readers if _accepts(reader, head)]
+    if len(formats) > 1:
+        alternatives = " or ".join(formats)
         raise SourceError(
-            f"{relative_name(file, root)}: could be of format {named};"
-            f" {_say_which(found)}; {_known_formats()}"
+            f"{relative_name(file, root)}: could be of format {alternatives};"
+            f" {_say_which(formats)}; {_known_formats()}"
         )
-    return found[0] if found else ""
+    return formats[0] if formats else ""
 
 
 def _accepts(reader: Reader, head: FileHead) -> bool:
     if isinstance(reader, FileReader):
-        return reader.accepts(head)
+        return reader.may_hold(head) and reader.recognizes(head)
     return reader.detect(head.path)
 
 
@@ -177,12 +182,12 @@ def _known_formats() -> str:
     return f"known formats: {', '.join(names())}"
 
 
-def _say_which(found: list[str]) -> str:
-    return f"say which: --format {found[0]} (in Python: format={found[0]!r})"
+def _say_which(formats: list[str]) -> str:
+    return f"say which: --format {formats[0]} (in Python: format={formats[0]!r})"
 
 
 def _fallback(
-    source: Path, root: Path, left: list[Path], refused: list[Rejected]
+    source: Path, root: Path, unmatched: list[Path], refused: list[Rejected]
 ) -> dict[str, Source]:
     """Return the reader that takes the source as a whole.
 
@@ -194,14 +199,14 @@ def _fallback(
             return {reader.name: source}
     for reader in _readers(fallback=False):
         refusal = getattr(reader, "refusal", None)
-        if refusal is not None and (why := refusal(source)):
-            raise SourceError(f"{source}: {why}")
+        if refusal is not None and (reason := refusal(source)):
+            raise SourceError(f"{source}: {reason}")
     if _is_empty(source):
         raise SourceError(f"{source}: is empty; {_known_formats()}")
-    for file in left[:MAX_HEAD_RECORDS]:
-        if why := explanation(FileHead(file)):
-            raise SourceError(f"{relative_name(file, root)}: is {why} (docs/sources.md)")
-    examples = ", ".join(_examples(root, left, refused))
+    for file in unmatched[:MAX_HEAD_RECORDS]:
+        if reason := explanation(FileHead(file)):
+            raise SourceError(f"{relative_name(file, root)}: is {reason} (docs/sources.md)")
+    examples = ", ".join(_examples(root, unmatched, refused))
     looked = f" ({examples})" if examples else ""
     raise SourceError(
         f"{source}: is not a recording of a known format{looked}; {_known_formats()}; {WAY_OUT}"
@@ -214,9 +219,9 @@ def _is_empty(source: Path) -> bool:
     return source.stat().st_size == 0
 
 
-def _examples(root: Path, left: list[Path], refused: list[Rejected]) -> Iterator[str]:
+def _examples(root: Path, unmatched: list[Path], refused: list[Rejected]) -> Iterator[str]:
     """Yield an example of the files without a reader, and one of those that are not opened."""
-    records = [file for file in left if file.suffix.lower() in TABLES]
+    records = [file for file in unmatched if file.suffix.lower() in TABLES]
     if records:
         advice = advise(records[0])
         yield f"{relative_name(records[0], root)} is of none{f': {advice}' if advice else ''}"
@@ -228,33 +233,33 @@ def _examples(root: Path, left: list[Path], refused: list[Rejected]) -> Iterator
         yield f"{len(refused) - 1} more not opened"
 
 
-def _adopted(taken: Mapping[str, list[Path]], left: list[Path]) -> list[Path]:
+def _adopted(files_by_format: Mapping[str, list[Path]], unmatched: list[Path]) -> list[Path]:
     """Assign files without a reader to the reader of their neighbours; return the others."""
     near: defaultdict[object, set[str]] = defaultdict(set)
-    for name, files in taken.items():
+    for name, files in files_by_format.items():
         if not getattr(get_reader(name), "adopts", False):
             continue
         for file in files:
             near[file.parent, file.suffix].add(name)
             near[file.name].add(name)
-    rest: list[Path] = []
-    for file in left:
-        found = near[file.name] | near[file.parent, file.suffix]
-        if len(found) == 1 and not _is_beside(file, taken):
-            (name,) = found
-            taken[name].append(file)
+    unread: list[Path] = []
+    for file in unmatched:
+        formats = near[file.name] | near[file.parent, file.suffix]
+        if len(formats) == 1 and not _is_beside(file, files_by_format):
+            (name,) = formats
+            files_by_format[name].append(file)
         else:
-            rest.append(file)
-    return rest
+            unread.append(file)
+    return unread
 
 
-def _may_hold_records(file: Path, taken: Mapping[str, list[Path]]) -> bool:
-    return file.suffix.lower() in TABLES and not _is_beside(file, taken)
+def _may_hold_records(file: Path, files_by_format: Mapping[str, list[Path]]) -> bool:
+    return file.suffix.lower() in TABLES and not _is_beside(file, files_by_format)
 
 
-def _is_beside(file: Path, taken: Mapping[str, list[Path]]) -> bool:
+def _is_beside(file: Path, files_by_format: Mapping[str, list[Path]]) -> bool:
     """Return whether a reader of this source reads the file beside its records."""
-    for name in taken:
+    for name in files_by_format:
         beside = getattr(get_reader(name), "beside", None)
         if beside is not None and beside(file):
             return True
@@ -279,11 +284,11 @@ def advise(file: Path) -> str:
     return ""
 
 
-def summary(names: list[str], shown: int = 3) -> str:
+def summary(names: list[str], limit: int = 3) -> str:
     """Return some names and how many more there are, with the kinds of files."""
     kinds = Counter(Path(name).suffix or "no suffix" for name in names)
     counts = ", ".join(f"{count} {kind}" for kind, count in kinds.most_common(4))
-    first = ", ".join(names[:shown])
-    if len(names) > shown:
-        first += f" and {len(names) - shown} more"
+    first = ", ".join(names[:limit])
+    if len(names) > limit:
+        first += f" and {len(names) - limit} more"
     return f"{first} ({counts})"

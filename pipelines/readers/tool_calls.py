@@ -32,29 +32,29 @@ def acting_calls(calls: object) -> list[NamedCall]:
 
     A call that is broken is a `FieldError`.
     """
-    found: list[NamedCall] = []
+    named_calls: list[NamedCall] = []
     for call in fields.listed(calls):
         function = fields.mapping(call, "tool_calls").get("function")
-        found += _read_calls(fields.mapping(function, "tool_calls.function"))
-    return [(name, given) for name, given in found if name not in LOOKING_CALLS]
+        named_calls += _read_calls(fields.mapping(function, "tool_calls.function"))
+    return [(name, arguments) for name, arguments in named_calls if name not in LOOKING_CALLS]
 
 
 def _read_calls(function: JsonObject) -> Iterator[NamedCall]:
     name = fields.text(function, "name", "tool_calls.function.name")
-    given = call_arguments(function)
+    arguments = call_arguments(function)
     if name not in BATCHES:
-        yield name, given
+        yield name, arguments
         return
-    for one in fields.mappings(fields.items(given, "actions"), "tool_calls.actions"):
-        yield fields.text(one, "action", "tool_calls.actions.action"), one
+    for action in fields.mappings(fields.items(arguments, "actions"), "tool_calls.actions"):
+        yield fields.text(action, "action", "tool_calls.actions.action"), action
 
 
-def parse_call(name: str, given: JsonObject, size: Size, scaling: Scaling) -> Action:
+def parse_call(name: str, arguments: JsonObject, size: Size, scaling: Scaling) -> Action:
     """Return one action in pixels of a picture.
 
     Args:
         name: name of the call.
-        given: its arguments.
+        arguments: those of the call.
         size: (height, width) of the picture.
         scaling: from the space of the arguments to the picture.
 
@@ -63,7 +63,7 @@ def parse_call(name: str, given: JsonObject, size: Size, scaling: Scaling) -> Ac
     """
     field = f"tool_calls.{name}"
     try:
-        action = _action(name, given, scaling)
+        action = _action(name, arguments, scaling)
     except HijackError as error:
         raise FieldError(field, str(error)) from None
     return fields.check_on_screen(action, size, field)
@@ -71,71 +71,71 @@ def parse_call(name: str, given: JsonObject, size: Size, scaling: Scaling) -> Ac
 
 def call_arguments(function: JsonObject) -> JsonObject:
     """Return the arguments of a call, an object or JSON text; others are a `FieldError`."""
-    given: object = function.get("arguments")
-    if given is None:
+    arguments: object = function.get("arguments")
+    if arguments is None:
         return {}
     field = "tool_calls.function.arguments"
-    return fields.mapping(parse_embedded(given, field), field)
+    return fields.mapping(parse_embedded(arguments, field), field)
 
 
-def _action(name: str, given: JsonObject, scaling: Scaling) -> Action:
-    place = _place(given, "coordinate", scaling)
-    button = given.get("button") or "left"
+def _action(name: str, arguments: JsonObject, scaling: Scaling) -> Action:
+    place = _place(arguments, "coordinate", scaling)
+    button = arguments.get("button") or "left"
     if name in _POINTERS:
         return action_at(_POINTERS[name], place)
     if name in _KEYS:
-        return _key(name, given)
+        return _key(name, arguments)
     match name:
         case "click" | "tap":
-            return action_at(click_type(button, _clicks(given)), place)
+            return action_at(click_type(button, _clicks(arguments)), place)
         case "mouse_down" | "mouse_up":
             return Action(name if button == "left" else "other")
         case "drag" | "swipe" if place is not None:
-            start = _place(given, "start_coordinate", scaling)
+            start = _place(arguments, "start_coordinate", scaling)
             return action_at("drag", start, x2=place[0], y2=place[1])
         case "scroll":
-            return _scroll(given, place)
+            return _scroll(arguments, place)
         case "type":
-            return Action("type", text=text(given.get("text"), "text"))
+            return Action("type", text=text(arguments.get("text"), "text"))
         case "wait":
-            return Action("wait", amount=number(given.get("duration", 0), "duration"))
+            return Action("wait", amount=number(arguments.get("duration", 0), "duration"))
         case "terminate":
-            return Action("fail" if given.get("status") == "failure" else "done")
+            return Action("fail" if arguments.get("status") == "failure" else "done")
         case _:
             raise ActionError(f"{fields.shown(name)} is not an action that is known")
 
 
-def _place(given: JsonObject, key: str, scaling: Scaling) -> tuple[int, int] | None:
+def _place(arguments: JsonObject, key: str, scaling: Scaling) -> tuple[int, int] | None:
     # Parquet stores null for arguments that an action does not have.
-    if given.get(key) is None:
+    if arguments.get(key) is None:
         return None
-    x, y = point(given[key], key)
+    x, y = point(arguments[key], key)
     return scaling.point(x, y)
 
 
-def _key(name: str, given: JsonObject) -> Action:
-    held = None
+def _key(name: str, arguments: JsonObject) -> Action:
+    seconds = None
     if name == "hold_key":
-        held = number(given.get("duration"), "duration")
-    keys = key_names(given.get("keys"), "keys", "+")
-    return Action(_KEYS[name], keys=keys, amount=held)
+        seconds = number(arguments.get("duration"), "duration")
+    keys = key_names(arguments.get("keys"), "keys", "+")
+    return Action(_KEYS[name], keys=keys, amount=seconds)
 
 
-def _clicks(given: JsonObject) -> int:
-    if given.get("clicks") is None:
+def _clicks(arguments: JsonObject) -> int:
+    if arguments.get("clicks") is None:
         return 1
-    clicks = number(given["clicks"], "clicks")
+    clicks = number(arguments["clicks"], "clicks")
     return int(clicks) if 0 < clicks < 10 else 0
 
 
-def _scroll(given: JsonObject, place: tuple[int, int] | None) -> Action:
-    amount = number(given.get("amount"), "amount")
-    direction = given.get("direction")
+def _scroll(arguments: JsonObject, place: tuple[int, int] | None) -> Action:
+    amount = number(arguments.get("amount"), "amount")
+    direction = arguments.get("direction")
     if direction in ("left", "right"):
         return action_at("other", place)
     if direction == "down":
         amount = -amount
     elif direction != "up":
-        got = fields.shown(direction)
-        raise ActionError(f"direction must be up, down, left or right, got {got}")
+        excerpt = fields.shown(direction)
+        raise ActionError(f"direction must be up, down, left or right, got {excerpt}")
     return action_at("scroll", place, amount=amount)

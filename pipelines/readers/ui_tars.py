@@ -8,10 +8,10 @@ from hijack_data.types import Trajectory
 
 from . import fields
 from .base import FileReader, Rejected, register
-from .chat import is_chat
+from .chat import Chat
 from .conversation_logs import Conversation, LogEntry, OtherFormatError, content_parts, read_logs
 from .fields import FieldError, JsonObject
-from .file_head import FileHead
+from .file_head import LISTS, FileHead, one_of_each
 from .recorded_actions import UI_TARS, UI_TARS_15
 from .safe_files import Source
 
@@ -28,10 +28,11 @@ _THOUSAND = re.compile(r"doubao|ui-?tars-?(?:1[.\-]0|2b|7b|72b)", re.IGNORECASE)
 class _UITars(FileReader):
     name = ""
     adopts = True
+    keys = one_of_each(("role", *LISTS))
 
     def recognizes(self, head: FileHead) -> bool:
         """Return whether one of the first replies has UI-TARS actions of this version."""
-        if is_chat(head):
+        if head.has_keys(Chat.keys):
             return False
         models = {_version(entry.get("model")) for entry in head.entries}
         replies = (_text(entry) for entry in head.entries if entry.get("role") == "assistant")
@@ -41,19 +42,19 @@ class _UITars(FileReader):
         """Yield trajectories in the order of the files."""
         return read_logs(path, self.name, self._take)
 
-    def _take(self, talk: Conversation, entry: LogEntry) -> Iterator[FieldError]:
+    def _take(self, conversation: Conversation, entry: LogEntry) -> Iterator[FieldError]:
         version = _version(entry.data.get("model"))
         if version not in ("", self.name):
             raise OtherFormatError(
                 "model",
                 f"{fields.shown(entry.data['model'])} writes {version}; read it with that format",
             )
-        talk.ask(entry.data.get("instruction"))
+        conversation.add_user_text(entry.data.get("instruction"))
         if entry.data.get("role") == "assistant":
             text = _text(entry.data)
-            talk.act(text, self.name, "content")
+            conversation.add_action(text, self.name, "content")
         elif entry.data.get("role") == "user":
-            yield from _user(talk, entry)
+            yield from _user(conversation, entry)
 
 
 @register
@@ -89,13 +90,13 @@ class UITars15(_UITars):
     name = UI_TARS_15
 
 
-def _user(talk: Conversation, entry: LogEntry) -> Iterator[FieldError]:
+def _user(conversation: Conversation, entry: LogEntry) -> Iterator[FieldError]:
     for pointer, part in content_parts(entry):
         try:
             if part.get("type") == "text":
-                talk.ask(str(part.get("text")).rpartition(_TASK)[2])
+                conversation.add_user_text(str(part.get("text")).rpartition(_TASK)[2])
             elif part.get("type") == "image_url":
-                talk.look(*_link(part, entry, pointer))
+                conversation.add_screenshot(*_link(part, entry, pointer))
         except FieldError as error:
             yield error
 

@@ -91,7 +91,11 @@ def _trajectory(file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
 
 
 def _read(message: object) -> tuple[str, str]:
-    """Return the role and the text of a message."""
+    """Return the role and the text of a message.
+
+    Raises:
+        FieldTypeError: the content is neither text nor a list of parts.
+    """
     record = fields.mapping(message, "")
     role = fields.text(record, "role")
     content: object = record.get("content")
@@ -104,8 +108,8 @@ def _read(message: object) -> tuple[str, str]:
 
 
 def _instruction(text: str) -> str:
-    found = _TASK.search(text)
-    return (found[1] if found else text).strip()
+    match = _TASK.search(text)
+    return (match[1] if match else text).strip()
 
 
 def _step(text: str, number: int, folder: Path, root: Path) -> Step:
@@ -117,8 +121,8 @@ def _step(text: str, number: int, folder: Path, root: Path) -> Step:
         raise FieldError("content", "the reply names no action")
     code = text[labels[-1].end() :].strip()
     action = _action(code, size)
-    kept = raw_action_text(code, "content")
-    return RecordedStep(number, os.fspath(image), action, kept, dialect=SIZELESS)
+    kept_code = raw_action_text(code, "content")
+    return RecordedStep(number, os.fspath(image), action, kept_code, dialect=SIZELESS)
 
 
 def _action(code: str, size: Size) -> Action:
