@@ -31,8 +31,8 @@ from pipelines import build, open_dataset, render
 from pipelines.building.rows import RowCounts, RowSettings, rows_of
 from pipelines.building.writers import write_parquet
 from pipelines.dataset.columns import BASE
-from pipelines.dataset.images import Base, decode, encode, touched
-from pipelines.dataset.lazy import draw
+from pipelines.dataset.image_codec import BaseImage, changed_rows, decode, encode
+from pipelines.dataset.lazy_rows import draw_row
 
 SIZES = ((1080, 1920), (1079, 1919))
 NAMES = ("pop_ups", "resolution", "marks", "subtitle")
@@ -179,15 +179,15 @@ def _band_times(image: np.ndarray, name: str) -> tuple[float, ...]:
 
     plan = hj.get(name).plan(hj.Scene(image.shape[:2]), seed=1, sample="x", step=0)
     picture = hj.apply(plan, image)
-    rows = touched(plan) or ()
-    base = Base(image)
-    assert base.png_of(picture, rows) == encode(picture)
-    assert base.sha256_of(picture, rows) == sha256_of(picture)
+    rows = changed_rows(plan) or ()
+    base = BaseImage(image)
+    assert base.encode_variant(picture, rows) == encode(picture)
+    assert base.hash_variant(picture, rows) == sha256_of(picture)
     return (
         cpu(lambda: encode(picture)),
-        cpu(lambda: base.png_of(picture, rows)),
+        cpu(lambda: base.encode_variant(picture, rows)),
         cpu(lambda: sha256_of(picture)),
-        cpu(lambda: base.sha256_of(picture, rows)),
+        cpu(lambda: base.hash_variant(picture, rows)),
         cpu(lambda: changed_pixels(image, hj.apply(plan, image), plan)),
     )
 
@@ -201,7 +201,7 @@ def lazy_rows(pictures: list[bytes]) -> str:
             times = [
                 cpu(lambda s=stored: Image.open(io.BytesIO(s)).load()),
                 cpu(lambda s=stored: decode(s, "x")),
-                cpu(lambda r=row: draw(r)),
+                cpu(lambda r=row: draw_row(r)),
             ]
             spent.setdefault(name, []).append(times)
     for name, times in spent.items():

@@ -329,7 +329,7 @@ def _corrupt(
     as_json: bool,
     options: dict[str, Any],
 ) -> int:
-    from hijack_data.cli.pictures import parse_settings
+    from hijack_data.cli.picture_commands import parse_settings
 
     spec = cls(**parse_settings(cls, options["settings"]))
     refuse_twice(desktop, spec, ledger, desktop.id)

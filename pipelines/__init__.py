@@ -4,7 +4,7 @@
 """
 
 from .building.build import BuildReport, build
-from .dataset.lazy import render
+from .dataset.lazy_rows import render
 from .dataset.opening import Dataset, open_dataset
 from .inspection import Inspection, inspect
 from .proof.verify import VerifyReport, verify

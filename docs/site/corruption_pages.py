@@ -10,7 +10,7 @@ import pictures
 import yaml
 
 import hijack_data as hj
-from hijack_data.cli.describe import describe
+from hijack_data.cli.list_commands import describe
 from hijack_data.composites import composite, is_bare
 
 TEXTS = yaml.safe_load((Path(__file__).parent / "texts.yaml").read_text(encoding="utf-8"))

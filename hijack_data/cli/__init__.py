@@ -30,22 +30,22 @@ FULL = 3  # exit code
 # Where each command is defined. The commands of the other packages are listed here as text, not as
 # imports.
 COMMANDS = {
-    "list": "hijack_data.cli.describe:list_command",
-    "show": "hijack_data.cli.describe:show",
-    "demo": "hijack_data.cli.demo:demo",
-    "apply": "hijack_data.cli.pictures:apply_command",
-    "gallery": "hijack_data.cli.pictures:gallery",
-    "new": "hijack_data.cli.new:new",
-    "check": "hijack_data.cli.checks:check",
-    "doctor": "hijack_data.cli.checks:doctor",
+    "list": "hijack_data.cli.list_commands:list_command",
+    "show": "hijack_data.cli.list_commands:show",
+    "demo": "hijack_data.cli.demo_command:demo",
+    "apply": "hijack_data.cli.picture_commands:apply_command",
+    "gallery": "hijack_data.cli.picture_commands:gallery",
+    "new": "hijack_data.cli.new_command:new",
+    "check": "hijack_data.cli.check_commands:check",
+    "doctor": "hijack_data.cli.check_commands:doctor",
     "inspect": "pipelines.cli:inspect",
     "build": "pipelines.cli:build",
     "verify": "pipelines.cli:verify",
     "sign": "pipelines.cli:sign",
     "stats": "pipelines.cli:stats",
     "export": "pipelines.cli:export",
-    "view": "pipelines.viewer.cli:view",
-    "train": "pipelines.train.cli:train",
+    "view": "pipelines.viewer.view_command:view",
+    "train": "pipelines.train.train_command:train",
     "desktop": "online_env.cli:desktop",
     "bench": "online_env.bench.cli:bench",
     "serve": "online_env.serving.cli:serve",
@@ -125,7 +125,7 @@ class LazyGroup(WholeSummaries):
 
 
 def _show_version(*words: Any) -> None:
-    importlib.import_module("hijack_data.cli.version").show_version(*words)
+    importlib.import_module("hijack_data.cli.version_text").show_version(*words)
 
 
 @click.group(
@@ -224,7 +224,7 @@ def console() -> Any:
 
     Control characters in what it prints are escaped.
     """
-    from .printing import PrintableConsole
+    from .printable_console import PrintableConsole
 
     return PrintableConsole(highlight=False, width=None if sys.stdout.isatty() else 120)
 

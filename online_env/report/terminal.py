@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 
 from hijack_data.cli import console
-from hijack_data.cli.tables import FigureTable, grouped
+from hijack_data.cli.figure_table import FigureTable, grouped
 
 from ..bench import costs, scores
 from ..bench.progress import shorten

@@ -11,7 +11,7 @@ import yaml
 from hijack_data import extras
 from hijack_data.errors import counted
 
-from ..dataset.columns import VISIBLE, Kind, stored
+from ..dataset.columns import VISIBLE, Kind, stored_columns
 from ..dataset.manifest import is_lazy
 from ..fidelity import MEANINGS
 from ..knowledge import LIST
@@ -93,7 +93,7 @@ def _front_matter(manifest: Mapping[str, Any]) -> list[str]:
         "tags": ["computer-use", "gui-agents", "screenshots", "robustness", "agenthijack"],
         "size_categories": [_size_category(manifest["rows"])],
         "dataset_info": {
-            "features": [_feature(name, kind) for name, (kind, _) in stored(lazy).items()],
+            "features": [_feature(name, kind) for name, (kind, _) in stored_columns(lazy).items()],
             "splits": splits,
             "download_size": sum(split["num_bytes"] for split in splits),
             "dataset_size": sum(split["num_bytes"] for split in splits),
@@ -341,7 +341,10 @@ def _cut(rows_per_shard: int) -> list[str]:
 
 
 def _columns(lazy: bool) -> list[str]:
-    rows = [f"| `{name}` | {_kind(kind)} | {text} |" for name, (kind, text) in stored(lazy).items()]
+    rows = [
+        f"| `{name}` | {_kind(kind)} | {text} |"
+        for name, (kind, text) in stored_columns(lazy).items()
+    ]
     return ["## Columns", "", "| column | type | what |", "|---|---|---|", *rows, ""]
 
 

@@ -27,11 +27,11 @@ from hijack_data.types import (
 )
 
 from ..dataset.columns import ACTION, BASE, VISIBLE
-from ..dataset.images import Base, decode, encode, is_transparent, touched
-from ..dataset.lazy import stored_plan
-from ..dataset.sample import Sample, position_of
+from ..dataset.image_codec import BaseImage, changed_rows, decode, encode, is_transparent
+from ..dataset.lazy_rows import stored_plan
+from ..dataset.sample import Sample, step_position
 from ..edits.base import EditedStep
-from ..edits.variants import Variant, VariantPlanner, acts, due, ever_due, step_numbers
+from ..edits.variants import Variant, VariantPlanner, has_effects, is_due, is_ever_due, step_numbers
 from ..errors import BuildError
 from ..readers import Rejected
 from ..readers.dialects import observed_code
@@ -75,7 +75,7 @@ class RowSettings:
 
         Raises `AssetError` if the pack is missing or damaged.
         """
-        if any(acts(planner) for _, planner in self.planners):
+        if any(has_effects(planner) for _, planner in self.planners):
             return AssetPack.load(self.assets)
         return None
 
@@ -162,7 +162,7 @@ def sample_of(
         image = decode(data, where)
         scene = _scene(trajectory, step, image, settings)
         tally.transparent += is_transparent(data)
-        return Sample(trajectory, step, Base(image), scene)
+        return Sample(trajectory, step, BaseImage(image), scene)
     except ImageError as error:
         tally.reject(where, place, "image", error)
     except ParameterError as error:  # the target has no area, is off the screen or off the action
@@ -180,7 +180,7 @@ def made_of(
         yield from counter.rows(CLEAN, iter([Variant(sample, plan, plan)]))
     chooser = VariantPlanner(settings.seed, settings.label_policy, settings.pack, settings.foreign)
     for label, planner in settings.planners:
-        if sample.position == 0 and not ever_due(sample.trajectory, planner):
+        if sample.position == 0 and not is_ever_due(sample.trajectory, planner):
             tally.skip(label, NEVER)
         yield from counter.rows(label, chooser.variants(sample, planner))
 
@@ -241,11 +241,11 @@ def _scene(trajectory: Trajectory, step: Step, image: UInt8Array, settings: RowS
 
 def _needs_scene(trajectory: Trajectory, step: Step, settings: RowSettings) -> bool:
     """Return whether any planner that acts at this step needs the elements."""
-    position = position_of(trajectory, step)
+    position = step_position(trajectory, step)
     for _, planner in settings.planners:
         if not needs_boxes(planner):
             continue
-        if due(planner, step_numbers(trajectory, position, planner)):
+        if is_due(planner, step_numbers(trajectory, position, planner)):
             return True
     return False
 
@@ -326,7 +326,9 @@ def _about(variant: Variant, label: str) -> dict[str, Any]:
     }
 
 
-def _picture(base: Base, picture: UInt8Array, plan: Plan, settings: RowSettings) -> dict[str, Any]:
+def _picture(
+    base: BaseImage, picture: UInt8Array, plan: Plan, settings: RowSettings
+) -> dict[str, Any]:
     """Return the stored picture and its digest.
 
     Parts that the picture shares with other pictures of its step are neither compressed nor hashed
@@ -335,20 +337,20 @@ def _picture(base: Base, picture: UInt8Array, plan: Plan, settings: RowSettings)
     digest = digest_of(base, picture, plan)
     if settings.lazy:
         return {BASE: {"bytes": base.png, "path": None}, "image_sha256": digest}
-    rows = touched(plan)
-    data = encode(picture) if rows is None else base.png_of(picture, rows)
+    rows = changed_rows(plan)
+    data = encode(picture) if rows is None else base.encode_variant(picture, rows)
     return {"screenshot": {"bytes": data, "path": None}, "image_sha256": digest}
 
 
-def digest_of(base: Base, picture: UInt8Array, plan: Plan) -> str:
+def digest_of(base: BaseImage, picture: UInt8Array, plan: Plan) -> str:
     """Return the SHA-256 of the picture that `plan` made from `base`.
 
     Rows at the top that both pictures share are not hashed again.
     """
-    rows = touched(plan)
+    rows = changed_rows(plan)
     if rows is None:
         return sha256_of(picture)
-    return base.sha256_of(picture, rows)
+    return base.hash_variant(picture, rows)
 
 
 def _event_columns(edit: EditedStep | None) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..dataset.columns import BASE, PICTURES, REPEATED, leaves, pyarrow, schema
+from ..dataset.columns import BASE, PICTURES, REPEATED, parquet_paths, pyarrow, schema
 
 # Readers keep one row group in memory, and read a whole group for a single row.
 GROUP_ROWS = 16
@@ -35,7 +35,7 @@ def write_parquet(path: Path, rows: Iterable[Mapping[str, Any]], lazy: bool = Fa
 
 
 def _layout(lazy: bool) -> dict[str, Any]:
-    names = leaves(lazy)
+    names = parquet_paths(lazy)
     plain = [name for name in names if name not in (*PICTURES, *REPEATED)]
     packed = dict.fromkeys(names, "snappy")
     packed |= {name: "none" for name in PICTURES if name in packed}

@@ -101,11 +101,11 @@ def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
     """
     files = {name: file_sha256(folder / name) for name in FILES if (folder / name).is_file()}
     whole = {**manifest, FILE_HASHES: files}
-    whole[DIGEST] = digest_of(whole)
+    whole[DIGEST] = manifest_digest(whole)
     write_atomic(folder / MANIFEST, json.dumps(whole, indent=1, ensure_ascii=False) + "\n")
 
 
-def digest_of(manifest: Mapping[str, Any]) -> str:
+def manifest_digest(manifest: Mapping[str, Any]) -> str:
     """Return the SHA-256 of the content of a manifest, excluding the digest itself."""
     said = {key: value for key, value in manifest.items() if key != DIGEST}
     text = json.dumps(said, sort_keys=True, separators=(",", ":"))

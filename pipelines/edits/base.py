@@ -222,7 +222,7 @@ class Edit(ABC):
         """
         yield ()
 
-    def made(
+    def make_step(
         self,
         *,
         ops: Sequence[Op],

@@ -69,9 +69,9 @@ class VariantPlanner:
         picture cannot be corrupted) and `BuildError` (an effect that no edit shows).
         """
         numbers = step_numbers(sample.trajectory, sample.position, planner)
-        if not due(planner, numbers):
+        if not is_due(planner, numbers):
             return
-        if not acts(planner):
+        if not has_effects(planner):
             yield self._plain(sample, planner, numbers[-1])
             return
         first = self._first(sample, planner, numbers)
@@ -175,7 +175,7 @@ def _check_declared(plan: Plan, planner: Planner) -> None:
     Raises:
         BuildError: the plan has an effect that the planner does not declare.
     """
-    if plan.effects and not acts(planner):
+    if plan.effects and not has_effects(planner):
         kinds = ", ".join(dict.fromkeys(effect.kind for effect in plan.effects))
         raise BuildError(
             f"{plan.corruption} gave a plan with effects on the machine ({kinds}), which"
@@ -210,12 +210,12 @@ def step_after(sample: Sample, edit: EditedStep) -> Sample:
     return replace(sample, step=changed, scene=scene)
 
 
-def acts(planner: Planner) -> bool:
+def has_effects(planner: Planner) -> bool:
     """Return whether a planner may have effects on the machine."""
     return bool(planner.effects)
 
 
-def due(planner: Planner, numbers: list[int]) -> bool:
+def is_due(planner: Planner, numbers: list[int]) -> bool:
     """Return whether a planner may act at any of these steps."""
     return any(planner.is_due(number) for number in numbers)
 
@@ -227,12 +227,12 @@ def step_numbers(trajectory: Trajectory, position: int, planner: Planner) -> lis
     recordings number their steps from 0 or 1, with gaps. Corruptions of the picture use the
     recorded number.
     """
-    if not acts(planner):
+    if not has_effects(planner):
         return [trajectory.steps[position].index]
     return [BEFORE, 0] if position == 0 else [position]
 
 
-def ever_due(trajectory: Trajectory, planner: Planner) -> bool:
+def is_ever_due(trajectory: Trajectory, planner: Planner) -> bool:
     """Return whether a planner may act at any step of a recording."""
     positions = range(len(trajectory.steps))
-    return any(due(planner, step_numbers(trajectory, k, planner)) for k in positions)
+    return any(is_due(planner, step_numbers(trajectory, k, planner)) for k in positions)

@@ -23,7 +23,7 @@ from hijack_data.files import (
     replace_atomic,
     write_atomic,
 )
-from pipelines.dataset.images import decode
+from pipelines.dataset.image_codec import decode
 
 
 def png16(path):

@@ -19,7 +19,7 @@ from hijack_data.cli import hijack
 from hijack_data.labels.rows import params_json
 from pipelines import build, open_dataset, render, verify
 from pipelines.dataset.columns import BASE
-from pipelines.dataset.lazy import plan_of, stored_plan
+from pipelines.dataset.lazy_rows import row_plan, stored_plan
 from pipelines.errors import DatasetError
 
 from support.rows import assert_same_rows, load
@@ -317,7 +317,7 @@ def test_recipes_give_back_the_plan(spec: hj.Corruption, seed: int, sample: str,
     }
     recipe = stored_plan(plan, row)
     assert len(recipe) < 80
-    assert plan_of({**row, "plan": recipe, "plan_digest": plan.digest()}, plan.size) == plan
+    assert row_plan({**row, "plan": recipe, "plan_digest": plan.digest()}, plan.size) == plan
     other = stored_plan(plan, {**row, "seed": seed ^ 1})
     assert hj.Plan.from_json(other) == plan if other != recipe else not hasattr(spec, "number")
 

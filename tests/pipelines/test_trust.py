@@ -228,15 +228,15 @@ def test_what_rows_of_a_step_share_is_compressed_once(
 ) -> None:
     """A subtitle leaves most bands of the picture alone: only those that it touches are compressed
     again."""
-    import pipelines.dataset.images
+    import pipelines.dataset.image_codec
 
-    real, bands = pipelines.dataset.images._band, []
+    real, bands = pipelines.dataset.image_codec._band, []
 
     def counted(image: Any, k: int) -> Any:
         bands.append(k)
         return real(image, k)
 
-    monkeypatch.setattr(pipelines.dataset.images, "_band", counted)
+    monkeypatch.setattr(pipelines.dataset.image_codec, "_band", counted)
     words = {"words": hj.Subtitle(subtitle_text="hello", font_size=12, padding=5)}
     build(recording(trajectories=1, steps=1), tmp_path / "out", corruptions=words)
     assert bands[:9] == list(range(9))

@@ -169,7 +169,7 @@ def play_run(folder: Path, cast: Cast | None = None) -> Path:
     return folder
 
 
-def id_of(task: str, label: str, agent: str) -> str:
+def episode_id(task: str, label: str, agent: str) -> str:
     """The id of an episode that `play_run` plays."""
     return slug_of(f"{task}-7", label, 7, agent, 0)
 

@@ -73,7 +73,7 @@ class SftSettings:
         return [Path(name).expanduser() for name in self.data]
 
 
-def method_of(path_or_name: str | os.PathLike[str]) -> str | None:
+def read_method(path_or_name: str | os.PathLike[str]) -> str | None:
     """Return the `method` of a training configuration, `None` for one without.
 
     Raises:

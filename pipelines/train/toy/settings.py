@@ -220,13 +220,13 @@ def check_tasks(replication: Replication) -> None:
             raise UnknownNameError(f"{replication.source}: {error}") from None
 
 
-def settings_of(replication: Replication) -> dict[str, Any]:
+def trainer_settings(replication: Replication) -> dict[str, Any]:
     """Return what `TrainSettings` takes of a replication."""
     names = ("epochs", "rollouts", "batch", "max_steps", "learning_rate", "clip_low", "clip_high")
     return {name: getattr(replication, name) for name in names}
 
 
-def arm_of(name: str) -> dict[str, Any]:
+def check_arm(name: str) -> dict[str, Any]:
     """Return an arm as JSON data.
 
     Raises:

@@ -12,7 +12,7 @@ pytest.importorskip("openenv", reason=needs.SERVE)
 
 import hijack_data as hj
 from hijack_data.errors import ParameterError
-from pipelines.train.adapters.served import TOKEN_VARIABLE, ServedEnv
+from pipelines.train.adapters.served_env import TOKEN_VARIABLE, ServedEnv
 from pipelines.train.errors import TrainError
 from pipelines.train.rollouts import PolicyAnswer, RolloutRequest, play
 from pipelines.train.sampler import CorruptionSampler, Draw
@@ -142,7 +142,7 @@ def test_sessions_are_spread_over_the_servers():
 
 @pytest.mark.parametrize(
     ("arguments", "problem"),
-    [({"addresses": []}, "at least one server"), ({"patience": 0}, "above 0")],
+    [({"addresses": []}, "at least one server"), ({"timeout": 0}, "above 0")],
 )
 def test_wrong_arguments_are_refused(arguments, problem):
     with pytest.raises(ParameterError, match=problem):
