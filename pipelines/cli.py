@@ -284,8 +284,8 @@ def sign(runs: Path, key: str) -> None:
     except OSError as error:
         raise unwritable(runs / seal.SEAL, error) from None
     report = rebuild(runs)
-    if not report.ok or not report.chained:
-        click.echo("\n".join([*report.lines(), "not signed: a run must be whole, and chained"]))
+    if not report.ok:
+        click.echo("\n".join([*report.lines(), "not signed: hijack verify finds problems"]))
         raise SystemExit(1)
     seal.sign(runs, key)
     click.echo(f"{runs / seal.SEAL}: signed by {seal.signer(runs)}")

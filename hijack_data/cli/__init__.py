@@ -95,9 +95,9 @@ class LazyGroup(WholeSummaries):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands by section, each with its whole summary."""
         sections = {title: list(lines) for title, lines in SECTIONS.items()}
-        others = [name for name in COMMANDS if name not in SUMMARIES]
-        if others:
-            sections["Others"] = others
+        unlisted = [name for name in COMMANDS if name not in SUMMARIES]
+        if unlisted:
+            sections["Others"] = unlisted
         wide = max(map(len, COMMANDS))
         for title, names in sections.items():
             with formatter.section(title):
@@ -106,12 +106,12 @@ class LazyGroup(WholeSummaries):
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Complete the names of commands, and the options that come before the command."""
-        found = [
+        completions = [
             CompletionItem(name, help=self.summary(ctx, name))
             for name in COMMANDS
             if name.startswith(incomplete)
         ]
-        return found + click.Command.shell_complete(self, ctx, incomplete)
+        return completions + click.Command.shell_complete(self, ctx, incomplete)
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """Find the command.
@@ -206,13 +206,13 @@ def _print_anything() -> None:
 def _plugin_warnings() -> Generator[None]:
     """Print warnings about plug-ins as messages, so that no filter makes errors of them."""
     with warnings.catch_warnings():
-        others = warnings.showwarning
+        show_other = warnings.showwarning
 
-        def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:
+        def show(message: Warning | str, category: type[Warning], *arguments: Any) -> None:
             if issubclass(category, PluginWarning):
                 click.echo(printable(f"hijack: warning: {message}"), err=True)
             else:
-                others(message, category, *rest)
+                show_other(message, category, *arguments)
 
         warnings.showwarning = show
         warnings.simplefilter("always", PluginWarning)

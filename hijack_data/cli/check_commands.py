@@ -74,19 +74,19 @@ def _check_file(out: Any, loaded: LoadedFile, desktop: bool) -> int:
     for kind in loaded.effects:
         effects: Any = importlib.import_module("online_env.effects.checking")
         out.print(f"[bold]effect {kind}[/] {escape(effects.summary(kind))}")
-        found = effects.check(kind, effects.params_for(kind, corruptions), desktop)
-        failed += sum(not _show(out, result) for result in found)
+        results = effects.check(kind, effects.params_for(kind, corruptions), desktop)
+        failed += sum(not _show(out, result) for result in results)
     return failed
 
 
 def _agents_of(loaded: LoadedFile) -> list[str]:
     """Return the agents of a file; a file without agents imports nothing."""
-    own = [
+    classes = [
         value
         for value in vars(sys.modules[loaded.module]).values()
         if isinstance(value, type) and value.__module__ == loaded.module
     ]
-    if not any(hasattr(cls, "predict") for cls in own) and "agent" not in loaded.names:
+    if not any(hasattr(cls, "predict") for cls in classes) and "agent" not in loaded.names:
         return []
     return importlib.import_module("online_env.agents.checking").agents_of(loaded)
 
@@ -94,8 +94,8 @@ def _agents_of(loaded: LoadedFile) -> list[str]:
 def _tasks_of(loaded: LoadedFile) -> list[str]:
     """Return the tasks of a file; a file without tasks imports nothing."""
     module = vars(sys.modules[loaded.module])
-    named = any(getattr(value, "phrasings", None) for value in module.values())
-    if not named and "task" not in loaded.names:
+    has_phrasings = any(getattr(value, "phrasings", None) for value in module.values())
+    if not has_phrasings and "task" not in loaded.names:
         return []
     return importlib.import_module("online_env.tasks.checking").tasks_of(loaded)
 
@@ -158,8 +158,8 @@ def _doctor_rows() -> Iterator[DoctorRow]:
     core = ", ".join(
         f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "pillow", "pyyaml")
     )
-    found = f"Python {platform.python_version()}, {core}"
-    yield doctor_rows.OK, "core", "plans and NumPy pictures", found
+    versions = f"Python {platform.python_version()}, {core}"
+    yield doctor_rows.OK, "core", "plans and NumPy pictures", versions
     yield from doctor_rows.extra_rows()
     yield _gpu()
     yield from plugin_rows()
@@ -168,8 +168,8 @@ def _doctor_rows() -> Iterator[DoctorRow]:
 
 def _plain(row: DoctorRow) -> dict[str, Any]:
     """Return a row without markup, for `--json`."""
-    mark, what, purpose, found = (Text.from_markup(cell).plain for cell in row)
-    return {"ok": mark == "ok", "what": what, "for": purpose, "found": found}
+    mark, component, purpose, state = (Text.from_markup(cell).plain for cell in row)
+    return {"ok": mark == "ok", "what": component, "for": purpose, "found": state}
 
 
 def _gpu() -> tuple[str, str, str, str]:

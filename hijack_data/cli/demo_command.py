@@ -56,17 +56,17 @@ def demo(out: Path, desktop: bool) -> None:
     Parts that need an extra that is not installed are left out, with the command that adds it.
     """
     screens = [recordings() / "images" / name for name in SCREENS]
-    made = [out / "before_after.png", out / "gallery.html"]
+    outputs = [out / "before_after.png", out / "gallery.html"]
     make_folder(out)
     command("apply", screens[1], "pop_ups", "-o", out / "pop_ups.png", "--seed", 3)
-    before_and_after(screens[0], made[0])
-    command("gallery", *screens, "-o", made[1])
+    before_and_after(screens[0], outputs[0])
+    command("gallery", *screens, "-o", outputs[1])
     if dataset(out / "dataset"):
-        made.append(out / "dataset")
+        outputs.append(out / "dataset")
     failed = desktop and nine(out / "nine.png")
     if desktop and (out / "nine.png").exists():
-        made.append(out / "nine.png")
-    names = [str(path) for path in made]
+        outputs.append(out / "nine.png")
+    names = [str(path) for path in outputs]
     click.echo(f"\nLook at {', '.join(names[:-1])} and {names[-1]}.")
     if failed:
         raise SystemExit(1)
@@ -142,14 +142,14 @@ def nine(picture: Path) -> bool:
     except (HijackError, OSError) as error:
         click.echo(f"live desktop: not here ({error}); in a clone `make desktop` adds it")
         return False
-    shown: list[Any] = []
+    results: list[Any] = []
     click.echo("\nOn a live desktop, what the probe of each corruption sees:")
     with desktop:
-        for one in showcase.show_nine(desktop):
-            mark = "" if one.ok else "PROBE FALSE: "
-            click.echo(f"  {one.name:17} {mark}{one.saw}")
-            shown.append(one)
+        for result in showcase.show_nine(desktop):
+            mark = "" if result.ok else "PROBE FALSE: "
+            click.echo(f"  {result.name:17} {mark}{result.saw}")
+            results.append(result)
     sheet: Any = showcase.sheet
-    write_atomic(picture, encode_png(sheet(shown)))
+    write_atomic(picture, encode_png(sheet(results)))
     click.echo(f"{picture}: all nine, before and after")
-    return not all(one.ok for one in shown)
+    return not all(result.ok for result in results)

@@ -99,13 +99,13 @@ def _planned(
     if not is_bare(plan):
         return plan, notes
     try:
-        made = composite(plan, image, scene, seed=key["seed"], sample=key["sample"])
+        shown = composite(plan, image, scene, seed=key["seed"], sample=key["sample"])
     except HijackError as error:
         if not notes:
             raise
         raise HijackError(f"{error}; {notes[-1]}") from None
     advice = "a live desktop shows its own, see `hijack desktop corrupt`"
-    return made.plan, (*notes, f"fidelity: {made.fidelity}; {advice}")
+    return shown.plan, (*notes, f"fidelity: {shown.fidelity}; {advice}")
 
 
 def _read_plan(file: str, name: str | None) -> Plan:
@@ -183,12 +183,14 @@ def apply_command(
     sample = options.pop("sample")
 
     def corrupt(image: str, out: str, sample: str) -> tuple[Plan, UInt8Array, tuple[str, ...]]:
-        given: dict[str, Any] = {**options, "sample": sample}
+        arguments: dict[str, Any] = {**options, "sample": sample}
         pixels, notes = load_image(image)
-        plan, more = _planned(pixels, name, given.pop("plan_file"), given.pop("settings"), **given)
+        plan, plan_notes = _planned(
+            pixels, name, arguments.pop("plan_file"), arguments.pop("settings"), **arguments
+        )
         result = to_numpy(apply(plan, convert(pixels, backend)))
         write_atomic(out, encode_png(result))
-        return plan, result, (*notes, *more, *plan.notes)
+        return plan, result, (*notes, *plan_notes, *plan.notes)
 
     if Path(image).is_dir():
         _refuse_for_folders(sample=sample, save_plan=save_plan, tree=options["tree"])
@@ -253,8 +255,8 @@ def gallery(
     page = make_page(find_pictures(images), seed=seed, planners=planners, detect=detect)
     if page.pictures:
         write_atomic(out, page.html)
-        many = f"{page.pictures} picture{'s' if page.pictures > 1 else ''}"
-        click.echo(f"{out}: {many}, {len(page.html) / 2**20:.1f} MiB")
+        pictures = f"{page.pictures} picture{'s' if page.pictures > 1 else ''}"
+        click.echo(f"{out}: {pictures}, {len(page.html) / 2**20:.1f} MiB")
     else:
         click.echo(f"{out}: not written, no picture can be read", err=True)
     for problem in page.problems:

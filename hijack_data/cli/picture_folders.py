@@ -24,14 +24,14 @@ def find_pictures(paths: Iterable[str]) -> list[str]:
 
     Raises `ImageError` for a folder without any picture.
     """
-    found: list[str] = []
+    pictures: list[str] = []
     for path in paths:
         folder = Path(path)
         if folder.is_dir():
-            found += [str(file) for file in below(folder)]
+            pictures += [str(file) for file in below(folder)]
         else:
-            found.append(path)
-    return found
+            pictures.append(path)
+    return pictures
 
 
 def below(folder: Path) -> list[Path]:
@@ -40,11 +40,11 @@ def below(folder: Path) -> list[Path]:
     Raises:
         ImageError: the folder holds no picture.
     """
-    named = [path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES]
-    found = sorted(path for path in named if path.is_file())
-    if not found:
+    candidates = [path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES]
+    pictures = sorted(path for path in candidates if path.is_file())
+    if not pictures:
         raise ImageError(f"{folder}: holds no picture ({'/'.join(FORMATS)})")
-    return found
+    return pictures
 
 
 def apply_below(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) -> None:
@@ -60,7 +60,7 @@ def apply_below(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) -> Non
     if out.resolve().is_relative_to(folder.resolve()):
         raise click.UsageError(f"-o {out}: lies in {folder}; choose a folder outside it")
     names = _named([file.relative_to(folder) for file in below(folder)])
-    done: list[dict[str, Any]] = []
+    written: list[dict[str, Any]] = []
     problems: list[str] = []
     for name, target in names.items():
         source = folder / name
@@ -82,8 +82,8 @@ def apply_below(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) -> Non
             "digest": plan.digest(),
             "notes": list(notes),
         }
-        done.append(row)
-    _report(out, done, problems, as_json)
+        written.append(row)
+    _report(out, written, problems, as_json)
 
 
 def _named(names: list[Path]) -> dict[Path, Path]:
@@ -93,19 +93,19 @@ def _named(names: list[Path]) -> dict[Path, Path]:
 
 
 def _target(name: Path, counts: Counter[Path]) -> Path:
-    plain = name.with_suffix(".png")
-    if plain == name or counts[plain] == 1:
-        return plain
+    png_name = name.with_suffix(".png")
+    if png_name == name or counts[png_name] == 1:
+        return png_name
     return name.with_name(f"{name.name}.png")
 
 
-def _report(out: Path, done: list[dict[str, Any]], problems: list[str], as_json: bool) -> None:
+def _report(out: Path, written: list[dict[str, Any]], problems: list[str], as_json: bool) -> None:
     if as_json:
-        click.echo(json.dumps({"out": str(out), "pictures": done, "problems": problems}))
+        click.echo(json.dumps({"out": str(out), "pictures": written, "problems": problems}))
     else:
-        click.echo(f"{out}: {counted(len(done), 'picture')}")
+        click.echo(f"{out}: {counted(len(written), 'picture')}")
         notes = Counter[str]()
-        for row in done:
+        for row in written:
             notes.update(row["notes"])
         for note, count in notes.items():
             repeated = f" ({count} pictures)" if count > 1 else ""

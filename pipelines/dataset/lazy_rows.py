@@ -49,11 +49,11 @@ def stored_plan(
     path = _path(planner, row, key)
     recipe = _recipe(plan.corruption, None if key == trajectory else key, path)
     try:
-        found = _derived(recipe, row, plan.size)
+        derived = _derived(recipe, row, plan.size)
     # A plan of several corruptions, or of a plug-in's planner: no recipe can express it.
     except HijackError:
         return plan.to_json()
-    return recipe if found == plan else plan.to_json()
+    return recipe if derived == plan else plan.to_json()
 
 
 def row_plan(row: Mapping[str, Any], size: Size) -> Plan:
@@ -76,12 +76,12 @@ def row_plan(row: Mapping[str, Any], size: Size) -> Plan:
         if isinstance(error, UnknownNameError):
             reason += "; hijack --load FILE.py, if manifest.json names a file"
         raise DatasetError(f"row {row['id']}: {reason}") from None
-    here = plan.digest()
-    if here != row["plan_digest"]:
-        built = str(row["plan_digest"])[:12]
+    digest = plan.digest()
+    if digest != row["plan_digest"]:
+        built_digest = str(row["plan_digest"])[:12]
         raise DatasetError(
-            f"row {row['id']}: its recipe gives another plan here ({here[:12]}) than where"
-            f" it was built ({built}); install the version that"
+            f"row {row['id']}: its recipe gives another plan here ({digest[:12]}) than where"
+            f" it was built ({built_digest}); install the version that"
             " manifest.json names, or build again"
         )
     return plan
@@ -129,13 +129,13 @@ def render(batch: dict[str, Any]) -> dict[str, Any]:
     if isinstance(batch["id"], str):
         return _rendered(batch)
     columns = cast("Mapping[str, Sequence[Any]]", batch)
-    done: list[Row] = []
+    rendered: list[Row] = []
     for values in zip(*columns.values(), strict=True):
         row = dict(zip(columns, values, strict=True))
-        done.append(_rendered(row))
-    if not done:
+        rendered.append(_rendered(row))
+    if not rendered:
         return batch
-    return {name: [row[name] for row in done] for name in done[0]}
+    return {name: [row[name] for row in rendered] for name in rendered[0]}
 
 
 NEEDED = ("id", "trajectory_id", "step", "seed", "params", "plan", "plan_digest")
@@ -143,12 +143,12 @@ NEEDED = ("id", "trajectory_id", "step", "seed", "params", "plan", "plan_digest"
 
 def materialised_row(row: Mapping[str, Any], screenshot: Any, plan: Plan) -> Row:
     """Return a lazy row as a materialised one, with `screenshot`."""
-    named: Row = {}
+    columns: Row = {}
     for name, value in row.items():
-        named["screenshot" if name == BASE else name] = value
-    named["screenshot"] = screenshot
-    named["plan"] = plan.to_json()
-    return named
+        columns["screenshot" if name == BASE else name] = value
+    columns["screenshot"] = screenshot
+    columns["plan"] = plan.to_json()
+    return columns
 
 
 def picture_bytes(stored: Mapping[str, Any]) -> bytes:
@@ -182,10 +182,10 @@ def _path(planner: Planner | None, row: Mapping[str, Any], sample: str) -> tuple
     """Return the path through combinators to the corruption that planned for a row."""
     key: int | str = sample
     while isinstance(planner, Augmentation):
-        found = planner.chosen(seed=int(row["seed"]), sample=key, step=int(row["step"]))
-        if found is None:
+        choice = planner.chosen(seed=int(row["seed"]), sample=key, step=int(row["step"]))
+        if choice is None:
             break
-        planner, key = found
+        planner, key = choice
     return key.path if isinstance(key, Branch) else ()
 
 

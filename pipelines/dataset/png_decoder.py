@@ -46,8 +46,8 @@ def read(data: bytes, zlib: Any) -> UInt8Array | None:
         return None
     if any(_may_turn(name, body) for name, body in chunks):
         return None
-    width, height, depth, colour, *rest = struct.unpack(">II5B", chunks[0][1])
-    if depth != 8 or colour not in CHANNELS or rest != [0, 0, 0]:
+    width, height, depth, colour, *methods = struct.unpack(">II5B", chunks[0][1])
+    if depth != 8 or colour not in CHANNELS or methods != [0, 0, 0]:
         return None
     if not 0 < width * height <= PICTURE_PIXELS:
         return None
@@ -65,7 +65,7 @@ def _chunks(data: bytes, crc32: Callable[..., int]) -> list[Chunk] | None:
     if data[:at] != SIGNATURE or data[at + 4 : at + 8] != b"IHDR":
         return None
     view = memoryview(data)
-    found: list[Chunk] = []
+    chunks: list[Chunk] = []
     while at + 12 <= len(data):
         (size,) = cast("tuple[int]", struct.unpack_from(">I", data, at))
         end = at + 12 + size
@@ -75,9 +75,9 @@ def _chunks(data: bytes, crc32: Callable[..., int]) -> list[Chunk] | None:
             return None
         if crc32(body, crc32(name)) != int.from_bytes(data[end - 4 : end], "big"):
             return None
-        found.append((name, body))
+        chunks.append((name, body))
         if name == b"IEND":
-            return found
+            return chunks
         at = end
     return None
 
@@ -164,43 +164,43 @@ def _unfilter(raw: UInt8Array, out: UInt8Array) -> None:
         to_corner = abs(to_left + to_up)
         to_left = abs(to_left)
         to_up = abs(to_up)
-        other = up if to_up <= to_corner else corner
-        return left if to_left <= to_up and to_left <= to_corner else other
+        up_or_corner = up if to_up <= to_corner else corner
+        return left if to_left <= to_up and to_left <= to_corner else up_or_corner
 
     height, width, _ = out.shape
     first = np.zeros((width, 3), np.uint8)
     for y in range(height):
         kind = raw[y, 0]
-        now = out[y]
+        row = out[y]
         up = out[y - 1] if y else first
         line = raw[y, 1:].reshape(width, (raw.shape[1] - 1) // width)
         r = g = b = r1 = g1 = b1 = np.int32(0)  # the pixel to the left, and the one above it
         if kind == 0:
             for x in range(width):
-                now[x, 0] = line[x, 0]
-                now[x, 1] = line[x, 1]
-                now[x, 2] = line[x, 2]
+                row[x, 0] = line[x, 0]
+                row[x, 1] = line[x, 1]
+                row[x, 2] = line[x, 2]
         elif kind == 1:
             for x in range(width):
                 r = (r + line[x, 0]) & 255
                 g = (g + line[x, 1]) & 255
                 b = (b + line[x, 2]) & 255
-                now[x, 0] = r
-                now[x, 1] = g
-                now[x, 2] = b
+                row[x, 0] = r
+                row[x, 1] = g
+                row[x, 2] = b
         elif kind == 2:
             for x in range(width):
-                now[x, 0] = line[x, 0] + up[x, 0]
-                now[x, 1] = line[x, 1] + up[x, 1]
-                now[x, 2] = line[x, 2] + up[x, 2]
+                row[x, 0] = line[x, 0] + up[x, 0]
+                row[x, 1] = line[x, 1] + up[x, 1]
+                row[x, 2] = line[x, 2] + up[x, 2]
         elif kind == 3:
             for x in range(width):
                 r = (((r + up[x, 0]) >> 1) + line[x, 0]) & 255
                 g = (((g + up[x, 1]) >> 1) + line[x, 1]) & 255
                 b = (((b + up[x, 2]) >> 1) + line[x, 2]) & 255
-                now[x, 0] = r
-                now[x, 1] = g
-                now[x, 2] = b
+                row[x, 0] = r
+                row[x, 1] = g
+                row[x, 2] = b
         else:
             for x in range(width):
                 r2 = np.int32(up[x, 0])
@@ -209,9 +209,9 @@ def _unfilter(raw: UInt8Array, out: UInt8Array) -> None:
                 r = (line[x, 0] + paeth(r, r2, r1)) & np.int32(255)
                 g = (line[x, 1] + paeth(g, g2, g1)) & np.int32(255)
                 b = (line[x, 2] + paeth(b, b2, b1)) & np.int32(255)
-                now[x, 0] = r
-                now[x, 1] = g
-                now[x, 2] = b
+                row[x, 0] = r
+                row[x, 1] = g
+                row[x, 2] = b
                 r1 = r2
                 g1 = g2
                 b1 = b2

@@ -114,7 +114,7 @@ class Stats:
     @property
     def rows(self) -> int:
         """All rows."""
-        return sum(found.rows for found in self.labels.values())
+        return sum(label_stats.rows for label_stats in self.labels.values())
 
     def to_data(self) -> dict[str, Any]:
         """JSON data."""
@@ -127,7 +127,9 @@ class Stats:
             "steps": self.steps,
             "shards": self.shards,
             "bytes": self.bytes,
-            "corruptions": {label: found.to_data() for label, found in self.labels.items()},
+            "corruptions": {
+                label: label_stats.to_data() for label, label_stats in self.labels.items()
+            },
             "dropped": counts["dropped"],
             "not_applicable": counts["not_applicable"],
             "rejected": counts["rejected"],
@@ -140,13 +142,13 @@ class Stats:
             f" {self.trajectories} trajectories, {self.bytes / 1e6:.1f} MB in"
             f" {counted(self.shards, 'file')}"
         ]
-        for label, found in self.labels.items():
-            for event, count in sorted(found.event.items()):
+        for label, label_stats in self.labels.items():
+            for event, count in sorted(label_stats.event.items()):
                 text.append(f"{label}: {counted(count, 'row')}: {event}")
-            if found.inserted:
-                text.append(f"{label}: {counted(found.inserted, 'step')} inserted")
-            if found.reminders:
-                text.append(f"{label}: {counted(found.reminders, 'row')} with a reminder")
+            if label_stats.inserted:
+                text.append(f"{label}: {counted(label_stats.inserted, 'step')} inserted")
+            if label_stats.reminders:
+                text.append(f"{label}: {counted(label_stats.reminders, 'row')} with a reminder")
         for label, count in self.counts["dropped"].items():
             text.append(f"{label}: {count} dropped, their target does not show")
         for label, reasons in self.counts["not_applicable"].items():
@@ -163,21 +165,23 @@ class Stats:
         from hijack_data.cli.figure_table import FigureTable
 
         rows: list[list[str]] = []
-        shown: list[list[str]] = []
-        for label, found in self.labels.items():
-            data = found.to_data()
+        visible_rows: list[list[str]] = []
+        for label, label_stats in self.labels.items():
+            data = label_stats.to_data()
             listed = [_listed(data[name]) for name in ("severity", "fidelity", "source")]
-            rows.append([label, str(found.rows), changed_text(data), *listed])
-            shown.append([label, *map(str, found.visible), str(data["without_target"])])
-        head, *more = map(escape, self.lines())
+            rows.append([label, str(label_stats.rows), changed_text(data), *listed])
+            visible_rows.append(
+                [label, *map(str, label_stats.visible), str(data["without_target"])]
+            )
+        head, *remarks = map(escape, self.lines())
         names = ("rows", "changed", "severity", "fidelity", "source")
         return [
             head,
             "",
             FigureTable("corruption", names, rows),
             "",
-            FigureTable("target shows", (*BINS, "no target"), shown),
-            *more,
+            FigureTable("target shows", (*BINS, "no target"), visible_rows),
+            *remarks,
         ]
 
 
@@ -207,8 +211,8 @@ def stats(folder: str | os.PathLike[str]) -> Stats:
 
 def changed_text(data: dict[str, Any]) -> str:
     """Return the changed share of the pictures as text: the median, the least and the largest."""
-    changed = data["changed"]
-    low, middle, high = (100 * changed[name] for name in ("min", "median", "max"))
+    shares = data["changed"]
+    low, middle, high = (100 * shares[name] for name in ("min", "median", "max"))
     return f"{middle:.1f} % ({low:.1f} to {high:.1f})"
 
 

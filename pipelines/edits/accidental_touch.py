@@ -268,16 +268,19 @@ def _opens(element: Box, asset: Asset, frame: Frame) -> bool:
     return _is_alike(element, opener, ALIKE)
 
 
-def _is_alike(element: Box, opener: Box, most: int) -> bool:
+def _is_alike(element: Box, opener: Box, tolerance: int) -> bool:
     """Return whether the sides of two boxes differ by at most `most` pixels."""
     pairs = zip(_sides(element), _sides(opener), strict=True)
-    return all(abs(one - other) <= most for one, other in pairs)
+    return all(abs(side - opener_side) <= tolerance for side, opener_side in pairs)
 
 
 def _is_similar(element: Box, opener: Box) -> bool:
     """Return whether an element, by its size, could be the opener on another desktop."""
     pairs = zip(_sides(element), _sides(opener), strict=True)
-    return all(other <= SMALLER * one and one <= LARGER * other for one, other in pairs)
+    return all(
+        opener_side <= SMALLER * side and side <= LARGER * opener_side
+        for side, opener_side in pairs
+    )
 
 
 def _in_window_bar(element: Box, asset: Asset, frame: Frame) -> bool:
@@ -344,12 +347,12 @@ def _offset(asset: Asset, element: Box) -> Point:
     box = _opener(asset)
     if box is None:
         return 0, element[3]
-    right = -box[0]
+    dx = -box[0]
     if _is_right(asset):
-        right += _sides(element)[0] - _sides(box)[0]
+        dx += _sides(element)[0] - _sides(box)[0]
     is_above = box[1] >= asset.size[0] - TOUCH
     row = element[1] - box[1] if is_above else element[3] - box[3]
-    return right, row
+    return dx, row
 
 
 def _opener(asset: Asset) -> Box | None:

@@ -50,17 +50,17 @@ class MinimiseEdit(Edit):
         if _is_bare(frame):
             raise NotApplicable("no window is open on this screen that could be minimised")
         allowed = replace(frame, pack=_allowed(frame))
-        what = "desktop with its windows minimised"
-        shown = whole_screen(allowed, "desktop", what, screen_layout.desktop)
-        recover = shown.asset.recover
+        description = "desktop with its windows minimised"
+        screen = whole_screen(allowed, "desktop", description, screen_layout.desktop)
+        recover = screen.asset.recover
         if recover is None:
-            raise NotApplicable(f"nothing was recorded that undoes {shown.asset.id}")
+            raise NotApplicable(f"nothing was recorded that undoes {screen.asset.id}")
         return self.make_step(
-            ops=shown.ops,
-            fidelity=shown.fidelity,
-            response=shown.mapped(recover),
-            boxes=shown.boxes,
-            notes=shown.notes,
+            ops=screen.ops,
+            fidelity=screen.fidelity,
+            response=screen.mapped(recover),
+            boxes=screen.boxes,
+            notes=screen.notes,
         )
 
     def assumed_apps(self, pack: AssetPack, stream: Stream) -> Iterator[tuple[str, ...]]:
@@ -93,7 +93,7 @@ def _allowed(frame: Frame) -> AssetPack:
         raise NotApplicable(
             f"the recording does not say whose window would be minimised; {NAME_APPS}"
         )
-    kept = tuple(
+    assets = tuple(
         asset for asset in frame.pack.assets if asset.kind != "desktop" or asset in allowed
     )
-    return replace(frame.pack, assets=kept)
+    return replace(frame.pack, assets=assets)

@@ -119,9 +119,9 @@ class Frame:
         """
         if self.facts.screen is None:
             raise NotApplicable(NO_SCREEN)
-        other = NO_DESKTOP.get(self.facts.screen)
-        if other is not None:
-            raise NotApplicable(other)
+        no_desktop = NO_DESKTOP.get(self.facts.screen)
+        if no_desktop is not None:
+            raise NotApplicable(no_desktop)
         if not self.is_foreign or self.foreign:
             return
         if self.platform is None:

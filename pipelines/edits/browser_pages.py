@@ -24,19 +24,19 @@ def error_page(
 
     For each look, the pages recorded on the screen of the nearest height are used.
     """
-    whole = [page for page in pack.pictures("error_page") if page.size[1] == page.screen[1]]
-    whole.sort(key=lambda page: abs(page.screen[0] - size[0]))
+    full_width = [page for page in pack.pictures("error_page") if page.size[1] == page.screen[1]]
+    full_width.sort(key=lambda page: abs(page.screen[0] - size[0]))
     nearest: dict[str, int] = {}
-    found: list[ScreenLayout] = []
-    for page in whole:
+    layouts: list[ScreenLayout] = []
+    for page in full_width:
         height = page.screen[0]
         if nearest.get(page.look, height) != height:
             continue
         layout = _window(pack, page, size)
         if layout:
             nearest[page.look] = height
-            found.append(layout)
-    return stream.choice(found) if found else None
+            layouts.append(layout)
+    return stream.choice(layouts) if layouts else None
 
 
 def _window(pack: AssetPack, page: Asset, size: Size) -> ScreenLayout | None:
@@ -81,11 +81,11 @@ def _view_of(pack: AssetPack, page: Asset) -> Asset | None:
 
 def _panel_of(pack: AssetPack, page: Asset) -> Asset | None:
     """Return the panel that was recorded below a window: one of its buttons names the page."""
-    for found in pack.pictures("panel", app=page.app):
-        if found.recover is not None or found.look != page.look:
+    for candidate in pack.pictures("panel", app=page.app):
+        if candidate.recover is not None or candidate.look != page.look:
             continue
-        if _address(found) == _address(page):
-            return found
+        if _address(candidate) == _address(page):
+            return candidate
     return None
 
 
@@ -97,8 +97,8 @@ def _address(asset: Asset) -> str:
 def _on_page(page: Asset, top: int, width: int) -> list[Box]:
     """Return the clickable elements of the page itself, whose content stays in the middle."""
     cut = max(0, (page.size[1] - width) // 2)
-    added = max(0, (width - page.size[1]) // 2)
-    dx = added - cut
+    margin = max(0, (width - page.size[1]) // 2)
+    dx = margin - cut
     boxes = [target.box for target in page.targets if target.box[1] >= top]
     return [(x1 + dx, y1, x2 + dx, y2) for x1, y1, x2, y2 in boxes]
 

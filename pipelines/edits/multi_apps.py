@@ -68,8 +68,8 @@ class LaunchAppEdit(Edit):
         scene = _aimed(frame)
         _check_step(frame, scene)
         first = str(effect.params["app"])
-        wanted = [first, *(str(name) for name in effect.params.get("then", ()))]
-        windows = list(_windows(frame, wanted))
+        names = [first, *(str(name) for name in effect.params.get("then", ()))]
+        windows = list(_windows(frame, names))
         if not windows:
             raise NotApplicable(
                 "no window of an application that the recording does not use was recorded"
@@ -109,9 +109,9 @@ def _check_step(frame: Frame, scene: Scene) -> None:
         )
 
 
-def _notes(frame: Frame, name: str, wanted: str) -> Iterator[str]:
-    if name != wanted:
-        yield f"a window of {name} was recorded, and none of {wanted} that fits"
+def _notes(frame: Frame, name: str, planned: str) -> Iterator[str]:
+    if name != planned:
+        yield f"a window of {name} was recorded, and none of {planned} that fits"
     if not frame.apps:
         yield "which applications the recording uses is not known"
 
@@ -133,19 +133,19 @@ def _aimed(frame: Frame) -> Scene:
     return replace(frame.scene, target=(min(left), min(top), max(right), max(bottom)))
 
 
-def _windows(frame: Frame, wanted: Sequence[str]) -> Iterator[tuple[str, list[Asset]]]:
+def _windows(frame: Frame, names: Sequence[str]) -> Iterator[tuple[str, list[Asset]]]:
     """Yield recorded windows by application, those that the plan names first.
 
     A window that may be the recording's own is never used, nor is one of a program that the
     instruction names: the task may be done in it. A screenshot without a recording is assumed to
     show a browser.
     """
-    found: dict[str, list[Asset]] = {}
+    windows_by_app: dict[str, list[Asset]] = {}
     for asset in frame.pack.pictures("window"):
-        found.setdefault(normalize_app(asset.app), []).append(asset)
-    for name in dict.fromkeys([*wanted, *found]):
-        if name in found and not _may_be_own(name, frame):
-            yield name, found[name]
+        windows_by_app.setdefault(normalize_app(asset.app), []).append(asset)
+    for name in dict.fromkeys([*names, *windows_by_app]):
+        if name in windows_by_app and not _may_be_own(name, frame):
+            yield name, windows_by_app[name]
 
 
 def _may_be_own(name: str, frame: Frame) -> bool:
@@ -158,15 +158,15 @@ def _may_be_own(name: str, frame: Frame) -> bool:
 
 def _best(places: Iterator[_Placement]) -> list[_Placement]:
     """Return all placements with the best sort key."""
-    found = list(places)
-    least = min((place.badness for place in found), default=None)
-    return [place for place in found if place.badness == least]
+    placements = list(places)
+    least = min((place.badness for place in placements), default=None)
+    return [place for place in placements if place.badness == least]
 
 
 def _placements(windows: Sequence[Asset], scene: Scene) -> Iterator[_Placement]:
     """Yield where each window can stand."""
-    others = [box for box in scene.obstacles.tolist() if tuple(box) != scene.target]
-    boxes = as_boxes(others)
+    obstacles = [box for box in scene.obstacles.tolist() if tuple(box) != scene.target]
+    boxes = as_boxes(obstacles)
     for asset in windows:
         height, width = asset.size
         for x, y in sorted(_corners(asset.size, scene, boxes)):
@@ -178,18 +178,18 @@ def _corners(window: Size, scene: Scene, boxes: BoxArray) -> set[Point]:
     """Return corners to try: spread over each space beside the target, and in the free place."""
     target = as_boxes([scene.target] if scene.target else [])
     free = largest_free_rectangle(scene.size, np.concatenate([boxes, target]))
-    found: set[Point] = set()
+    corners: set[Point] = set()
     for space in _beside(scene):
-        found |= _within(window, space, GRID)
-        found |= _within(window, _common(space, free), 2)
-    return found
+        corners |= _within(window, space, GRID)
+        corners |= _within(window, _common(space, free), 2)
+    return corners
 
 
-def _common(one: Box, other: Box) -> Box:
-    left = max(one[0], other[0])
-    top = max(one[1], other[1])
-    right = min(one[2], other[2])
-    bottom = min(one[3], other[3])
+def _common(first: Box, second: Box) -> Box:
+    left = max(first[0], second[0])
+    top = max(first[1], second[1])
+    right = min(first[2], second[2])
+    bottom = min(first[3], second[3])
     return left, top, right, bottom
 
 

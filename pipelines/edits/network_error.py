@@ -45,12 +45,12 @@ class FirewallEdit(Edit):
             note = f"{asset.id} was cut or continued to the size of the page"
             return self.make_step(ops=page, fidelity="composited", notes=(note,))
         _check_browser(frame)
-        shown = whole_screen(frame, "error_page", "browser with an error page", error_page)
+        screen = whole_screen(frame, "error_page", "browser with an error page", error_page)
         return self.make_step(
-            ops=tuple(_with_panels(shown.ops, shown.asset, frame.pack)),
-            fidelity=shown.fidelity,
-            boxes=shown.boxes,
-            notes=shown.notes,
+            ops=tuple(_with_panels(screen.ops, screen.asset, frame.pack)),
+            fidelity=screen.fidelity,
+            boxes=screen.boxes,
+            notes=screen.notes,
         )
 
     def assumed_apps(self, pack: AssetPack, stream: Stream) -> Iterator[tuple[str, ...]]:
@@ -82,21 +82,21 @@ def _emptied(below: Asset, window: Asset) -> Iterator[tuple[Box, list[Point]]]:
     """
     buttons = window_buttons(below)
     title = _title(window)
-    others = [
+    other_boxes = [
         button.box for button in buttons if title is None or not button.name.startswith(title)
     ]
-    if not others:
+    if not other_boxes:
         return
     free = _free_part(below, [button.box for button in buttons])
     start, top, end, bottom = free
     width = end - start
-    for left, _, right, _ in others:
-        whole = list(range(left, right - width + 1, width))
-        if whole:
-            yield free, [(x, top) for x in whole]
-        rest = left + len(whole) * width
-        if rest < right:
-            yield (start, top, start + right - rest, bottom), [(rest, top)]
+    for left, _, right, _ in other_boxes:
+        columns = list(range(left, right - width + 1, width))
+        if columns:
+            yield free, [(x, top) for x in columns]
+        last_column = left + len(columns) * width
+        if last_column < right:
+            yield (start, top, start + right - last_column, bottom), [(last_column, top)]
 
 
 def _title(window: Asset) -> str | None:

@@ -72,18 +72,18 @@ def _keys(action: Action) -> set[str]:
 
 def _columns(boxes: Sequence[Box]) -> Iterator[list[Box]]:
     """Yield columns of at least `ITEMS` similar boxes, one below the other."""
-    left = list(boxes)
-    while left:
-        first = left[0]
-        same = [box for box in left if _is_below(box, first)]
-        left = [box for box in left if box not in same]
-        same.sort(key=lambda box: box[1])
-        yield from _runs(same)
+    remaining = list(boxes)
+    while remaining:
+        first = remaining[0]
+        column = [box for box in remaining if _is_below(box, first)]
+        remaining = [box for box in remaining if box not in column]
+        column.sort(key=lambda box: box[1])
+        yield from _runs(column)
 
 
-def _is_below(one: Box, other: Box) -> bool:
+def _is_below(first: Box, second: Box) -> bool:
     """Return whether two boxes begin and end at the same columns."""
-    return abs(one[0] - other[0]) <= ALIKE and abs(one[2] - other[2]) <= ALIKE
+    return abs(first[0] - second[0]) <= ALIKE and abs(first[2] - second[2]) <= ALIKE
 
 
 def _runs(column: Sequence[Box]) -> Iterator[list[Box]]:
@@ -106,18 +106,18 @@ def _follows(above: Box, below: Box) -> bool:
 
 
 def _covers_others(column: Sequence[Box], elements: Sequence[Box]) -> bool:
-    others = [box for box in elements if box not in column]
+    outside = [box for box in elements if box not in column]
     for item in column:
-        for box in others:
+        for box in outside:
             if _overlap(item, box) and not _holds(item, box):
                 return True
     return False
 
 
-def _overlap(one: Box, other: Box) -> bool:
+def _overlap(first: Box, second: Box) -> bool:
     """Return whether two boxes share more than an edge."""
-    width = min(one[2], other[2]) - max(one[0], other[0])
-    height = min(one[3], other[3]) - max(one[1], other[1])
+    width = min(first[2], second[2]) - max(first[0], second[0])
+    height = min(first[3], second[3]) - max(first[1], second[1])
     return width > ALIKE and height > ALIKE
 
 

@@ -135,14 +135,14 @@ def desktop(
     wallpapers = _wallpapers(pack, size)
     if not wallpapers:
         return None
-    whole = [asset for asset in pack.pictures("desktop") if asset.size == asset.screen]
-    recorded = [asset for asset in whole if asset.recover]
-    own = [asset for asset in recorded if asset.app in apps]
-    found = _first_panel(own or recorded, size, stream)
-    if found is None:
+    full_screens = [asset for asset in pack.pictures("desktop") if asset.size == asset.screen]
+    recorded = [asset for asset in full_screens if asset.recover]
+    preferred = [asset for asset in recorded if asset.app in apps]
+    first = _first_panel(preferred or recorded, size, stream)
+    if first is None:
         return None
     below = stream.choice(wallpapers)
-    asset, panel_bar = found
+    asset, panel_bar = first
     top = _panel_top(asset)
     height = top + EDGE + panel_bar.dy
     icons = list(_icons(pack.pictures("icon"), (height, size[1])))
@@ -158,12 +158,12 @@ def desktop(
 
 def _first_panel(assets: Sequence[Asset], size: Size, stream: Stream) -> tuple[Asset, Bar] | None:
     """Draw recorded desktops until the panel of one fits."""
-    left = list(assets)
-    while left:
-        asset = left.pop(stream.integer(0, len(left) - 1))
-        found = panel(asset, size)
-        if found:
-            return asset, found
+    remaining = list(assets)
+    while remaining:
+        asset = remaining.pop(stream.integer(0, len(remaining) - 1))
+        panel_bar = panel(asset, size)
+        if panel_bar:
+            return asset, panel_bar
     return None
 
 
@@ -201,24 +201,24 @@ def bar(asset: Asset, rows: RowRange, gaps: int, width: int, y: int) -> Bar | No
 
     Returns `None` if there are no such stretches, or the pieces would overlap.
     """
-    whole = asset.size[1]
-    plain = _longest(_plain(asset, rows), gaps)
-    if len(plain) < gaps:
+    recorded_width = asset.size[1]
+    stretches = _longest(_plain(asset, rows), gaps)
+    if len(stretches) < gaps:
         return None
-    pieces = _pieces(plain, whole)
-    moves = _moves(gaps, width - whole)
-    placed = [_shifted(piece, move) for piece, move in zip(pieces, moves, strict=True)]
-    spaces = [(left[1], right[0]) for left, right in pairwise(placed)]
+    pieces = _pieces(stretches, recorded_width)
+    moves = _moves(gaps, width - recorded_width)
+    spans = [_shifted(piece, move) for piece, move in zip(pieces, moves, strict=True)]
+    spaces = [(left[1], right[0]) for left, right in pairwise(spans)]
     if any(_length(space) < 0 for space in spaces):
         return None
     ops: list[Paste] = []
-    for stretch, space in zip(plain, spaces, strict=True):
+    for stretch, space in zip(stretches, spaces, strict=True):
         if _length(space):
             ops.append(_fill(asset, rows, stretch.tile, space, y))
-    for piece, place in zip(pieces, placed, strict=True):
+    for piece, place in zip(pieces, spans, strict=True):
         if _length(piece) > 0:
             ops.append(Paste(_part(asset, piece, rows), ((place[0], y),)))
-    middles = [(start + end) // 2 for start, end in (stretch.span for stretch in plain)]
+    middles = [(start + end) // 2 for start, end in (stretch.span for stretch in stretches)]
     return Bar(ops=tuple(ops), cuts=(0, *middles), moves=moves, dy=y - rows[0])
 
 
@@ -228,10 +228,10 @@ def _longest(stretches: Sequence[Stretch], count: int) -> list[Stretch]:
     return sorted(by_length[-count:], key=lambda stretch: stretch.span)
 
 
-def _pieces(plain: Sequence[Stretch], whole: int) -> list[Span]:
+def _pieces(stretches: Sequence[Stretch], width: int) -> list[Span]:
     """Return the columns before, between and after plain stretches."""
-    starts = [0, *(stretch.span[1] for stretch in plain)]
-    ends = [*(stretch.span[0] for stretch in plain), whole]
+    starts = [0, *(stretch.span[1] for stretch in stretches)]
+    ends = [*(stretch.span[0] for stretch in stretches), width]
     return list(zip(starts, ends, strict=True))
 
 
@@ -283,8 +283,8 @@ def _plain(asset: Asset, rows: RowRange) -> tuple[Stretch, ...]:
 
 def _alike(part: UInt8Array) -> list[Span]:
     """Return the runs of at least `PLAIN` equal columns."""
-    same = (part[:, 1:] == part[:, :-1]).all(axis=(0, 2))
-    padded = np.concatenate([[False], same, [False]])
+    equals_next = (part[:, 1:] == part[:, :-1]).all(axis=(0, 2))
+    padded = np.concatenate([[False], equals_next, [False]])
     edges = np.flatnonzero(np.diff(padded.astype(np.int8)))
     runs = [(int(start), int(end) + 1) for start, end in edges.reshape(-1, 2)]
     return [run for run in runs if _length(run) >= PLAIN]
@@ -294,8 +294,8 @@ def _continues(last: Stretch, run: Span, part: UInt8Array) -> bool:
     """Return whether a run is of the same colours as the stretch before it, and close to it."""
     if run[0] - last.span[1] > POINTER:
         return False
-    same = part[:, run[0]] == part[:, last.tile[0]]
-    return bool(same.all())
+    equal_pixels = part[:, run[0]] == part[:, last.tile[0]]
+    return bool(equal_pixels.all())
 
 
 def _length(span: Span) -> int:

@@ -34,9 +34,9 @@ def composite(
     stream = Stream(seed, f"edit-{effect.kind}-v1", sample, 0)
     step = _edited(EDITS[effect.kind], effect, image, scene, stream)
     notes = (step.event, *step.notes, *plan.notes)
-    whole = replace(plan, ops=step.ops + plan.ops, notes=notes)
+    shown_plan = replace(plan, ops=step.ops + plan.ops, notes=notes)
     fidelity = fidelity_of(step.fidelity, is_drawn_over=bool(plan.ops))
-    return Composite(whole, fidelity, step.event)
+    return Composite(shown_plan, fidelity, step.event)
 
 
 def _edited(
@@ -62,11 +62,11 @@ def _edited(
             guess=True,
         )
         try:
-            made = edit.apply(frame, effect)
+            edited = edit.apply(frame, effect)
         except NotApplicable as reason:
             problem = reason
             continue
-        return replace(made, fidelity=fidelity_of(made.fidelity, is_foreign=frame.is_foreign))
+        return replace(edited, fidelity=fidelity_of(edited.fidelity, is_foreign=frame.is_foreign))
     raise problem
 
 

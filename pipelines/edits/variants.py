@@ -107,11 +107,11 @@ class VariantPlanner:
             planner.plan(sample.scene, seed=self.seed, sample=sample.key, step=number)
             for number in numbers
         ]
-        now = plans[-1]
+        plan = plans[-1]
         for before in plans[:-1]:
             if before.effects:  # pictures are corrupted from the first step on, not before it
-                now = _joined(replace(before, ops=()), now)
-        return now
+                plan = _joined(replace(before, ops=()), plan)
+        return plan
 
     def _plan(self, sample: Sample, planner: Planner, number: int) -> Plan | None:
         """Return a plan for pictures under the label policy, or `None` if it drops the row."""
@@ -149,24 +149,24 @@ class VariantPlanner:
             stream=stream,
             foreign=self.foreign,
         )
-        made = edit.apply(frame, effect)
-        return replace(made, fidelity=fidelity_of(made.fidelity, is_foreign=frame.is_foreign))
+        edited = edit.apply(frame, effect)
+        return replace(edited, fidelity=fidelity_of(edited.fidelity, is_foreign=frame.is_foreign))
 
     def _edited(
         self, sample: Sample, planner: Planner, plan: Plan, edit: EditedStep, number: int
     ) -> Variant | None:
         """Return the row of an edit, with the picture operations of `plan` drawn over it."""
-        changed = step_after(sample, edit)
+        after = step_after(sample, edit)
         over: Plan | None = replace(plan, ops=(), effects=())
         if plan.ops:
-            over = self._plan(changed, planner, number)
+            over = self._plan(after, planner, number)
         if over is None:
             return None
         edit = replace(edit, fidelity=fidelity_of(edit.fidelity, is_drawn_over=bool(over.ops)))
         notes = over.notes if plan.ops else plan.notes
-        whole = replace(plan, ops=edit.ops + over.ops, notes=notes + edit.notes)
-        hiding = whole if edit.response is None else replace(over, effects=())
-        return Variant(changed, whole, hiding, edit)
+        full_plan = replace(plan, ops=edit.ops + over.ops, notes=notes + edit.notes)
+        hiding = full_plan if edit.response is None else replace(over, effects=())
+        return Variant(after, full_plan, hiding, edit)
 
 
 def _check_declared(plan: Plan, planner: Planner) -> None:
@@ -183,14 +183,14 @@ def _check_declared(plan: Plan, planner: Planner) -> None:
         )
 
 
-def _joined(before: Plan, now: Plan) -> Plan:
+def _joined(before: Plan, first: Plan) -> Plan:
     """Return the plan of the first step joined with the effects before the episode."""
-    if not now.ops and not now.effects:
+    if not first.ops and not first.effects:
         return before
-    new = tuple(effect for effect in now.effects if effect not in before.effects)
-    if before.corruption == now.corruption:
-        return replace(now, effects=before.effects + new)
-    return before.then(replace(now, effects=new))
+    new = tuple(effect for effect in first.effects if effect not in before.effects)
+    if before.corruption == first.corruption:
+        return replace(first, effects=before.effects + new)
+    return before.then(replace(first, effects=new))
 
 
 def step_after(sample: Sample, edit: EditedStep) -> Sample:
@@ -203,11 +203,11 @@ def step_after(sample: Sample, edit: EditedStep) -> Sample:
     action = edit.response.action
     box = edit.response.target_box
     target = as_target(box or action.point)
-    changed = RecordedStep(
+    recorded = RecordedStep(
         step.index, step.image, action, write_pyautogui(action), box, edit.boxes, step.id
     )
     scene = replace(scene, boxes=as_boxes(edit.boxes), target=target)
-    return replace(sample, step=changed, scene=scene)
+    return replace(sample, step=recorded, scene=scene)
 
 
 def has_effects(planner: Planner) -> bool:

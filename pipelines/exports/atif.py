@@ -106,9 +106,9 @@ class _Episode:
         text = json.dumps(document, ensure_ascii=False, indent=1)
         write_atomic(self.folder / "trajectory.json", text + "\n")
 
-    def _step(self, source: str, message: Any, **more: Any) -> None:
+    def _step(self, source: str, message: Any, **fields: Any) -> None:
         number = len(self.steps) + 1
-        self.steps.append({"step_id": number, "source": source, "message": message, **more})
+        self.steps.append({"step_id": number, "source": source, "message": message, **fields})
 
     def _image(self, png: bytes) -> dict[str, Any]:
         name = f"images/{len(self.steps):06d}.png"

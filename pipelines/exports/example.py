@@ -88,11 +88,11 @@ def checked_answer(text: str) -> str:
     Raises:
         ActionError: the answer contains a placeholder or a special token of chat models.
     """
-    found = _SPECIAL.search(text)
-    if found is None:
+    match = _SPECIAL.search(text)
+    if match is None:
         return text
-    whole = re.match(r"[^>\]]*[>\]]", text[found.start() :])
-    token = whole[0] if whole else ""
+    token_match = re.match(r"[^>\]]*[>\]]", text[match.start() :])
+    token = token_match[0] if token_match else ""
     raise ActionError(f"the answer holds {token}, which is a token of chat models")
 
 

@@ -175,13 +175,13 @@ def export(
     report = ExportReport(os.fspath(out), to, dialect)
     with new_folder(Path(out), Path(folder)) as place:
         writer = make_writer(place)
-        done = 0
+        rows_done = 0
         for index, shard in enumerate(rows.manifest["shards"]):
             stored = stored_rows(rows.folder / shard["file"], is_lazy(rows.manifest))
             writer.shard(index, _examples(stored, index, report, keep_hidden))
-            done += int(shard["rows"])
+            rows_done += int(shard["rows"])
             if progress is not None:
-                progress(done, len(rows), "rows")
+                progress(rows_done, len(rows), "rows")
         writer.finish()
         report.notes += getattr(writer, "notes", list[str])()
         write_report(

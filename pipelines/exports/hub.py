@@ -46,7 +46,7 @@ def push_to_hub(
     api = hub.HfApi(endpoint=endpoint, token=token)
     try:
         api.create_repo(repo_id, repo_type="dataset", private=private, exist_ok=True)
-        done = api.upload_folder(
+        commit = api.upload_folder(
             repo_id=repo_id,
             repo_type="dataset",
             folder_path=os.fspath(folder),
@@ -56,7 +56,7 @@ def push_to_hub(
         )
     except (OSError, ValueError, *_network_errors()) as error:
         raise BuildError(f"{repo_id}: not uploaded ({type(error).__name__}: {error})") from None
-    return str(done.commit_url)
+    return str(commit.commit_url)
 
 
 def _hub() -> Any:

@@ -66,7 +66,7 @@ def _held(place: Path) -> Iterator[None]:
     """
     place.mkdir(exist_ok=True)
     try:
-        held = lock(place)
+        folder_lock = lock(place)
     except LockedError:
         raise BuildError(
             f"{place}: another export is writing to this folder; wait for it"
@@ -80,4 +80,4 @@ def _held(place: Path) -> Iterator[None]:
         yield
     finally:
         shutil.rmtree(place, ignore_errors=True)
-        held.release()
+        folder_lock.release()

@@ -43,40 +43,40 @@ def event_variant(row: Mapping[str, Any], plan: Plan, sample: Sample) -> Variant
         raise DatasetError(
             f"event is {shown(row['event'])}, and its plan does {kinds or 'nothing'} to the machine"
         )
-    known = EDITS[kinds[0]]
-    if not is_ours(known):
+    edit = EDITS[kinds[0]]
+    if not is_ours(edit):
         return None  # only the plug-in of an edit knows what the edit shows
-    _check_labels(row, known)
-    pasted, drawn = _parts(plan)
+    _check_labels(row, edit)
+    pasted, later_ops = _parts(plan)
     if row["fidelity"] == "recorded" and len(pasted) != 1:
         raise DatasetError(
             "fidelity is 'recorded', and its screen is put together: it should be 'composited'"
         )
-    response = _response(known, row, plan, pasted)
-    if response is None and known.answer != "keep":
+    response = _response(edit, row, plan, pasted)
+    if response is None and edit.answer != "keep":
         return None
-    edit = EditedStep(
+    edited = EditedStep(
         ops=pasted,
         event=row["event"],
         fidelity=row["fidelity"],
         response=response,
-        inserted=known.inserted,
-        reminder=known.reminder,
+        inserted=edit.inserted,
+        reminder=edit.reminder,
     )
     over = replace(plan, effects=())
     if response is not None:
-        over = replace(over, ops=drawn)
-    return Variant(step_after(sample, edit), plan, over, edit)
+        over = replace(over, ops=later_ops)
+    return Variant(step_after(sample, edited), plan, over, edited)
 
 
-def _check_labels(row: Mapping[str, Any], known: Edit) -> None:
-    pattern = re.escape(known.event).replace(re.escape("{}"), ".+")
+def _check_labels(row: Mapping[str, Any], edit: Edit) -> None:
+    pattern = re.escape(edit.event).replace(re.escape("{}"), ".+")
     if not re.fullmatch(pattern, row["event"]):
-        raise DatasetError(f"event is {shown(row['event'])}, it should be {shown(known.event)}")
+        raise DatasetError(f"event is {shown(row['event'])}, it should be {shown(edit.event)}")
     for name in ("reminder", "inserted"):
-        wanted = getattr(known, name)
-        if row[name] != wanted:
-            raise DatasetError(f"{name} is {shown(row[name])}, it should be {shown(wanted)}")
+        expected = getattr(edit, name)
+        if row[name] != expected:
+            raise DatasetError(f"{name} is {shown(row[name])}, it should be {shown(expected)}")
 
 
 def _parts(plan: Plan) -> tuple[tuple[Op, ...], tuple[Op, ...]]:
@@ -103,11 +103,11 @@ def _response(
         return WAIT
     if edit.answer == "keep":
         return None
-    known = list(_recoveries(plan.size, pasted))
-    for response in known:
+    responses = list(_recoveries(plan.size, pasted))
+    for response in responses:
         if _box_in(plan, response) == row["target_box"]:
             return response
-    return known[0] if known else None
+    return responses[0] if responses else None
 
 
 def _box_in(plan: Plan, response: RecordedAction) -> list[int] | None:

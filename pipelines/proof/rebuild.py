@@ -14,7 +14,7 @@ from pathlib import Path
 
 from hijack_data.errors import counted
 from hijack_data.runs import seal
-from hijack_data.runs.run_log import CHAINED, EPISODE, EPISODES, RECORDS, RUN, SEAL, STEPS
+from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, RUN, SEAL, STEPS
 
 from ..building.report import Findings
 from ..errors import SourceError
@@ -37,7 +37,6 @@ class RebuildReport(Findings):
         disturbed: number of those whose picture the plan changes.
         unfinished: number of episodes that were interrupted, and are not checked.
         unproved: what cannot be proved, in words; these are not problems of the run.
-        chained: whether all files have a version with hashes.
         signer: the fingerprint of the key that signed the run; empty without a signature.
     """
 
@@ -47,7 +46,6 @@ class RebuildReport(Findings):
     disturbed: int = 0
     unfinished: int = 0
     unproved: list[str] = field(default_factory=list[str])
-    chained: bool = True
     signer: str = ""
 
     def lines(self) -> list[str]:
@@ -65,9 +63,9 @@ class RebuildReport(Findings):
             state = "nothing differs" if self.ok else failed
             return f"{self.answers} answers to rows of a dataset: {state}"
         state = "all identical" if self.ok else failed
-        left = f", {self.unfinished} unfinished" if self.unfinished else ""
-        seen = f"{self.steps} observations, {self.disturbed} of them disturbed"
-        return f"{self.episodes} episodes{left}, {seen}, made again: {state}"
+        unfinished = f", {self.unfinished} unfinished" if self.unfinished else ""
+        observations = f"{self.steps} observations, {self.disturbed} of them disturbed"
+        return f"{self.episodes} episodes{unfinished}, {observations}, made again: {state}"
 
 
 def is_run(folder: str | os.PathLike[str]) -> bool:
@@ -105,7 +103,6 @@ def rebuild(run: str | os.PathLike[str], key: str | None = None) -> RebuildRepor
         _add_run(report, journal, path, key)
     if journal.is_scored:
         report.answers = len(journal.records)
-    report.chained = journal.oldest >= CHAINED
     report.unproved = list(_unproved(report, journal, alone))
     return report
 
@@ -136,19 +133,14 @@ def _episode(folder: Path, journal: Journal, report: RebuildReport) -> Iterator[
         report.unfinished += 1
         return
     report.episodes += 1
-    seen = EpisodeReplay()
-    yield from check_episode(folder, journal, seen)
-    report.steps += seen.steps
-    report.disturbed += seen.disturbed
-    journal.note(folder, seen.record)
+    replay = EpisodeReplay()
+    yield from check_episode(folder, journal, replay)
+    report.steps += replay.steps
+    report.disturbed += replay.disturbed
+    journal.note(folder, replay.record)
 
 
 def _unproved(report: RebuildReport, journal: Journal, alone: bool) -> Iterator[str]:
-    if not report.chained:
-        yield (
-            f"written in version {journal.oldest}, without hashes: what was edited in several"
-            " places alike is not found"
-        )
     if not alone and not journal.exists:
         yield f"there is no {RECORDS}: an episode that was removed is not missed"
     elsewhere = journal.library.unavailable

@@ -193,17 +193,17 @@ class Recordings:
                 yield (trajectory.id, step.index), self._known(trajectory, step)
 
     def _known(self, trajectory: Trajectory, step: Step) -> RecordedFacts | None:
-        where = picture_name(step.image, Path(self.task.root))
+        name = picture_name(step.image, Path(self.task.root))
         try:
-            data = read_picture(step.image, where)
+            data = read_picture(step.image, name)
         except ImageError as error:
-            self.tally.reject(where, f"{trajectory.id}, step {step.index}", "image", error)
+            self.tally.reject(name, f"{trajectory.id}, step {step.index}", "image", error)
             return None
         self._inputs.update(hashlib.sha256(data).digest())
-        sample = sample_of(trajectory, step, data, where, self.settings, self.tally)
+        sample = sample_of(trajectory, step, data, name, self.settings, self.tally)
         if sample is None:
             return None
-        return RecordedFacts(sample, self.settings, where=where, tally=self.tally)
+        return RecordedFacts(sample, self.settings, where=name, tally=self.tally)
 
     def problems(self, record: ShardRecord) -> Iterator[str]:
         """Yield the differences between manifest and shard; call it after reading all steps."""
@@ -215,11 +215,11 @@ class Recordings:
         elif self._inputs.hexdigest() != record.inputs:
             yield "the pictures of the recordings are not those that it was built from"
         tally = self.tally
-        for name, found in (("dropped", tally.dropped), ("not_applicable", tally.not_applicable)):
-            if found != record.counts[name]:
+        for name, counts in (("dropped", tally.dropped), ("not_applicable", tally.not_applicable)):
+            if counts != record.counts[name]:
                 yield (
                     f"the manifest counts as {name} {shown(record.counts[name])}, there are"
-                    f" {shown(dict(found))}"
+                    f" {shown(dict(counts))}"
                 )
         rejected = tuple(entry.to_data() for entry in tally.rejected)
         if rejected != tuple(record.rejected):

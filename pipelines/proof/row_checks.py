@@ -68,36 +68,36 @@ class StepChecker:
 
     def problems(self) -> Iterator[str]:
         """Yield the problems; each names a row."""
-        made = self._made()
-        following = next(made, None)
+        generated = self._made()
+        following = next(generated, None)
         for row in sorted(self.rows, key=self._rank):
             while following is not None and self.ranks[following.label] < self._rank(row):
                 yield from self._missing(following)
-                following = next(made, None)
+                following = next(generated, None)
             expected = None
             if following is not None and following.label == row["corruption"]:
                 expected = following
-                following = next(made, None)
+                following = next(generated, None)
             problem = self._problem(row, expected)
             if problem:
                 yield f"row {row['id']}: {problem}"
         while following is not None:
             yield from self._missing(following)
-            following = next(made, None)
+            following = next(generated, None)
 
-    def _missing(self, made: MadeRow) -> Iterator[str]:
-        sample = made.variant.sample
-        place = f"{sample.trajectory.id}, step {sample.step.index}, {made.label}"
+    def _missing(self, generated: MadeRow) -> Iterator[str]:
+        sample = generated.variant.sample
+        place = f"{sample.trajectory.id}, step {sample.step.index}, {generated.label}"
         if place not in self.rejected:
             yield (
-                f"row {made.labels['id']}: is missing; its step and the parameters of the build"
-                " give it"
+                f"row {generated.labels['id']}: is missing; its step and the parameters of the"
+                " build give it"
             )
 
     def _made(self) -> Iterator[MadeRow]:
-        known = self.known
-        if known is not None and known.picture:
-            yield from made_of(known.sample, known.where, known.settings, known.tally)
+        recorded = self.known
+        if recorded is not None and recorded.picture:
+            yield from made_of(recorded.sample, recorded.where, recorded.settings, recorded.tally)
 
     def _rank(self, row: Mapping[str, Any]) -> int:
         return self.ranks.get(row["corruption"], len(self.ranks))
@@ -155,8 +155,8 @@ class StepChecker:
             return self._last[1]
         picture = decode(data, BASE)
         self._last = data, picture
-        known = self.known
-        self._same = known is not None and np.array_equal(picture, known.sample.image)
+        recorded = self.known
+        self._same = recorded is not None and np.array_equal(picture, recorded.sample.image)
         return picture
 
     def _digest(self, picture: UInt8Array, plan: Plan) -> str:
@@ -167,73 +167,75 @@ class StepChecker:
 
     # --- A row and its step
 
-    def _compare(self, stored: Stored, expected: MadeRow | None, known: RecordedFacts) -> None:
+    def _compare(self, stored: Stored, expected: MadeRow | None, recorded: RecordedFacts) -> None:
         row = stored.row
-        if expected is None and known.picture and row["corruption"] in self._proved(known):
+        if expected is None and recorded.picture and row["corruption"] in self._proved(recorded):
             raise DatasetError(
                 "its step, the seed and the parameters of the build give no such row"
             )
         if expected is not None:
-            self._check_seed(stored, [expected.variant], known)
-        if known.picture:
-            self._check_made(stored, expected, known)
-        variant = expected.variant if expected is not None else self._assumed(stored, known)
+            self._check_seed(stored, [expected.variant], recorded)
+        if recorded.picture:
+            self._check_made(stored, expected, recorded)
+        variant = expected.variant if expected is not None else self._assumed(stored, recorded)
         if variant is None:
             return
-        labels = self._labels(stored, expected, variant, known)
+        labels = self._labels(stored, expected, variant, recorded)
         for name, value in labels.items():
             if row[name] != value:
                 raise DatasetError(f"{name} is {shown(row[name])}, it should be {shown(value)}")
 
     def _labels(
-        self, stored: Stored, expected: MadeRow | None, variant: Variant, known: RecordedFacts
+        self, stored: Stored, expected: MadeRow | None, variant: Variant, recorded: RecordedFacts
     ) -> dict[str, Any]:
         """Return the values that the columns of a row must have."""
         row = stored.row
         plan = stored.plan
         variant = replace(variant, plan=plan)
         labels = labels_of(variant, row["corruption"], self.seed)
-        if known.picture:
-            changed = 0
+        if recorded.picture:
+            changed_count = 0
             if plan.ops:
-                changed = changed_pixels(known.sample.image, stored.picture, plan)
-            labels["changed_pixels"] = changed
+                changed_count = changed_pixels(recorded.sample.image, stored.picture, plan)
+            labels["changed_pixels"] = changed_count
             self._check_kept(row, plan, labels)
         if BASE in row:
             del labels["plan"]
         if BASE in row and expected is not None:
-            made = replace(expected, variant=variant)
-            labels["plan"] = lazy_plan(made, {**row, **labels}, known.settings)
-        if not known.code and not plan.coords.is_identity:
+            generated = replace(expected, variant=variant)
+            labels["plan"] = lazy_plan(generated, {**row, **labels}, recorded.settings)
+        if not recorded.code and not plan.coords.is_identity:
             del labels["action_code"]
         return labels
 
-    def _proved(self, known: RecordedFacts) -> list[str]:
-        labels = [label for label, _ in known.settings.planners]
-        if known.settings.clean:
+    def _proved(self, recorded: RecordedFacts) -> list[str]:
+        labels = [label for label, _ in recorded.settings.planners]
+        if recorded.settings.clean:
             labels.append(CLEAN)
         return labels
 
-    def _check_made(self, stored: Stored, expected: MadeRow | None, known: RecordedFacts) -> None:
+    def _check_made(
+        self, stored: Stored, expected: MadeRow | None, recorded: RecordedFacts
+    ) -> None:
         plan = stored.plan
         if BASE not in stored.row:
             if expected is not None and expected.variant.plan == plan:
-                made = expected.picture
+                picture = expected.picture
             else:
-                made = _drawn(plan, known.sample.image)
-            if not np.array_equal(made, stored.picture):
+                picture = _drawn(plan, recorded.sample.image)
+            if not np.array_equal(picture, stored.picture):
                 raise DatasetError(OTHER_PICTURE)
         self.regenerated += bool(plan.ops)
 
-    def _check_seed(self, stored: Stored, variants: list[Variant], known: RecordedFacts) -> None:
+    def _check_seed(self, stored: Stored, variants: list[Variant], recorded: RecordedFacts) -> None:
         # checks that a plan is one of those that were made again
         plan = stored.plan
         for variant in variants:
             if variant.plan == plan or _alike(variant.plan, plan):
                 return
-        if known.picture and BASE not in stored.row:
-            made = _drawn(plan, known.sample.image)
-            if not np.array_equal(made, stored.picture):
+        if recorded.picture and BASE not in stored.row:
+            picture = _drawn(plan, recorded.sample.image)
+            if not np.array_equal(picture, stored.picture):
                 raise DatasetError(OTHER_PICTURE)
         again = variants[0].plan.digest()[:12] if variants else "none"
         raise DatasetError(
@@ -241,41 +243,43 @@ class StepChecker:
             f" {again}"
         )
 
-    def _assumed(self, stored: Stored, known: RecordedFacts) -> Variant | None:
+    def _assumed(self, stored: Stored, recorded: RecordedFacts) -> Variant | None:
         # returns the variant of a row whose plan cannot be made again, with its picture
         row = stored.row
         plan = stored.plan
         label = row["corruption"]
         planner = None if self.every is None else self.every.get(label)
-        if planner is not None and label in self._proved(known):
-            chooser = VariantPlanner(self.seed, known.settings.label_policy, None)
-            variants = chooser.variants(known.sample, planner)
-            self._check_seed(stored, [variant for variant in variants if variant], known)
+        if planner is not None and label in self._proved(recorded):
+            chooser = VariantPlanner(self.seed, recorded.settings.label_policy, None)
+            variants = chooser.variants(recorded.sample, planner)
+            self._check_seed(stored, [variant for variant in variants if variant], recorded)
         elif planner is not None:
             _check_params(plan, planner)
         if row["event"] is not None:
-            return event_variant(row, plan, known.sample)
+            return event_variant(row, plan, recorded.sample)
         if plan.effects:
             kind = plan.effects[0].kind
             raise DatasetError(f"event is None, its plan does {kind} to the machine")
-        return Variant(known.sample, plan, plan)
+        return Variant(recorded.sample, plan, plan)
 
     def _check_kept(self, row: Mapping[str, Any], plan: Plan, labels: Mapping[str, Any]) -> None:
         # checks that the label policy of the build keeps such a row
         policy = self.label_policy
-        seen = labels["target_visible"]
+        visible_share = labels["target_visible"]
         if plan.ops and not labels["changed_pixels"]:
             raise DatasetError(
                 "no pixel differs from the clean picture, and the build leaves such rows out"
             )
-        if not keeps(policy, plan, seen):
+        if not keeps(policy, plan, visible_share):
             raise DatasetError(
-                f"{seen:.0%} of its target shows, and the label policy {policy!r} drops such rows"
+                f"{visible_share:.0%} of its target shows, and the label policy {policy!r} drops"
+                " such rows"
             )
         is_drawn_over = bool(plan.ops) and row["event"] is None
-        if is_drawn_over and policy in AVOIDING and seen is not None and seen < 1:
+        if is_drawn_over and policy in AVOIDING and visible_share is not None and visible_share < 1:
             raise DatasetError(
-                f"{seen:.0%} of its target shows, and the label policy {policy!r} keeps it free"
+                f"{visible_share:.0%} of its target shows, and the label policy {policy!r} keeps"
+                " it free"
             )
 
 
@@ -301,9 +305,9 @@ def _check_plan(row: Mapping[str, Any], picture: UInt8Array, plan: Plan) -> None
         raise DatasetError("plan gives a picture of another size")
 
 
-def _alike(made: Plan, stored: Plan) -> bool:
+def _alike(generated: Plan, stored: Plan) -> bool:
     """Return whether plans are equal except for their notes on elements off the screen."""
-    return _without_elements(made).digest() == _without_elements(stored).digest()
+    return _without_elements(generated).digest() == _without_elements(stored).digest()
 
 
 def _without_elements(plan: Plan) -> Plan:
@@ -313,20 +317,20 @@ def _without_elements(plan: Plan) -> Plan:
 
 def _check_params(plan: Plan, planner: Planner) -> None:
     # checks that a plan is of the corruptions of its label, with their parameters
-    known: dict[str, list[dict[str, Any]]] = {}
+    params_by_id: dict[str, list[dict[str, Any]]] = {}
     parts = list(leaves(planner))
     if not all(isinstance(part, Corruption) for part in parts):
         return  # the planner of a plug-in may put any parameters into its plans
     for leaf in parts:
-        known.setdefault(leaf.id, []).append(leaf.params())
-    if not known:
+        params_by_id.setdefault(leaf.id, []).append(leaf.params())
+    if not params_by_id:
         return
     names = plan.corruption.split("+")
     data = plan.to_data()["params"]
     for name in names:
-        if name not in known:
-            raise DatasetError(f"plan is one of {name}, its label has {', '.join(known)}")
+        if name not in params_by_id:
+            raise DatasetError(f"plan is one of {name}, its label has {', '.join(params_by_id)}")
         params = data.get(name) if len(names) > 1 else data
-        if params not in known[name]:
-            wanted = shown(known[name][0])
-            raise DatasetError(f"params of {name} are {shown(params)}, the build has {wanted}")
+        if params not in params_by_id[name]:
+            expected = shown(params_by_id[name][0])
+            raise DatasetError(f"params of {name} are {shown(params)}, the build has {expected}")

@@ -115,13 +115,13 @@ def _pack_notes(built_with: dict[str, str] | None) -> list[str]:
     if built_with is None:
         return []
     try:
-        here = AssetPack.load().digest
+        installed = AssetPack.load().digest
     except AssetError as error:
         return [f"recorded pictures cannot be looked at: {error}"]
-    if here == built_with["sha256"]:
+    if installed == built_with["sha256"]:
         return []
     return [
-        f"the asset pack here ({here[:12]}) is not the one of the build"
+        f"the asset pack here ({installed[:12]}) is not the one of the build"
         f" ({built_with['sha256'][:12]}); set {VARIABLE} to that one where rows cannot be made"
         " again"
     ]
@@ -142,8 +142,8 @@ class _Check:
         counts = self.manifest["counts"]["rows"]
         self.labels = {label: rank for rank, label in enumerate(counts)}
         if settings is not None:
-            known = [CLEAN] if settings.clean else []
-            names = [*known, *(label for label, _ in settings.planners)]
+            clean_labels = [CLEAN] if settings.clean else []
+            names = [*clean_labels, *(label for label, _ in settings.planners)]
             self.labels = {label: rank for rank, label in enumerate(names)}
         parameters = self.manifest["parameters"]
         self.order = RowOrder(self.labels, bool(parameters["clean"]))
@@ -185,10 +185,11 @@ class _Check:
             )
             return
         proved = {label for label, _ in self.without_source.planners}
-        rest = [label for label, _ in self.settings.planners if label not in proved]
-        if rest:
+        labels = [label for label, _ in self.settings.planners if label not in proved]
+        if labels:
             self.report.unproved.append(
-                f"the pictures of {', '.join(rest)} were drawn again from their stored plans; that"
+                f"the pictures of {', '.join(labels)} were drawn again from their stored plans;"
+                " that"
                 " the seed gives these plans was not checked, since they also follow from what the"
                 " dataset does not hold (elements, applications, the steps before): --source"
                 " RECORDINGS checks it, too"
@@ -219,11 +220,11 @@ class _Check:
             splits,
         )
         late = sum(len(record.rejected) for record in self.records)
-        wanted = sum(self.manifest["counts"]["rejected"].values()) - late
-        if len(rejected) != wanted:
+        expected = sum(self.manifest["counts"]["rejected"].values()) - late
+        if len(rejected) != expected:
             self.report.problems.append(
                 f"the recordings hold {len(rejected)} inputs that cannot be read, the manifest"
-                f" counts {wanted}"
+                f" counts {expected}"
             )
 
     def _file(self, record: ShardRecord, task: ShardTask | None) -> None:
@@ -288,8 +289,8 @@ class _Check:
                 " dataset"
             )
             return
-        for passed, step in recordings.steps:
-            if passed != key:
+        for step_key, step in recordings.steps:
+            if step_key != key:
                 yield from self._proof([], step)  # this step has no rows
                 continue
             if step is None:
@@ -305,10 +306,10 @@ class _Check:
         except HijackError:
             return None
 
-    def _proof(self, rows: list[dict[str, Any]], known: RecordedFacts | None) -> Iterator[str]:
+    def _proof(self, rows: list[dict[str, Any]], recorded: RecordedFacts | None) -> Iterator[str]:
         proof = StepChecker(
             rows=rows,
-            known=known,
+            known=recorded,
             every=self.every,
             ranks=self.labels,
             seed=self.seed,

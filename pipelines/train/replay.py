@@ -20,7 +20,7 @@ from .rollouts import Rollout
 When: TypeAlias = Literal["zero", "failed"]
 WHEN: tuple[str, ...] = get_args(When)
 FORMAT = "agenthijack-replay"
-VERSION = 2
+VERSION = 1
 CAPACITY = Parameter("int", "Stored successes a task", low=1, high=1000)
 SLOT = Parameter("int", "The rollout that is replaced", low=0, high=1023, optional=True)
 _STREAM = "replay_buffer-v1"
@@ -88,23 +88,25 @@ class ReplayBuffer:
         group = list(rollouts)
         if not group or not self._is_due(group, rewards):
             return group
-        kept = self._kept.get(group[0].request.group)
-        if not kept:
+        successes = self._kept.get(group[0].request.group)
+        if not successes:
             return group
         stream = Stream(self.seed, _STREAM, group[0].request.group, step)
         place = stream.integer(0, len(group) - 1) if self.slot is None else self.slot
-        stored = kept[stream.integer(0, len(kept) - 1)]
+        stored = successes[stream.integer(0, len(successes) - 1)]
         group[min(place, len(group) - 1)] = replace(stored, replayed=True)
         return group
 
     def _is_due(self, group: Sequence[Rollout], rewards: Sequence[float]) -> bool:
         if self.when == "zero":
-            return all(each == 0 for each in rewards)
+            return all(reward == 0 for reward in rewards)
         return all(rollout.success <= 0 for rollout in group)
 
     def state(self) -> list[Any]:
         """Return the stored rollouts as data for `torch.save`."""
-        return [rollout_to_data(rollout) for kept in self._kept.values() for rollout in kept]
+        return [
+            rollout_to_data(rollout) for successes in self._kept.values() for rollout in successes
+        ]
 
     def restore(self, state: Sequence[Mapping[str, Any]]) -> None:
         """Restore the data that `state` returned."""
@@ -138,7 +140,7 @@ class ReplayBuffer:
         self.restore(data["kept"])
 
 
-def read_tensors(path: Path, format: str, version: int, what: str) -> dict[str, Any]:
+def read_tensors(path: Path, format: str, version: int, description: str) -> dict[str, Any]:
     """Read a file of `torch.save` that names its format and version; no code in it is run.
 
     Raises:
@@ -150,11 +152,11 @@ def read_tensors(path: Path, format: str, version: int, what: str) -> dict[str, 
         raise TrainError(f"{path}: there is no such file") from None
     except Exception as error:  # torch raises many kinds of exceptions for damaged files
         detail = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise TrainError(f"{path}: cannot be read as {what} ({detail})") from error
+        raise TrainError(f"{path}: cannot be read as {description} ({detail})") from error
     if not isinstance(data, dict) or data.get("format") != format:
-        raise TrainError(f"{path}: not {what} (field 'format' must be {format!r})")
+        raise TrainError(f"{path}: not {description} (field 'format' must be {format!r})")
     if data.get("version") != version:
         raise TrainError(
-            f"{path}: version {data.get('version')} of {what}; this library reads {version}"
+            f"{path}: version {data.get('version')} of {description}; this library reads {version}"
         )
     return data

@@ -65,7 +65,9 @@ def _planner(text: str) -> Planner | None:
 
 def _packed_turn(turn: PolicyTurn) -> dict[str, Any]:
     return {
-        "observation": {name: _packed_value(name, seen) for name, seen in turn.observation.items()},
+        "observation": {
+            name: _packed_value(name, value) for name, value in turn.observation.items()
+        },
         "action": turn.answer.action,
         "tokens": list(turn.answer.tokens),
         "logprobs": list(turn.answer.logprobs),
@@ -73,21 +75,21 @@ def _packed_turn(turn: PolicyTurn) -> dict[str, Any]:
     }
 
 
-def _packed_value(name: str, seen: Any) -> Any:
-    if isinstance(seen, np.ndarray):
-        return torch.from_numpy(np.ascontiguousarray(seen))
-    if seen is None or isinstance(seen, str | int | float | bool):
-        return seen
+def _packed_value(name: str, value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return torch.from_numpy(np.ascontiguousarray(value))
+    if value is None or isinstance(value, str | int | float | bool):
+        return value
     raise TrainError(
-        f"observation {name!r} is a {type(seen).__name__}, which a replay buffer cannot store: give"
-        " an array, a text, a number or None"
+        f"observation {name!r} is a {type(value).__name__}, which a replay buffer cannot store:"
+        " give an array, a text, a number or None"
     )
 
 
 def _unpacked_turn(data: Mapping[str, Any]) -> PolicyTurn:
     observation = {
-        name: seen.numpy() if isinstance(seen, torch.Tensor) else seen
-        for name, seen in data["observation"].items()
+        name: value.numpy() if isinstance(value, torch.Tensor) else value
+        for name, value in data["observation"].items()
     }
     answer = PolicyAnswer(
         action=data["action"],

@@ -224,8 +224,8 @@ def play(
         raise ParameterError(f"threads must be at least 1, got {threads}")
     seats = [_Seat(env, request) for env, request in zip(environments, requests, strict=False)]
     with ThreadPoolExecutor(threads) as pool:
-        each = map if threads == 1 else pool.map
-        list(each(_Seat.reset, seats))
+        run_all = map if threads == 1 else pool.map
+        list(run_all(_Seat.reset, seats))
         for _ in range(max_steps):
             live = [seat for seat in seats if seat.is_live]
             if not live:
@@ -237,8 +237,8 @@ def play(
                 raise ParameterError(
                     f"the policy's act gave {len(answers)} answers to {len(live)} observations"
                 )
-            list(each(_Seat.step, live, answers))
-        return list(each(_Seat.leave, seats))
+            list(run_all(_Seat.step, live, answers))
+        return list(run_all(_Seat.leave, seats))
 
 
 class _Seat:
@@ -297,9 +297,9 @@ class _Seat:
         if record is not None and self.rollout.status == "ok":
             self.rollout.judge(record)
 
-    def _fail(self, where: str, error: Exception) -> None:
+    def _fail(self, call: str, error: Exception) -> None:
         self.is_live = False
-        self.rollout.fail("error", f"{where}: {type(error).__name__}: {error}")
+        self.rollout.fail("error", f"{call}: {type(error).__name__}: {error}")
 
     def _record(self) -> Mapping[str, Any] | None:
         return getattr(self.env.unwrapped, "record", None)

@@ -103,17 +103,17 @@ def train(
     from .split import check_split
     from .toy.settings import check_tasks, load_replication
 
-    chosen = load_replication(config)
-    chosen = _overridden(chosen, arms, seeds, epochs)
-    check_split(chosen.training, chosen.evaluation, what=chosen.source)
-    check_tasks(chosen)
+    replication = load_replication(config)
+    replication = _overridden(replication, arms, seeds, epochs)
+    check_split(replication.training, replication.evaluation, source=replication.source)
+    check_tasks(replication)
     if dry_run:
-        for seed in range(chosen.seeds):
-            for arm in chosen.arms:
+        for seed in range(replication.seeds):
+            for arm in replication.arms:
                 click.echo(f"{arm}, seed {seed}")
         return
     folder = _folder(config, out, resume)
-    _run(chosen, folder, workers, as_json)
+    _run(replication, folder, workers, as_json)
 
 
 def _folder(config: str, out: Path | None, resume: bool) -> Path:
@@ -138,8 +138,8 @@ def _fine_tune(
     settings = fine_tuning.overridden(load_sft(config), **changes)
     rows = fine_tuning.read_examples(settings)
     if dry_run:
-        for name, some in rows.items():
-            click.echo(f"{name}: {len(some)} rows")
+        for name, examples in rows.items():
+            click.echo(f"{name}: {len(examples)} rows")
         return
     extras.require("hijack train with method sft", "trl", ("torch", "transformers", "trl"))
     folder = _folder(config, out, resume)

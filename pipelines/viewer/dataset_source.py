@@ -87,15 +87,15 @@ class DatasetSource:
                 f"{file}: holds {rows} rows, the manifest says {len(numbers)}; hijack verify says"
                 " more"
             )
-        kept = slice(min(rows, len(numbers)))
-        named = {
-            ours: columns[theirs][kept] for theirs, ours in COLUMNS.items() if theirs in columns
+        common = slice(min(rows, len(numbers)))
+        index_columns = {
+            name: columns[column][common] for column, name in COLUMNS.items() if column in columns
         }
         self.index.extend(
-            numbers[kept],
-            columns["id"][kept],
-            columns["step"][kept],
-            {**named, "group": named["trajectory"]},
+            numbers[common],
+            columns["id"][common],
+            columns["step"][common],
+            {**index_columns, "group": index_columns["trajectory"]},
         )
 
     def detail(self, row: int) -> Detail:
@@ -117,13 +117,13 @@ class DatasetSource:
 
     def _detail(self, row: int, stored: Mapping[str, Any]) -> Detail:
         plan, problem = _plan(stored)
-        shown: Fields = [
+        values: Fields = [
             (name, _shown(name, value)) for name, value in stored.items() if name != "plan"
         ]
         action = stored["action"] or {}
         return Detail(
             size=(int(stored["width"]), int(stored["height"])),
-            fields={"Columns": shown},
+            fields={"Columns": values},
             notes=_notes(stored),
             action=action_text(action),
             code=stored["action_code"] or "",
@@ -156,9 +156,13 @@ class DatasetSource:
 
     def _clean_row(self, row: int) -> int | None:
         place = self.index.at(row)
-        same = [] if place is None else self.index.same_step(place).tolist()
+        step_places = [] if place is None else self.index.same_step(place).tolist()
         return next(
-            (int(self.index.rows[p]) for p in same if self.index.value("corruption", p) == CLEAN),
+            (
+                int(self.index.rows[p])
+                for p in step_places
+                if self.index.value("corruption", p) == CLEAN
+            ),
             None,
         )
 

@@ -36,17 +36,17 @@ def rows(source: ViewerSource, query: Mapping[str, str]) -> dict[str, Any]:
             `UnknownNameError`.
     """
     filters, text = _filters(query)
-    found = source.index.select(filters, text)
-    pages = max(1, -(-len(found) // PAGE_ROWS))
+    matches = source.index.select(filters, text)
+    pages = max(1, -(-len(matches) // PAGE_ROWS))
     page = min(max(1, _number(query.get("page", ""), 1)), pages)
     start = (page - 1) * PAGE_ROWS
-    shown = found[start : start + PAGE_ROWS]
+    page_places = matches[start : start + PAGE_ROWS]
     counts = source.index.counts(filters, text, source.labels)
     return {
-        "found": len(found),
+        "found": len(matches),
         "page": page,
         "pages": pages,
-        "rows": [_glance(source, place) for place in shown.tolist()],
+        "rows": [_glance(source, place) for place in page_places.tolist()],
         "filters": {name: _choices(values, filters.get(name)) for name, values in counts.items()},
     }
 
@@ -61,20 +61,20 @@ def row(source: ViewerSource, query: Mapping[str, str]) -> dict[str, Any]:
     index = source.index
     place = _place(source, query.get("row", ""))
     filters, text = _filters(query)
-    found = index.select(filters, text)
-    at = int(np.searchsorted(found, place))
-    matches = at < len(found) and bool(found[at] == place)
+    places = index.select(filters, text)
+    at = int(np.searchsorted(places, place))
+    matches = at < len(places) and bool(places[at] == place)
     following = at + 1 if matches else at
     steps = index.trajectory(place)
     step = int(np.flatnonzero(steps == place)[0])
     return {
         **_tile(source, place),
         "trajectory": index.value("trajectory", place),
-        "found": len(found),
+        "found": len(places),
         "position": at if matches else None,
         "page": at // PAGE_ROWS + 1 if matches else None,
-        "back": _row_at(source, found, at - 1),
-        "next": _row_at(source, found, following),
+        "back": _row_at(source, places, at - 1),
+        "next": _row_at(source, places, following),
         "step_back": _row_at(source, steps, step - 1),
         "step_next": _row_at(source, steps, step + 1),
         "steps": [_step_link(index, other) for other in steps.tolist()],
@@ -139,13 +139,13 @@ def _filters(query: Mapping[str, str]) -> tuple[dict[str, str], str]:
     return filters, query.get("q", "")
 
 
-def _choices(counts: Mapping[str, int], chosen: str | None) -> dict[str, Any]:
+def _choices(counts: Mapping[str, int], selected: str | None) -> dict[str, Any]:
     values: list[list[Any]] = []
     for value, count in counts.items():
-        if value and (count or value == chosen):
+        if value and (count or value == selected):
             values.append([value, count])
-    kept = [choice for k, choice in enumerate(values) if k < CHOICES or choice[0] == chosen]
-    return {"values": kept, "more": len(values) - len(kept)}
+    choices = [choice for k, choice in enumerate(values) if k < CHOICES or choice[0] == selected]
+    return {"values": choices, "more": len(values) - len(choices)}
 
 
 def _place(source: ViewerSource, name: str) -> int:

@@ -40,12 +40,12 @@ class Pictures:
         return encode(pixels) if kind != "thumb" else thumbnail(pixels)
 
 
-def cached_bytes(kept: Cache, key: Any, make: Callable[[], bytes]) -> bytes:
+def cached_bytes(cache: Cache, key: Any, make: Callable[[], bytes]) -> bytes:
     """Return the cached value of a key, making it if it is missing."""
-    data = kept.get(key)
+    data = cache.get(key)
     if data is None:
         data = make()
-        kept.put(key, data, len(data))
+        cache.put(key, data, len(data))
     return data
 
 

@@ -106,14 +106,14 @@ class _Handler(BaseHTTPRequestHandler):
         return "" if morsel is None else morsel.value
 
     def _route(self, path: str, query: str) -> None:
-        found = cast("ViewServer", self.server).pages.answer(path, query)
-        if found is None:
+        answer = cast("ViewServer", self.server).pages.answer(path, query)
+        if answer is None:
             self._answer(404, b"there is nothing here", "text/plain")
         else:
-            self._answer(200, found.body, found.kind, found.headers)
+            self._answer(200, answer.body, answer.kind, answer.headers)
 
     def _answer(
-        self, status: int, body: bytes, kind: str, more: Mapping[str, str] | None = None
+        self, status: int, body: bytes, kind: str, extra: Mapping[str, str] | None = None
     ) -> None:
         self.send_response(status)
         text = "" if kind.startswith("image/") else "; charset=utf-8"
@@ -121,7 +121,7 @@ class _Handler(BaseHTTPRequestHandler):
             **_HEADERS,
             "Content-Type": kind + text,
             "Content-Length": str(len(body)),
-            **(more or {}),
+            **(extra or {}),
         }.items():
             self.send_header(name, value)
         self.end_headers()

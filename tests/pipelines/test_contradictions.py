@@ -19,7 +19,7 @@ from online_env.bench.episodes import play
 from online_env.bench.jobs import Job
 from online_env.environment import CorruptedEnv, Setting
 from pipelines.proof.rebuild import rebuild
-from pipelines.proof.run_checks.facts import FIELDS
+from pipelines.proof.run_checks.field_checks import FIELDS
 
 from support.edited_runs import (
     both,

@@ -36,8 +36,8 @@ def reminder_messages(instruction: str, reminder: str) -> Messages:
 def summary_messages(instruction: str, action: str, summary: str) -> Messages:
     """Return the chat of two frames and the action between them."""
     task = f"Task: {plain(instruction)}"
-    done = f"Action: {plain(action)}"
-    question = "\n".join((IMAGE, IMAGE, task, done, SUMMARISE))
+    action_text = f"Action: {plain(action)}"
+    question = "\n".join((IMAGE, IMAGE, task, action_text, SUMMARISE))
     return chat(question, plain(summary))
 
 
@@ -62,13 +62,13 @@ def summarise(row: _Fields, event: str | None, change: ScreenChange | None) -> s
 def describe_action(action: _Fields, code: str) -> str:
     """Return an action as the end of a sentence that begins with "The agent"."""
     kind = str(action["type"])
-    held = ""
+    modifiers = ""
     if action["keys"] and kind not in _KEYS:
-        held = f" while holding {'+'.join(action['keys'])}"
+        modifiers = f" while holding {'+'.join(action['keys'])}"
     if kind in _POINTER:
-        return _POINTER[kind] + _at(action) + held
+        return _POINTER[kind] + _at(action) + modifiers
     if kind in _OTHER:
-        return _OTHER[kind](action) + held
+        return _OTHER[kind](action) + modifiers
     if code:
         return f"did what was recorded as {_quoted(code)}"
     return "did something that was not recorded"

@@ -56,10 +56,10 @@ class OnlookerSampler:
         Args:
             rows: the rows of the shard, with at least the columns `READ`.
         """
-        found: dict[int, str] = {}
+        choices: dict[int, str] = {}
         for trajectory, group in groupby(enumerate(rows), key=_trajectory_of):
-            found.update(self._of_trajectory(trajectory, list(group)))
-        return found
+            choices.update(self._of_trajectory(trajectory, list(group)))
+        return choices
 
     def _of_trajectory(
         self, trajectory: str, rows: Sequence[NumberedRow]

@@ -36,8 +36,8 @@ class ScreenChange:
         if not self.share:
             return "No change of the screen was measured."
         percent = round(100 * self.share)
-        much = f"About {percent} %" if percent else "Less than 1 %"
-        return f"{much} of the screen changed, {self.where}."
+        amount = f"About {percent} %" if percent else "Less than 1 %"
+        return f"{amount} of the screen changed, {self.where}."
 
 
 def measure(before: UInt8Array, after: UInt8Array) -> ScreenChange:
@@ -45,13 +45,13 @@ def measure(before: UInt8Array, after: UInt8Array) -> ScreenChange:
     if before.shape != after.shape:
         return ScreenChange(1.0, resized=True)
     difference = np.maximum(before, after) - np.minimum(before, after)
-    changed = (difference > TOLERANCE).any(axis=2)
+    changed_mask = (difference > TOLERANCE).any(axis=2)
     counts = np.zeros((3, 3))
-    for row, band in enumerate(np.array_split(changed, 3)):
+    for row, band in enumerate(np.array_split(changed_mask, 3)):
         for column, part in enumerate(np.array_split(band, 3, axis=1)):
             counts[row, column] = part.sum()
     shares = counts / max(1, counts.sum())
-    return ScreenChange(float(changed.mean()), _where(shares))
+    return ScreenChange(float(changed_mask.mean()), _where(shares))
 
 
 def _where(shares: "np.ndarray[tuple[int, int], np.dtype[np.float64]]") -> str:

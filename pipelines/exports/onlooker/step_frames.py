@@ -52,10 +52,10 @@ class StepFrames:
     @cached_property
     def first(self) -> dict[str, RowFrame]:
         """The first frame of each corruption: of an inserted step, else of the recorded one."""
-        found: dict[str, RowFrame] = {}
+        frames_by_label: dict[str, RowFrame] = {}
         for frame in self.frames:
-            found.setdefault(frame.label, frame)
-        return found
+            frames_by_label.setdefault(frame.label, frame)
+        return frames_by_label
 
     def acted(self, label: str) -> RowFrame | None:
         """Return the frame of a corruption on which the agent took its recorded action, or `None`.
@@ -68,11 +68,11 @@ class StepFrames:
                 return frame
         return None
 
-    def follows(self, other: "StepFrames | None") -> bool:
+    def follows(self, previous: "StepFrames | None") -> bool:
         """Return whether no step is missing between the two."""
-        if other is None:
+        if previous is None:
             return False
-        return self.trajectory == other.trajectory and self.step == other.step + 1
+        return self.trajectory == previous.trajectory and self.step == previous.step + 1
 
 
 def frames_by_step(frames: Iterable[RowFrame]) -> Iterator[StepFrames]:
@@ -94,16 +94,16 @@ def transitions(
         after: the frames of this step.
         skip: called with the corruption and the reason for each event without a frame before it.
     """
-    known = before if after.follows(before) else None
+    previous = before if after.follows(before) else None
     for label, frame in after.first.items():
         is_event = frame.row["event"] is not None
-        start = known.acted(label) if known else None
-        if start is None and known and is_event:
-            start = known.clean
+        start = previous.acted(label) if previous else None
+        if start is None and previous and is_event:
+            start = previous.clean
         if start is not None:
             yield start, frame
         elif is_event:
-            skip(label, FIRST if known is None else HELD)
+            skip(label, FIRST if previous is None else HELD)
 
 
 def _step_of(frame: RowFrame) -> tuple[str, int]:

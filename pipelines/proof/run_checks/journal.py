@@ -5,7 +5,6 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +13,10 @@ from hijack_data.files import read_regular
 from hijack_data.planner import Planner
 from hijack_data.runs.run_head import check_head
 from hijack_data.runs.run_log import (
-    CHAINED,
     EPISODE,
     EPISODES,
     GIVEN,
     GIVEN_KINDS,
-    GIVING,
     LINKS,
     RECORDS,
     RUN,
@@ -39,8 +36,6 @@ from .field_checks import first_attempt_id
 from .library import Library
 
 LISTED = ("agents", "tasks", "seeds", "corruptions")  # of a configuration
-# In version 1, only the journal had this field, and not the episode.
-SAID_LATER = frozenset({"said"})
 NAME_BYTES = 255  # of a folder, at most
 
 
@@ -56,7 +51,6 @@ class Journal:
         found: the problems of the files themselves.
         lines: those of `records.jsonl`, as bytes.
         records: the parsed lines.
-        oldest: the lowest version of the journal and its episodes.
         sessions: the lines of `sessions.jsonl`.
     """
 
@@ -67,15 +61,14 @@ class Journal:
     found: list[str] = field(default_factory=list[str])
     lines: list[bytes] = field(default_factory=list[bytes])
     records: list[Mapping[str, Any]] = field(default_factory=list[Mapping[str, Any]])
-    oldest: int = VERSION
     sessions: list[Mapping[str, Any]] = field(default_factory=list[Mapping[str, Any]])
     _episodes: dict[str, tuple[Path, Mapping[str, Any]]] = field(default_factory=dict[str, Any])
 
     @property
     def config(self) -> Mapping[str, Any]:
         """The configuration; empty if there is none."""
-        found = self.head.get("config")
-        return found if isinstance(found, dict) else {}
+        config = self.head.get("config")
+        return config if isinstance(config, dict) else {}
 
     @property
     def is_scored(self) -> bool:
@@ -86,12 +79,6 @@ class Journal:
     def library(self) -> Library:
         """What is known of the version of the library that played the run."""
         return Library.for_run(self.head.get("versions"))
-
-    @property
-    def version(self) -> int:
-        """The version of `run.json`; the current version if there is no such file."""
-        found = self.head.get("version", VERSION)
-        return found if isinstance(found, int) else VERSION
 
     @cached_property
     def lacks_episodes(self) -> bool:
@@ -106,20 +93,6 @@ class Journal:
     def note(self, folder: Path, record: Mapping[str, Any]) -> None:
         """Add the record of an episode."""
         self._episodes[folder.name] = folder, record
-        version = record.get("version", 1)
-        self.oldest = min(self.oldest, version if isinstance(version, int) else 1)
-        if self.exists and not self._goes_with(version):
-            what = f"is of version {version}, {RUN} is of version {self.version}"
-            self.found.append(f"{EPISODES}/{folder.name}/{EPISODE}: {what}")
-
-    def _goes_with(self, version: object) -> bool:
-        """Return whether an episode of a version may be in this run.
-
-        A newer library may continue a run with hashes; an older library never may.
-        """
-        if version == self.version or not isinstance(version, int):
-            return version == self.version
-        return CHAINED <= self.version < version
 
     def problems(self) -> Iterator[str]:
         """Yield the problems of the journal; call it after all episodes were added."""
@@ -131,13 +104,12 @@ class Journal:
             return
         for text in field_checks.head_problems(self.head, tuple(self.planners or ()), self.library):
             yield f"{RUN}: {text}"
-        made = len(self.records)
-        for text in field_checks.session_problems(self.sessions, self.head, made):
+        count = len(self.records)
+        for text in field_checks.session_problems(self.sessions, self.head, count):
             yield f"{SESSIONS}: {text}"
-        if self.version >= CHAINED:
-            yield from self._broken_links()
-        found = Counter(str(record.get("id")) for record in self.records)
-        for name, times in found.items():
+        yield from self._broken_links()
+        occurrences = Counter(str(record.get("id")) for record in self.records)
+        for name, times in occurrences.items():
             if times > 1:
                 yield f"{RECORDS}: {name} is there {times} times"
         if self.lacks_episodes:
@@ -152,7 +124,7 @@ class Journal:
         if not self.is_scored:
             for text in field_checks.alike_problems(self.records):
                 yield f"{RECORDS}: {text}"
-        for name in self._episodes.keys() - found.keys():
+        for name in self._episodes.keys() - occurrences.keys():
             yield f"{RECORDS}: has no line of {EPISODES}/{name}"
         yield from self._missing()
 
@@ -161,16 +133,16 @@ class Journal:
         name = RUN
         pairs = zip(self.lines, self.records, strict=True)
         for number, (line, record) in enumerate(pairs, 1):
-            here = f"line {number}"
+            line_name = f"line {number}"
             if record.get("previous") != before:
-                yield f"{RECORDS}: {here}: does not follow on {name} (previous)"
+                yield f"{RECORDS}: {line_name}: does not follow on {name} (previous)"
             before = digest_of(line)
-            name = here
+            name = line_name
             if self.lacks_episodes:
                 continue
             path = f"{EPISODES}/{record.get('id')}/{EPISODE}"
             if record.get("episode_sha256") != digest_of_file(self.folder / path):
-                yield f"{RECORDS}: {here}: {path} is not what it was (episode_sha256)"
+                yield f"{RECORDS}: {line_name}: {path} is not what it was (episode_sha256)"
 
     def _record(self, record: Mapping[str, Any]) -> Iterator[str]:
         """Yield the differences of one record from the configuration and from its episode."""
@@ -190,10 +162,7 @@ class Journal:
             yield f"there is no {EPISODES}/{name}"
             return
         _, episode = self._episodes[name]
-        left_out = set(LINKS)
-        if self.version < CHAINED:
-            left_out |= SAID_LATER
-        for key in sorted({*record, *episode} - left_out):
+        for key in sorted({*record, *episode} - set(LINKS)):
             if record.get(key) != episode.get(key):
                 yield f"{key} of {name} is another than in its {EPISODE}"
 
@@ -201,13 +170,13 @@ class Journal:
         """Yield the agents that were not given the same in all episodes."""
         kinds: dict[str, set[str]] = {}
         for record in self.records:
-            given = record.get(GIVEN)
-            if isinstance(given, list):
-                said = ", ".join(map(str, given)) or "nothing"
-                kinds.setdefault(str(record.get("agent")), set()).add(said)
-        for agent, found in kinds.items():
-            if len(found) > 1:
-                listed = "; ".join(sorted(found))
+            inputs = record.get(GIVEN)
+            if isinstance(inputs, list):
+                text = ", ".join(map(str, inputs)) or "nothing"
+                kinds.setdefault(str(record.get("agent")), set()).add(text)
+        for agent, texts in kinds.items():
+            if len(texts) > 1:
+                listed = "; ".join(sorted(texts))
                 yield f"{RECORDS}: {agent} was not always given the same ({GIVEN}): {listed}"
 
     def _planned(self, record: Mapping[str, Any]) -> Iterator[str]:
@@ -225,46 +194,37 @@ class Journal:
 
     def _missing(self) -> Iterator[str]:
         """Yield the planned episodes and the due attempts that are missing."""
-        made: dict[str, list[Mapping[str, Any]]] = {}
+        attempts_by_id: dict[str, list[Mapping[str, Any]]] = {}
         for record in self.records:
-            made.setdefault(first_attempt_id(record), []).append(record)
+            attempts_by_id.setdefault(first_attempt_id(record), []).append(record)
         retries = self.config.get("retries", 0)
-        for name, attempts in made.items():
+        for name, attempts in attempts_by_id.items():
             if len(attempts) <= retries and _ours(attempts[-1]):
                 yield f"{RUN}: {name} was not run again, and retries is {retries}"
-        episodes = self.head.get("episodes")
-        if isinstance(episodes, list):
-            planned = len(episodes)
-            missing = [name for name in episodes if name not in made]
-            count = len(missing)
-        else:
-            planned = self._planned_number()
-            missing = []
-            count = max(0, planned - len(made))
-        example = f", such as {missing[0]}" if missing else ""
-        if count:
-            yield f"{RUN}: {count} of {planned} planned episodes are not there{example}"
-
-    def _planned_number(self) -> int:
-        """Return the number of episodes that the configuration asks for."""
-        return prod(len(self.config.get(key, ())) for key in LISTED)
+        planned = self.head.get("episodes")
+        if not isinstance(planned, list):
+            yield f"{RUN}: episodes: must be a list of ids, got {fields.shown(planned)}"
+            return
+        missing = [name for name in planned if name not in attempts_by_id]
+        if missing:
+            yield (
+                f"{RUN}: {len(missing)} of {len(planned)} planned episodes are not there, such as"
+                f" {missing[0]}"
+            )
 
 
 def privileged_input_problems(record: Mapping[str, Any]) -> Iterator[str]:
     """Yield the problems of a record's field `given`."""
-    version = record.get("version", 1)
-    if isinstance(version, int) and version < GIVING and GIVEN not in record:
-        return
     if GIVEN not in record:
-        yield f"{GIVEN} is missing; records have it since version {GIVING}"
+        yield f"{GIVEN} is missing: every record says what its agent was given, or null"
         return
-    given = record[GIVEN]
-    if given is None:
+    inputs = record[GIVEN]
+    if inputs is None:
         return
-    known = isinstance(given, list) and all(kind in GIVEN_KINDS for kind in given)
-    if not known or len(set(given)) != len(given):
-        wanted = f"null or a list of {', '.join(GIVEN_KINDS)}"
-        yield f"{GIVEN} must be {wanted}, got {fields.shown(given)}"
+    is_valid = isinstance(inputs, list) and all(kind in GIVEN_KINDS for kind in inputs)
+    if not is_valid or len(set(inputs)) != len(inputs):
+        expected = f"null or a list of {', '.join(GIVEN_KINDS)}"
+        yield f"{GIVEN} must be {expected}, got {fields.shown(inputs)}"
 
 
 def _ours(record: Mapping[str, Any]) -> bool:
@@ -290,9 +250,10 @@ def read_journal(folder: Path) -> Journal:
 def _read_head(journal: Journal) -> None:
     head = check_head(parse_file(journal.folder / RUN))
     _check_config(head.get("config", {}))
+    if head["version"] != VERSION:
+        raise FieldError("version", f"is {head['version']}; this library reads {VERSION}")
     journal.head = head
     journal.exists = True
-    journal.oldest = head["version"]
     journal.sessions = list(_sessions(journal.folder / SESSIONS))
     if "corruptions" in journal.config:
         journal.planners = planners_of(journal.config["corruptions"])

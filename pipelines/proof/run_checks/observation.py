@@ -34,8 +34,7 @@ class ReplayInputs:
         planner: the corruption; `None` for a clean episode.
         known: whether the log states `planner`; otherwise it is derived from the logged plans.
         size: `(height, width)` of the screen; `None` if the log does not contain it.
-        allow_code: whether any code was allowed; `None` if the log does not contain it.
-        hashed: whether each line has the hash of its clean picture.
+        allow_code: whether any code was allowed.
     """
 
     seed: int
@@ -44,8 +43,7 @@ class ReplayInputs:
     planner: Planner | None
     known: bool
     size: Size | None
-    allow_code: bool | None
-    hashed: bool
+    allow_code: bool
 
     @property
     def needs_elements(self) -> bool:
@@ -86,55 +84,61 @@ def check_observation(
     height, width = clean.shape[:2]
     scene = Scene((height, width), boxes, apps)
     plan = key.plan(scene, fields.step_number(line, "step"), logged)
-    seen = ReplayedObservation(plan)
+    observation = ReplayedObservation(plan)
     if apps != key.apps:
-        seen.problems.append(f"apps are {list(apps)}, those of the record are {list(key.apps)}")
+        observation.problems.append(
+            f"apps are {list(apps)}, those of the record are {list(key.apps)}"
+        )
     if key.size is not None and scene.size != key.size:
-        told = f"{key.size[1]}x{key.size[0]}"
-        seen.problems.append(f"{name}: is {width}x{height}, the screen was {told}")
+        screen_size = f"{key.size[1]}x{key.size[0]}"
+        observation.problems.append(f"{name}: is {width}x{height}, the screen was {screen_size}")
     if len(boxes) and key.known and not key.needs_elements:
-        seen.problems.append("there are boxes, and no plan needs them")
-    seen.problems += _plan_problems(line, logged, plan)
-    seen.problems += _picture_problems(folder, line, clean, plan, key.hashed)
-    seen.problems += _action_problems(line, plan, key.allow_code)
-    said = line.get("said")
-    if said is not None and not isinstance(said, str):
-        seen.problems.append(f"said must be a string, got {fields.shown(said)}")
-    return seen
+        observation.problems.append("there are boxes, and no plan needs them")
+    observation.problems += _plan_problems(line, logged, plan)
+    observation.problems += _picture_problems(folder, line, clean, plan)
+    observation.problems += _action_problems(line, plan, key.allow_code)
+    text = line.get("said")
+    if text is not None and not isinstance(text, str):
+        observation.problems.append(f"said must be a string, got {fields.shown(text)}")
+    return observation
 
 
 def _plan_problems(line: Mapping[str, Any], logged: Plan, plan: Plan) -> list[str]:
-    found: list[str] = []
+    problems: list[str] = []
     stored = line.get("plan_digest")
-    was = logged.digest()
-    now = plan.digest()
-    if was != stored:
-        found.append(f"plan_digest is not that of the plan ({stored})")
-    if now != was:
-        found.append(f"planned again the plan is another: {now[:16]}, it was {was[:16]}")
-    return found
+    logged_digest = logged.digest()
+    new_digest = plan.digest()
+    if logged_digest != stored:
+        problems.append(f"plan_digest is not that of the plan ({stored})")
+    if new_digest != logged_digest:
+        problems.append(
+            f"planned again the plan is another: {new_digest[:16]}, it was {logged_digest[:16]}"
+        )
+    return problems
 
 
 def _picture_problems(
-    folder: Path, line: Mapping[str, Any], clean: UInt8Array, plan: Plan, hashed: bool
+    folder: Path, line: Mapping[str, Any], clean: UInt8Array, plan: Plan
 ) -> list[str]:
     name = line["image"]
     stored = line.get("seen")
-    told = line.get("seen_sha256")
-    found: list[str] = []
-    made = apply(plan, clean) if plan.ops else clean
-    if sha256_of(made) != told:
-        found.append(f"{name}: disturbed again it is not what the agent saw (seen_sha256)")
-    elif hashed and sha256_of(clean) != line.get("image_sha256"):
-        found.append(f"{name}: is not what was on the screen (image_sha256)")
+    agent_digest = line.get("seen_sha256")
+    problems: list[str] = []
+    picture = apply(plan, clean) if plan.ops else clean
+    if sha256_of(picture) != agent_digest:
+        problems.append(f"{name}: disturbed again it is not what the agent saw (seen_sha256)")
+    elif sha256_of(clean) != line.get("image_sha256"):
+        problems.append(f"{name}: is not what was on the screen (image_sha256)")
     if (stored is not None) != bool(plan.ops):
-        found.append(f"seen is {fields.shown(stored)}, and the plan has {len(plan.ops)} operations")
-    if stored is not None and sha256_of(_picture(folder, str(stored))) != told:
-        found.append(f"{stored}: is not what the agent saw (seen_sha256)")
-    return found
+        problems.append(
+            f"seen is {fields.shown(stored)}, and the plan has {len(plan.ops)} operations"
+        )
+    if stored is not None and sha256_of(_picture(folder, str(stored))) != agent_digest:
+        problems.append(f"{stored}: is not what the agent saw (seen_sha256)")
+    return problems
 
 
-def _action_problems(line: Mapping[str, Any], plan: Plan, allow_code: bool | None) -> list[str]:
+def _action_problems(line: Mapping[str, Any], plan: Plan, allow_code: bool) -> list[str]:
     """Compare the code that ran with the agent's answer, mapped to the real screen."""
     raw = line.get("raw")
     logged = line.get("code")
@@ -146,12 +150,11 @@ def _action_problems(line: Mapping[str, Any], plan: Plan, allow_code: bool | Non
         return [f"raw must be a string, got {fields.shown(raw)}"]
     if logged is None and str(line.get("error")).startswith(NO_TEXT):
         return []
-    allowed = logged is not None if allow_code is None else allow_code
-    code = _mapped(raw, plan, allowed)
+    code = _mapped(raw, plan, allow_code)
     if code == logged:
         return []
-    made = "is refused" if code is None else f"gives {fields.shown(code)}"
-    return [f"read again the agent's answer (raw) {made}, code is {fields.shown(logged)}"]
+    outcome = "is refused" if code is None else f"gives {fields.shown(code)}"
+    return [f"read again the agent's answer (raw) {outcome}, code is {fields.shown(logged)}"]
 
 
 def _mapped(raw: str, plan: Plan, allow_code: bool) -> str | None:

@@ -68,10 +68,10 @@ class TrlEnvironment:
             self._owner.begin_batch()
         self._replayed = None
         self._is_logged = False
-        seen = self._episode.reset(self._owner.request(task, self._number, seed))
-        if seen is None:
+        observation = self._episode.reset(self._owner.request(task, self._number, seed))
+        if observation is None:
             return [{"type": "text", "text": OVER}]
-        return [{"type": "text", "text": seen["instruction"]}, _image(seen)]
+        return [{"type": "text", "text": observation["instruction"]}, _image(observation)]
 
     def computer(self, action: str) -> Content:
         """Act on the computer, then look at its screen.
@@ -82,8 +82,8 @@ class TrlEnvironment:
         Returns:
             The next screenshot.
         """
-        seen = self._episode.step(str(action))
-        return [{"type": "text", "text": OVER}] if seen is None else [_image(seen)]
+        observation = self._episode.step(str(action))
+        return [{"type": "text", "text": OVER}] if observation is None else [_image(observation)]
 
     def get_reward(self) -> float | None:
         """Return the success of the rollout, or `None` if it does not count.
@@ -159,9 +159,9 @@ class TrlEnvironments:
 
     def __call__(self) -> TrlEnvironment:
         """Make the next environment; no machine starts before its first `reset`."""
-        made = TrlEnvironment(len(self._made), self, self._make)
-        self._made.append(made)
-        return made
+        environment = TrlEnvironment(len(self._made), self, self._make)
+        self._made.append(environment)
+        return environment
 
     def set_batch(self, number: int, epoch: int = 0) -> None:
         """Set the number of the next generation batch, so that a resumed run makes the same draws.
@@ -194,10 +194,10 @@ class TrlEnvironments:
         Raises:
             TrainError: none of its rollouts could be played.
         """
-        failed, ended = self._failed, self._ended
+        failed, count = self._failed, self._ended
         self._failed, self._ended = [], 0
-        if ended and len(failed) == ended:
-            raise TrainError(f"none of {ended} rollouts could be played; the first: {failed[0]}")
+        if count and len(failed) == count:
+            raise TrainError(f"none of {count} rollouts could be played; the first: {failed[0]}")
 
     def request(self, task: str, number: int, seed: int | None) -> RolloutRequest:
         """Return the request for an environment in the current batch."""
@@ -230,8 +230,8 @@ class TrlEnvironments:
 
     def close(self) -> None:
         """Close all environments; may be called again."""
-        for each in self._made:
-            each._episode.close()
+        for environment in self._made:
+            environment._episode.close()
 
 
 def format_reward(
@@ -256,7 +256,7 @@ def format_reward(
 
 
 def training_rows(
-    tasks: Iterable[str], how: str, *, evaluation: Iterable[str] = ()
+    tasks: Iterable[str], answer_form: str, *, evaluation: Iterable[str] = ()
 ) -> list[dict[str, Any]]:
     """Return a row for each training task: `prompt` (how to answer) and `task`.
 
@@ -265,7 +265,7 @@ def training_rows(
 
     Args:
         tasks: names of training tasks.
-        how: what the model is told before the instruction, such as the form of an action.
+        answer_form: what the model is told before the instruction, such as the form of an action.
         evaluation: names of the tasks that are reported.
 
     Raises:
@@ -275,8 +275,11 @@ def training_rows(
     names = list(dict.fromkeys(tasks))
     if not names:
         raise ParameterError("training_rows: there are no tasks")
-    check_split(names, evaluation, what="training_rows")
-    return [{"prompt": [{"role": "user", "content": f"{how}\n"}], "task": name} for name in names]
+    check_split(names, evaluation, source="training_rows")
+    return [
+        {"prompt": [{"role": "user", "content": f"{answer_form}\n"}], "task": name}
+        for name in names
+    ]
 
 
 def _ended_with_a_call(completion: Sequence[Any]) -> bool:
@@ -285,8 +288,8 @@ def _ended_with_a_call(completion: Sequence[Any]) -> bool:
     return bool(answers) and bool(answers[-1].get("tool_calls"))
 
 
-def _image(seen: AgentObservation) -> dict[str, Any]:
-    return {"type": "image", "image": screenshot_image(seen)}
+def _image(observation: AgentObservation) -> dict[str, Any]:
+    return {"type": "image", "image": screenshot_image(observation)}
 
 
 def _log_of(folder: Path | None, rank: int, processes: int) -> Path | None:

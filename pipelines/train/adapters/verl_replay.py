@@ -58,7 +58,7 @@ class HijackReplay(VerlBuffer):
             _rollout(rows[place], key, batch.tags[place]) for place, key in enumerate(batch.keys)
         ]
         check_split(
-            (rollout.request.group for rollout in rollouts), what="the rows of data.train_files"
+            (rollout.request.group for rollout in rollouts), source="the rows of data.train_files"
         )
         for places in groups.values():
             group = [rollouts[place] for place in places]
@@ -73,14 +73,14 @@ class HijackReplay(VerlBuffer):
     def _put(self, batch: Any, place: int, row: Any, stored: Any) -> None:
         """Replace the rollout at `place` by a stored one, keeping group and number of the place."""
         fields, tag = stored.tokens
-        whole = fields.clone(recurse=False)
+        row_fields = fields.clone(recurse=False)
         for name in _PLACE:
             if name in row.keys():  # noqa: SIM118  (of a TensorDict)
-                whole[name] = row[name]
+                row_fields[name] = row[name]
         batch.tags[place] = {**batch.tags[place], **tag}
         transfer_queue.kv_batch_put(
             keys=[batch.keys[place]],
-            fields=whole.unsqueeze(0),
+            fields=row_fields.unsqueeze(0),
             tags=[batch.tags[place]],
             partition_id=TRAINING,
         )

@@ -90,25 +90,25 @@ def read_rows(folder: Path) -> list[ChatRow]:
     )
 
 
-def check_rows(rows: Sequence[ChatRow], evaluation: Sequence[str] = (), *, what: str) -> None:
+def check_rows(rows: Sequence[ChatRow], evaluation: Sequence[str] = (), *, source: str) -> None:
     """Refuse rows of tasks that are held out or reported.
 
     Args:
         rows: the rows.
         evaluation: names of the tasks that are reported.
-        what: their folder, for the message.
+        source: their folder, for the message.
 
     Raises:
         LeakError: there are such rows; the message names the tasks.
     """
-    known = _known() | set(evaluation)
+    task_names = _known() | set(evaluation)
     names: dict[str, None] = {}
     for trajectory in dict.fromkeys(row.trajectory for row in rows):
-        names.update(dict.fromkeys(named_tasks(trajectory, known)))
-    check_split(names, evaluation, what=what)
+        names.update(dict.fromkeys(named_tasks(trajectory, task_names)))
+    check_split(names, evaluation, source=source)
 
 
-def named_tasks(trajectory: str, known: set[str] | None = None) -> list[str]:
+def named_tasks(trajectory: str, task_names: set[str] | None = None) -> list[str]:
     """Return the tasks that the id of a trajectory names.
 
     A build from a run has episodes as trajectories (`compare_ferries-3__marks__s0__agent`), one
@@ -116,13 +116,13 @@ def named_tasks(trajectory: str, known: set[str] | None = None) -> list[str]:
 
     Args:
         trajectory: the column `trajectory_id`.
-        known: the names that count; those of the splits of suite, OSWorld and toy if omitted.
+        task_names: the names that count; those of the splits of suite, OSWorld and toy if omitted.
     """
-    names = _known() if known is None else known
-    found = _UUID.findall(trajectory)
+    names = _known() if task_names is None else task_names
+    candidates = _UUID.findall(trajectory)
     for part in re.split(r"/|__", trajectory):
-        found += [part, _SEED.sub("", part)]
-    return [name for name in dict.fromkeys(found) if name in names]
+        candidates += [part, _SEED.sub("", part)]
+    return [name for name in dict.fromkeys(candidates) if name in names]
 
 
 @lru_cache(maxsize=1)
@@ -190,8 +190,8 @@ def _row(
 def _opened(picture: Path | tuple[Path, int, str], place: str) -> Image.Image:
     try:
         source = picture if isinstance(picture, Path) else io.BytesIO(_stored(*picture))
-        with Image.open(source) as opened:
-            return opened.convert("RGB")
+        with Image.open(source) as image:
+            return image.convert("RGB")
     except (OSError, UnidentifiedImageError, ValueError) as error:
         raise DatasetError(f"{place}: a picture cannot be read ({error})") from None
 

@@ -72,11 +72,11 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
             ParameterTypeError: `corruption` is not a planner.
         """
         super().reset(seed=seed)
-        given = {**self._defaults, **(options or {})}
-        planner = given["corruption"]
+        settings = {**self._defaults, **(options or {})}
+        planner = settings["corruption"]
         if planner is not None and not isinstance(planner, Planner):
             raise ParameterTypeError(f"corruption must be a planner or None, got {planner!r}")
-        self._task = toy_task(given["task"])
+        self._task = toy_task(settings["task"])
         self._planner = planner
         self._state = ToyState()
         self._seed = seed or 0
@@ -129,11 +129,11 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
         """Return whether the episode is over, and its score."""
         if action.strip() == DONE:
             return True, float(self._state.done == self._task.length)
-        found = _CLICK.fullmatch(action.strip())
-        if found is None:
+        click = _CLICK.fullmatch(action.strip())
+        if click is None:
             self._malformed += 1
             return False, 0.0
-        return self._click(int(found[1]), int(found[2]))
+        return self._click(int(click[1]), int(click[2]))
 
     def _click(self, x: int, y: int) -> tuple[bool, float]:
         match self.screen.at(x, y):

@@ -71,7 +71,7 @@ def run_replication(
         LeakError: a task is both trained on and reported.
         TrainError: the folder holds another replication, or a run failed.
     """
-    check_split(replication.training, replication.evaluation, what=replication.source)
+    check_split(replication.training, replication.evaluation, source=replication.source)
     _claim(replication, folder)
     seeds = range(replication.seeds)
     starts = [ToyJob(replication, START, seed, folder) for seed in seeds]
@@ -122,11 +122,11 @@ def evaluate(policy: ToyPolicy, replication: Replication, seed: int) -> dict[str
             for draw in range(replication.draws)
             for task in replication.evaluation
         ]
-        played: list[Rollout] = []
+        rollouts: list[Rollout] = []
         for first in range(0, len(requests), _AT_ONCE):
-            some = requests[first : first + _AT_ONCE]
-            played += play(envs, policy, some, max_steps=replication.max_steps)
-        rates[label] = sum(rollout.success for rollout in played) / len(played)
+            batch = requests[first : first + _AT_ONCE]
+            rollouts += play(envs, policy, batch, max_steps=replication.max_steps)
+        rates[label] = sum(rollout.success for rollout in rollouts) / len(rollouts)
     return rates
 
 
@@ -186,10 +186,12 @@ def _trained(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
     return network, log
 
 
-def _curve(steps: Sequence[Mapping[str, Any]], each: int) -> list[float]:
+def _curve(steps: Sequence[Mapping[str, Any]], steps_per_epoch: int) -> list[float]:
     """Return the success of the rollouts of each epoch."""
-    chunks = [steps[first : first + each] for first in range(0, len(steps), each)]
-    return [sum(step["success"] for step in some) / len(some) for some in chunks]
+    chunks = [
+        steps[first : first + steps_per_epoch] for first in range(0, len(steps), steps_per_epoch)
+    ]
+    return [sum(step["success"] for step in epoch) / len(epoch) for epoch in chunks]
 
 
 def _lines(path: Path) -> Iterable[dict[str, Any]]:
@@ -211,25 +213,25 @@ def _scores(job: ToyJob) -> dict[str, Any]:
 def _claim(replication: Replication, folder: Path) -> None:
     """Note in the folder what it is for; refuse one that is for something else."""
     data = json.loads(json.dumps(replication.to_data()))
-    given = {key: value for key, value in data.items() if key not in ("source", "arms", "seeds")}
+    identity = {key: value for key, value in data.items() if key not in ("source", "arms", "seeds")}
     path = folder / _PLAN
     if path.exists():
-        kept = read_versioned_json(
+        stored = read_versioned_json(
             path,
             format=_PLAN_FORMAT,
             version=VERSION,
             what="the plan of a replication",
             error=TrainError,
         )
-        found = kept.get("replication", {})
-        differs = sorted(key for key in given if found.get(key) != given[key])
+        stored_identity = stored.get("replication", {})
+        differs = sorted(key for key in identity if stored_identity.get(key) != identity[key])
         if differs:
             raise TrainError(
                 f"{folder}: holds a replication with other {', '.join(differs)}; give another --out"
             )
         return
     make_folder(folder)
-    plan = {"format": _PLAN_FORMAT, "version": VERSION, "replication": given}
+    plan = {"format": _PLAN_FORMAT, "version": VERSION, "replication": identity}
     write_atomic(path, json.dumps(plan, indent=1) + "\n")
 
 

@@ -42,7 +42,7 @@ def paired(differences: Sequence[float]) -> dict[str, Any]:
         "mean": mean,
         "ci_low": float(low),
         "ci_high": float(high),
-        "per_seed": [float(each) for each in values],
+        "per_seed": [float(value) for value in values],
     }
 
 
@@ -59,7 +59,7 @@ def summarise(replication: Replication, scores: ScoreTable) -> dict[str, Any]:
         scores: of every run.
     """
     parts = _parts(replication)
-    table = {(each["arm"], each["seed"]): _means(each["success"], parts) for each in scores}
+    table = {(score["arm"], score["seed"]): _means(score["success"], parts) for score in scores}
     arms = [START, *replication.arms]
     seeds = range(replication.seeds)
     success = {
@@ -74,7 +74,7 @@ def summarise(replication: Replication, scores: ScoreTable) -> dict[str, Any]:
         "version": VERSION,
         "seeds": replication.seeds,
         "tasks": {"training": len(replication.training), "unseen": len(replication.evaluation)},
-        "rollouts": {each["arm"]: each["rollouts"] for each in scores},
+        "rollouts": {score["arm"]: score["rollouts"] for score in scores},
         "success": success,
         "arms": {},
     }
@@ -127,9 +127,9 @@ def interval_text(gain: Mapping[str, Any]) -> str:
 
 def plot(summary: Mapping[str, Any], path: Path) -> None:
     """Write the gains over GRPO with their intervals as an SVG; equal data give equal bytes."""
-    what = "the plot"
-    rc_context = extras.load("matplotlib", what, "train").rc_context
-    figure_of = extras.load("matplotlib.figure", what, "train").Figure
+    purpose = "the plot"
+    rc_context = extras.load("matplotlib", purpose, "train").rc_context
+    figure_of = extras.load("matplotlib.figure", purpose, "train").Figure
     names = [name for name in GROUPS if name in summary["success"][START]]
     arms = [arm for arm in summary["success"] if f"{arm} - {BASE}" in summary["arms"]]
     with rc_context({"svg.hashsalt": "agenthijack", "svg.fonttype": "none"}):
@@ -154,12 +154,12 @@ def plot(summary: Mapping[str, Any], path: Path) -> None:
 
 def _parts(replication: Replication) -> dict[str, list[str]]:
     """Return the conditions of each group that is reported."""
-    found = {
+    groups = {
         "visual": list(replication.trained),
         CLEAN: [CLEAN],
         "heldout": list(replication.untrained),
     }
-    return {name: labels for name, labels in found.items() if labels}
+    return {name: labels for name, labels in groups.items() if labels}
 
 
 def _conditions(parts: Mapping[str, Sequence[str]]) -> list[str]:
@@ -168,8 +168,9 @@ def _conditions(parts: Mapping[str, Sequence[str]]) -> list[str]:
 
 def _means(rates: Mapping[str, float], parts: Mapping[str, Sequence[str]]) -> dict[str, float]:
     """Return the success in percent of each group and each condition."""
-    each = {label: 100 * rate for label, rate in rates.items()}
+    percents = {label: 100 * rate for label, rate in rates.items()}
     groups = {
-        name: float(np.mean([each[label] for label in labels])) for name, labels in parts.items()
+        name: float(np.mean([percents[label] for label in labels]))
+        for name, labels in parts.items()
     }
-    return {**each, **groups}
+    return {**percents, **groups}

@@ -101,9 +101,9 @@ def paint_screen(name: str, state: ToyState) -> ToyScreen:
 
 def next_target(screen: ToyScreen) -> Box | None:
     """Return where a careful user clicks next: to recover, else at what is right, else the menu."""
-    for wanted in ("recover", "right", "menu"):
+    for kind in ("recover", "right", "menu"):
         for box, click in screen.clicks:
-            if click == wanted:
+            if click == kind:
                 return box
     return None
 

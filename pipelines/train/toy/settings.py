@@ -122,11 +122,11 @@ def load_replication(path_or_name: str | os.PathLike[str]) -> Replication:
     name, data = read_config(path_or_name)
     tree = read_yaml(data, name, problems)
     if not isinstance(tree, MappingNode):
-        what = "the file is empty" if tree is None else f"got {kind_of(tree)}"
-        problems.stop(Position(name, 1, 1), f"a training configuration is a mapping, {what}")
-    found = _Reader(problems).read(tree, name)
+        problem = "the file is empty" if tree is None else f"got {kind_of(tree)}"
+        problems.stop(Position(name, 1, 1), f"a training configuration is a mapping, {problem}")
+    replication = _Reader(problems).read(tree, name)
     problems.check()
-    return found
+    return replication
 
 
 class _Reader:
@@ -136,7 +136,7 @@ class _Reader:
         self._problems = problems
 
     def read(self, tree: MappingNode, source: str) -> Replication:
-        found: dict[str, Any] = {"source": source}
+        values: dict[str, Any] = {"source": source}
         for key, place in tree.keys.items():
             if key not in _KEYS:
                 self._problems.add(place, f"unknown key {key!r}{suggest(key, _KEYS)}")
@@ -146,24 +146,24 @@ class _Reader:
                 self._problems.add(start, f"{key} is missing; see docs/train.md")
         for key, item in tree.items.items():
             if key in _NUMBERS:
-                found[key] = check(self._problems, _NUMBERS[key], key, item)
+                values[key] = check(self._problems, _NUMBERS[key], key, item)
             elif key in _PLANNERS:
-                found[key] = Builder(self._problems).build(item)
+                values[key] = Builder(self._problems).build(item)
             elif key == "arms":
-                found[key] = self._arms(item)
+                values[key] = self._arms(item)
             elif key in ("training", "evaluation"):
-                found[key] = self._tasks(key, item)
+                values[key] = self._tasks(key, item)
             elif key == "environment":
                 self._environment(item)
-        for label in found.get("untrained", {}):
-            if label in found.get("trained", {}):
+        for label in values.get("untrained", {}):
+            if label in values.get("trained", {}):
                 self._problems.add(
                     tree.items["untrained"].place,
                     f"untrained: {label!r} is in trained, too, so runs are trained with it; take it"
                     " out, or label it, such as as: other",
                 )
         self._problems.check()
-        return Replication(**found)
+        return Replication(**values)
 
     def _environment(self, item: ConfigNode) -> None:
         value = item.value if isinstance(item, ScalarNode) else None

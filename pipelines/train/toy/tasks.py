@@ -154,5 +154,5 @@ def _drawn(options: Sequence[T], count: int, stream: Stream) -> list[T]:
     """
     if count > len(options):
         raise ParameterError(f"cannot draw {count} of {len(options)}")
-    left = list(options)
-    return [left.pop(stream.integer(0, len(left) - 1)) for _ in range(count)]
+    remaining = list(options)
+    return [remaining.pop(stream.integer(0, len(remaining) - 1)) for _ in range(count)]

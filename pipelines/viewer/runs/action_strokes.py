@@ -35,14 +35,14 @@ def parse_strokes(code: str, size: Size | None) -> tuple[str, list[dict[str, Any
             return "asks for the desktop to be put in order", []
         code = request.code if request.kind == "code" else code
     try:
-        whole = parse_pyautogui(code, size)
+        action = parse_pyautogui(code, size)
     except (HijackError, RecursionError):
         return "not a pyautogui action", []
-    if whole.type != "other":
-        return action_text(vars(whole)), _strokes([whole])
+    if action.type != "other":
+        return action_text(vars(action)), _strokes([action])
     parts = _parts(code, size)
     if not parts:
-        return action_text(vars(whole)), _strokes([whole])
+        return action_text(vars(action)), _strokes([action])
     return ", then ".join(action_text(vars(part)) for part in parts), _strokes(parts)
 
 
@@ -52,7 +52,7 @@ def _parts(code: str, size: Size | None) -> list[Action]:
         statements = ast.parse(code).body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         return []
-    found: list[Action] = []
+    actions: list[Action] = []
     pointer: Action | None = None
     for statement in statements[: 2 * MOST]:
         try:
@@ -65,14 +65,14 @@ def _parts(code: str, size: Size | None) -> list[Action]:
             action = replace(action, x=pointer.x, y=pointer.y)
         if action.point is not None:
             pointer = action
-        found.append(action)
-        if len(found) == MOST:
+        actions.append(action)
+        if len(actions) == MOST:
             break
-    return found
+    return actions
 
 
 def _strokes(actions: list[Action]) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = []
+    strokes: list[dict[str, Any]] = []
     for action in actions:
         stroke: dict[str, Any] = {"type": action.type}
         if action.point is not None:
@@ -87,5 +87,5 @@ def _strokes(actions: list[Action]) -> list[dict[str, Any]]:
         if amount is not None:
             stroke["amount"] = amount
         if len(stroke) > 1:
-            found.append(stroke)
-    return found
+            strokes.append(stroke)
+    return strokes

@@ -45,18 +45,20 @@ def columns(entries: list[EpisodeEntry], config: Mapping[str, Any]) -> dict[str,
 
 def _coded(values: list[str], first: list[str]) -> dict[str, Any]:
     present = set(values)
-    known = {value: k for k, value in enumerate(dict.fromkeys(v for v in first if v in present))}
-    codes = [known.setdefault(value, len(known)) for value in values]
-    return {"values": list(known), "codes": codes}
+    codes_by_value = {
+        value: k for k, value in enumerate(dict.fromkeys(v for v in first if v in present))
+    }
+    codes = [codes_by_value.setdefault(value, len(codes_by_value)) for value in values]
+    return {"values": list(codes_by_value), "codes": codes}
 
 
 def _listed(entries: object) -> list[str]:
     """Return the labels in a list of the configuration: `marks`, or `{marks: {as: LABEL}}`."""
-    found: list[str] = []
+    labels: list[str] = []
     for entry in listed(entries):
         if isinstance(entry, dict) and len(entry) == 1:
             ((entry, settings),) = entry.items()
             if isinstance(settings, dict):
                 entry = settings.get("as", entry)
-        found.append(word(entry))
-    return found
+        labels.append(word(entry))
+    return labels

@@ -38,15 +38,15 @@ def export_file(source: RunSource, patterns: Sequence[str], path: Path) -> int:
     refuse_own_file(path, "--export")
     if not source.entries:
         raise ParameterError("--export: the run has no episodes yet")
-    chosen = list(matching_episodes(source, patterns))
-    if not chosen:
-        shown = ", ".join(patterns)
+    numbers = list(matching_episodes(source, patterns))
+    if not numbers:
+        listed = ", ".join(patterns)
         example = source.entries[0].id
         raise ParameterError(
-            f"--episode {shown}: no episode has such an id; ids look like {example}"
+            f"--episode {listed}: no episode has such an id; ids look like {example}"
         )
-    write_atomic(path, export_page(source, chosen))
-    return len(chosen)
+    write_atomic(path, export_page(source, numbers))
+    return len(numbers)
 
 
 def matching_episodes(source: RunSource, patterns: Sequence[str]) -> Iterator[int]:
@@ -64,25 +64,25 @@ def export_page(source: RunSource, numbers: Sequence[int]) -> str:
         numbers: numbers of the episodes, in the order of the list. Raises `HijackError` for a
             missing one.
     """
-    kept = list(dict.fromkeys(numbers))
+    unique = list(dict.fromkeys(numbers))
     pictures: dict[str, str] = {}
     places: dict[str, str] = {}
     episodes: list[dict[str, Any]] = []
-    for place, number in enumerate(kept):
+    for place, number in enumerate(unique):
         data = source.episode(number)
         data["number"] = place
         data["checked"] = source.check(number)
         for step in data["steps"]:
             _add(source, number, step, f"{place}/{step['step']}", pictures, places)
         episodes.append(data)
-    entries = [source.entries[number] for number in kept]
+    entries = [source.entries[number] for number in unique]
     style = "".join(page_file(name) for name in STYLES)
     script = "".join(page_file(name) for name in RUN_SCRIPTS)
     about = source.about()
     data = {
         **{key: about[key] for key in ("title", "problems", "scored")},
         **columns(entries, source.config),
-        "facts": f"{len(kept):,} of {source.facts}, exported",
+        "facts": f"{len(unique):,} of {source.facts}, exported",
         "episodes": episodes,
         "pictures": pictures,
         "places": places,

@@ -42,10 +42,10 @@ def read_turns(
     turns: dict[int, TurnMessages] = {}
     usage = record.get("usage")
     counted = usage.get("steps") if isinstance(usage, dict) else None
-    for turn, found in enumerate(listed(counted)):
-        if isinstance(found, dict):
-            kept = {key: found[key] for key in _COUNTED if found.get(key) is not None}
-            turns[turn] = TurnMessages(usage=kept)
+    for turn, turn_usage in enumerate(listed(counted)):
+        if isinstance(turn_usage, dict):
+            figures = {key: turn_usage[key] for key in _COUNTED if turn_usage.get(key) is not None}
+            turns[turn] = TurnMessages(usage=figures)
     problem = ""
     try:
         for turn, role, text in _said(folder, name):
@@ -59,15 +59,15 @@ def read_turns(
 
 def turn_numbers(lines_of_log: Sequence[Mapping[str, Any]]) -> list[int | None]:
     """Return the turn that each line begins; `None` for one that continues a turn, or has none."""
-    found: list[int | None] = []
+    numbers: list[int | None] = []
     turn = -1
-    # logs of version 1 do not have the agent's words: there, every action is a turn
+    # each action of an agent that says nothing is a turn
     spoken = any(line.get("said") is not None for line in lines_of_log)
     for line in lines_of_log:
         begins = line.get("said") is not None if spoken else line.get("raw") is not None
         turn += begins
-        found.append(turn if begins else None)
-    return found
+        numbers.append(turn if begins else None)
+    return numbers
 
 
 def _said(folder: Path, name: str) -> Iterator[tuple[int, str, str]]:

@@ -138,9 +138,9 @@ def test_held_out_and_reported_tasks_are_refused(config, chat, tmp_path):
         run(path, "--out", tmp_path / "out")
     assert not (tmp_path / "out").exists()
     rows = read_rows(chat("mine/a-task"))
-    check_rows(rows, what="chat")
+    check_rows(rows, source="chat")
     with pytest.raises(LeakError, match="a-task would be trained on and reported"):
-        check_rows(rows, ["a-task"], what=str(folder))
+        check_rows(rows, ["a-task"], source=str(folder))
 
 
 def test_a_dry_run_counts_the_rows(config, chat):
