@@ -26,7 +26,7 @@ from .help_pages import page_for
 from .options import WholeSummaries
 from .summaries import SECTIONS, SUMMARIES
 
-FULL = 3  # exit code
+DISK_FULL = 3  # exit code
 # Where each command is defined. The commands of the other packages are listed here as text, not as
 # imports.
 COMMANDS = {
@@ -159,14 +159,15 @@ def main(argv: list[str] | None = None) -> None:
 
     Raises:
         ModuleNotFoundError: a module is missing that no extra installs.
+        OSError: the system failed in a way that no message of the library explains.
     """
     code: object = 0
-    _print_anything()
+    _escape_unprintable()
     try:
         with _plugin_warnings():
             code = hijack.main(args=argv, prog_name="hijack", standalone_mode=False)
     except StorageError as error:
-        fail(str(error), FULL)
+        fail(str(error), DISK_FULL)
     except HijackError as error:
         fail(str(error))
     except ModuleNotFoundError as error:
@@ -187,11 +188,11 @@ def main(argv: list[str] | None = None) -> None:
         if error.errno != errno.ENOSPC or error.filename is not None:
             raise
         sys.stdout = io.StringIO()  # what is left in the old one is not tried again
-        fail(f"the output cannot be written ({error.strerror}); free some space", FULL)
+        fail(f"the output cannot be written ({error.strerror}); free some space", DISK_FULL)
     sys.exit(code if isinstance(code, int) else 0)
 
 
-def _print_anything() -> None:
+def _escape_unprintable() -> None:
     """Print characters that the terminal cannot show as Python escapes.
 
     Texts of agents, models and recordings are printed too, and must never end a run with an

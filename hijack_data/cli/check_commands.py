@@ -48,20 +48,29 @@ def check(target: str, desktop: bool, timeout: float) -> None:
     failed = 0
     if target.endswith(SUFFIX):
         loaded = run_file(target)
-        agents = _agents_of(loaded)
+        agents = _find_agents(loaded)
         failed = _check_file(out, loaded, desktop)
-        tasks = _tasks_of(loaded)
-        if not loaded.names and not agents and not tasks:
-            raise PluginError(
-                f"{target}: registers nothing, and has no class with predict(instruction, obs)"
-            )
+        tasks = _find_tasks(loaded)
+        _check_content(loaded, target, [*agents, *tasks])
         failed += sum(_check_task(out, name, desktop) for name in tasks)
     else:
         agents = [target]
     failed += sum(_check_agent(out, name, timeout) for name in agents)
     if failed:
         out.print(f"{failed} checks failed")
-        raise SystemExit(1)
+        sys.exit(1)
+
+
+def _check_content(loaded: LoadedFile, target: str, found: list[str]) -> None:
+    """Check that a file holds something to check.
+
+    Raises:
+        PluginError: it registers nothing, and has neither agents nor tasks.
+    """
+    if not loaded.names and not found:
+        raise PluginError(
+            f"{target}: registers nothing, and has no class with predict(instruction, obs)"
+        )
 
 
 def _check_file(out: Any, loaded: LoadedFile, desktop: bool) -> int:
@@ -79,7 +88,7 @@ def _check_file(out: Any, loaded: LoadedFile, desktop: bool) -> int:
     return failed
 
 
-def _agents_of(loaded: LoadedFile) -> list[str]:
+def _find_agents(loaded: LoadedFile) -> list[str]:
     """Return the agents of a file; a file without agents imports nothing."""
     classes = [
         value
@@ -91,7 +100,7 @@ def _agents_of(loaded: LoadedFile) -> list[str]:
     return importlib.import_module("online_env.agents.checking").agents_of(loaded)
 
 
-def _tasks_of(loaded: LoadedFile) -> list[str]:
+def _find_tasks(loaded: LoadedFile) -> list[str]:
     """Return the tasks of a file; a file without tasks imports nothing."""
     module = vars(sys.modules[loaded.module])
     has_phrasings = any(getattr(value, "phrasings", None) for value in module.values())
@@ -141,7 +150,7 @@ def doctor(as_json: bool) -> None:
     """List what is installed, what is missing, and the commands that add it."""
     rows, remedy = list(_doctor_rows()), doctor_rows.extras_remedy()
     if as_json:
-        click.echo(json.dumps({"found": [_plain(row) for row in rows], "remedy": remedy}))
+        click.echo(json.dumps({"found": [_row_data(row) for row in rows], "remedy": remedy}))
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
     for column in ("", "what", "for", "found"):
@@ -166,7 +175,7 @@ def _doctor_rows() -> Iterator[DoctorRow]:
     yield doctor_rows.desktop_row()
 
 
-def _plain(row: DoctorRow) -> dict[str, Any]:
+def _row_data(row: DoctorRow) -> dict[str, Any]:
     """Return a row without markup, for `--json`."""
     mark, component, purpose, state = (Text.from_markup(cell).plain for cell in row)
     return {"ok": mark == "ok", "what": component, "for": purpose, "found": state}

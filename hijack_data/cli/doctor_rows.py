@@ -35,7 +35,7 @@ LACKING = "[yellow]--[/]"
 
 def extra_rows() -> Iterator[tuple[str, str, str, str]]:
     """Yield a row for each extra that the package declares: mark, name, purpose, modules."""
-    for extra, modules in _declared().items():
+    for extra, modules in _extras().items():
         missing = extras.lacking(modules)
         purpose = PURPOSES.get(extra, "")
         if missing:
@@ -49,7 +49,7 @@ def extras_remedy() -> str:
     if not extras.extras():
         return "the package is not installed, so its extras are not known: pip install -e ."
     missing: list[str] = []
-    for name, modules in _declared().items():
+    for name, modules in _extras().items():
         if name not in (*extras.WIDE, *extras.APART) and extras.lacking(modules):
             missing.append(name)
     if not missing:
@@ -73,7 +73,7 @@ def desktop_row() -> tuple[str, str, str, str]:
     return LACKING, "desktop", purpose, f"lacks {failed[0].name}{others}: {advice}"
 
 
-def _declared() -> dict[str, tuple[str, ...]]:
+def _extras() -> dict[str, tuple[str, ...]]:
     """Return all extras except `all`, those with a listed purpose first."""
     declared = dict(extras.extras())
     declared.pop("all", None)

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from ..plan import Plan
 from ..planner import Planner
 from ..types import Scene, UInt8Array
 from .options import seed_option
-from .picture_folders import apply_below, find_pictures
+from .picture_folders import apply_to_folder, find_pictures
 
 
 def parse_settings(cls: type[Corruption], settings: tuple[str, ...]) -> dict[str, Any]:
@@ -73,7 +74,7 @@ def _read(path: str) -> bytes:
         raise HijackError(f"{path}: cannot be read ({error.strerror or error})") from None
 
 
-def _planned(
+def _make_plan(
     image: UInt8Array,
     name: str | None,
     plan_file: str | None,
@@ -185,7 +186,7 @@ def apply_command(
     def corrupt(image: str, out: str, sample: str) -> tuple[Plan, UInt8Array, tuple[str, ...]]:
         arguments: dict[str, Any] = {**options, "sample": sample}
         pixels, notes = load_image(image)
-        plan, plan_notes = _planned(
+        plan, plan_notes = _make_plan(
             pixels, name, arguments.pop("plan_file"), arguments.pop("settings"), **arguments
         )
         result = to_numpy(apply(plan, convert(pixels, backend)))
@@ -194,16 +195,20 @@ def apply_command(
 
     if Path(image).is_dir():
         _refuse_for_folders(sample=sample, save_plan=save_plan, tree=options["tree"])
-        apply_below(Path(image), Path(out), corrupt, as_json)
+        apply_to_folder(Path(image), Path(out), corrupt, as_json)
         return
-    if Path(out).suffix.lower() != ".png":
-        raise click.UsageError(
-            f"-o {out!r}: only .png keeps the exact pixels; name the output *.png"
-        )
+    _check_output(out)
     plan, result, notes = corrupt(image, out, "0" if sample is None else sample)
     if save_plan is not None:
         write_atomic(save_plan, plan.to_json() + "\n")
     _report(plan, result, notes, backend, out, as_json)
+
+
+def _check_output(out: str) -> None:
+    if Path(out).suffix.lower() != ".png":
+        raise click.UsageError(
+            f"-o {out!r}: only .png keeps the exact pixels; name the output *.png"
+        )
 
 
 def _refuse_for_folders(**options: str | None) -> None:
@@ -262,4 +267,4 @@ def gallery(
     for problem in page.problems:
         click.echo(f"  problem: {problem}", err=True)
     if page.problems:
-        raise SystemExit(1)
+        sys.exit(1)

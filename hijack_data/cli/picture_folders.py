@@ -22,19 +22,20 @@ Corrupt = Callable[[str, str, str], tuple[Plan, UInt8Array, tuple[str, ...]]]
 def find_pictures(paths: Iterable[str]) -> list[str]:
     """Return the given files, and the pictures below each given folder.
 
-    Raises `ImageError` for a folder without any picture.
+    Raises:
+        ImageError: a folder holds no picture.
     """
     pictures: list[str] = []
     for path in paths:
         folder = Path(path)
         if folder.is_dir():
-            pictures += [str(file) for file in below(folder)]
+            pictures += [str(file) for file in list_pictures(folder)]
         else:
             pictures.append(path)
     return pictures
 
 
-def below(folder: Path) -> list[Path]:
+def list_pictures(folder: Path) -> list[Path]:
     """Return the pictures below a folder, in the order of their names.
 
     Raises:
@@ -47,7 +48,7 @@ def below(folder: Path) -> list[Path]:
     return pictures
 
 
-def apply_below(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) -> None:
+def apply_to_folder(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) -> None:
     """Corrupt every picture below a folder, each into a PNG of the same name below `out`.
 
     The path of a picture inside the folder is its sample id, so each picture gets its own plan. A
@@ -59,7 +60,7 @@ def apply_below(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) -> Non
     """
     if out.resolve().is_relative_to(folder.resolve()):
         raise click.UsageError(f"-o {out}: lies in {folder}; choose a folder outside it")
-    names = _named([file.relative_to(folder) for file in below(folder)])
+    names = _output_names([file.relative_to(folder) for file in list_pictures(folder)])
     written: list[dict[str, Any]] = []
     problems: list[str] = []
     for name, target in names.items():
@@ -86,7 +87,7 @@ def apply_below(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) -> Non
     _report(out, written, problems, as_json)
 
 
-def _named(names: list[Path]) -> dict[Path, Path]:
+def _output_names(names: list[Path]) -> dict[Path, Path]:
     """Return the `.png` name of each result; if it is taken, the old suffix stays before `.png`."""
     counts = Counter(name.with_suffix(".png") for name in names)
     return {name: _target(name, counts) for name in names}

@@ -26,7 +26,7 @@ from hijack_data.plan import Paste, Plan
 from hijack_data.png import assemble, chunk, filtered
 from hijack_data.types import UInt8Array
 
-from .png_decoder import read
+from .png_decoder import decode_png
 
 LEVEL = 2
 BAND = 24  # rows; bands of 16 to 64 rows make files of the same size, within 1 %
@@ -154,7 +154,7 @@ def decode(data: bytes, name: str) -> UInt8Array:
             turned picture.
     """
     try:
-        image = read(data, _isal())
+        image = decode_png(data, _isal())
     except MissingDependencyError:
         image = None
     return decode_image(data, name)[0] if image is None else image

@@ -1,10 +1,10 @@
 """Read PNG files of screenshots: ISA-L inflates them, Numba (extra `fast`) undoes their filters.
 
 Only common, undamaged files are read here: 8 bits, RGB or RGBA, one frame, not interlaced, no EXIF,
-every checksum right. `read` returns `None` for any other file, which Pillow then reads or explains.
-The pixels are the same as Pillow's, in a third of its time (and half of OpenCV's); transparency is
-dropped, as in Pillow's conversion to RGB. The first pictures of a process are left to Pillow, until
-what Numba would have saved is more than it takes to load.
+every checksum right. `decode_png` returns `None` for any other file, which Pillow then reads or
+explains. The pixels are the same as Pillow's, in a third of its time (and half of OpenCV's);
+transparency is dropped, as in Pillow's conversion to RGB. The first pictures of a process are left
+to Pillow, until what Numba would have saved is more than it takes to load.
 """
 
 import struct
@@ -24,7 +24,7 @@ Chunk: TypeAlias = tuple[bytes, memoryview]  # name and body
 
 NONE, SUB, _, AVERAGE, PAETH = range(5)
 CHANNELS = {2: 3, 6: 4}  # by colour type (PNG specification, IHDR)
-SAVES = 28 / (1080 * 1920)  # milliseconds a pixel, of Pillow's time
+SAVED_MS_PER_PIXEL = 28 / (1080 * 1920)  # milliseconds a pixel, of Pillow's time
 ANIMATION = b"acTL"
 UPRIGHT = 1
 # Chunks that may hold an orientation: one of their own, as macOS writes it, or texts.
@@ -35,11 +35,15 @@ XMP = b"XML:com.adobe.xmp\0"
 PLAIN = b"\0\0"
 
 
-def read(data: bytes, zlib: Any) -> UInt8Array | None:
-    """Return the pixels of a PNG file, uint8 RGB `[H, W, 3]`.
+def decode_png(data: bytes, zlib: Any) -> UInt8Array | None:
+    """Return the pixels of a PNG file.
 
-    Returns `None` for a file that this reader does not support. `zlib` is the module
-    `isal.isal_zlib`.
+    Args:
+        data: the bytes of the file.
+        zlib: the module `isal.isal_zlib`.
+
+    Returns:
+        uint8 RGB `[H, W, 3]`, or `None` for a file that this decoder does not support.
     """
     chunks = _chunks(data, zlib.crc32)
     if chunks is None or len(chunks[0][1]) != 13:
@@ -53,10 +57,10 @@ def read(data: bytes, zlib: Any) -> UInt8Array | None:
         return None
     line = 1 + CHANNELS[colour] * width
     packed = b"".join(body for name, body in chunks if name == b"IDAT")
-    raw = _inflated(packed, height * line, zlib)
+    raw = _inflate(packed, height * line, zlib)
     if raw is None:
         return None
-    return _unfiltered(raw.reshape(height, line), width)
+    return _unfilter_rows(raw.reshape(height, line), width)
 
 
 def _chunks(data: bytes, crc32: Callable[..., int]) -> list[Chunk] | None:
@@ -106,7 +110,7 @@ def _orientation(data: bytes) -> object:
         return None
 
 
-def _inflated(packed: bytes, length: int, zlib: Any) -> UInt8Array | None:
+def _inflate(packed: bytes, length: int, zlib: Any) -> UInt8Array | None:
     unpack = zlib.decompressobj()
     try:
         raw = unpack.decompress(packed, length + 1)
@@ -117,11 +121,11 @@ def _inflated(packed: bytes, length: int, zlib: Any) -> UInt8Array | None:
     return np.frombuffer(raw, np.uint8)
 
 
-def _unfiltered(raw: UInt8Array, width: int) -> UInt8Array | None:
+def _unfilter_rows(raw: UInt8Array, width: int) -> UInt8Array | None:
     kinds = raw[:, 0]
     if raw.shape[1] == 1 + 3 * width and (kinds == UP).all():
-        return _summed(raw)
-    if kinds.max() > PAETH or not jit.worthwhile(SAVES * len(raw) * width):
+        return _unfilter_up(raw)
+    if kinds.max() > PAETH or not jit.worthwhile(SAVED_MS_PER_PIXEL * len(raw) * width):
         return None
     out = np.empty((len(raw), width, 3), np.uint8)
 
@@ -132,7 +136,7 @@ def _unfiltered(raw: UInt8Array, width: int) -> UInt8Array | None:
     return jit.guarded(compiled, lambda: None)
 
 
-def _summed(raw: UInt8Array) -> UInt8Array:
+def _unfilter_up(raw: UInt8Array) -> UInt8Array:
     """Undo filter Up in every row with NumPy, which is enough for our own files."""
     out = np.empty((raw.shape[0], raw.shape[1] - 1), np.uint8)
     out[0] = raw[0, 1:]

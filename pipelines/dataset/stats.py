@@ -19,7 +19,7 @@ from .manifest import is_lazy, read_manifest
 # Bins of the visible share of the target; the first is "hidden", the last "all of it".
 EDGES = (0.0, 0.25, 0.5, 0.75, 1.0)
 BINS = ("none", "under 25 %", "25 to 50 %", "50 to 75 %", "75 to 100 %", "all of it")
-READ = (
+COLUMNS_READ = (
     "corruption",
     "source",
     "fidelity",
@@ -49,7 +49,7 @@ class LabelStats:
         inserted: number of rows that an event added.
         visible: rows by the visible share of the target, in the order of `BINS`; rows without a
             target are not counted.
-        changed: share of the pixels that changed, 0..1, of each row.
+        changed_shares: share of the pixels that changed, 0..1, of each row.
     """
 
     rows: int = 0
@@ -60,7 +60,7 @@ class LabelStats:
     reminders: int = 0
     inserted: int = 0
     visible: list[int] = field(default_factory=lambda: [0] * len(BINS))
-    changed: "array[float]" = field(default_factory=lambda: array("f"))
+    changed_shares: "array[float]" = field(default_factory=lambda: array("f"))
 
     def add(self, row: dict[str, Any]) -> None:
         """Count a row."""
@@ -73,7 +73,7 @@ class LabelStats:
         self.reminders += row["reminder"] is not None
         self.inserted += row["inserted"]
         pixels = max(1, row["width"] * row["height"])
-        self.changed.append(row["changed_pixels"] / pixels)
+        self.changed_shares.append(row["changed_pixels"] / pixels)
         if row["target_visible"] is not None:
             self.visible[_bin(row["target_visible"])] += 1
 
@@ -82,8 +82,8 @@ class LabelStats:
         low = 0
         middle = 0
         high = 0
-        if self.changed:
-            low, middle, high = map(float, np.quantile(self.changed, (0, 0.5, 1)))
+        if self.changed_shares:
+            low, middle, high = map(float, np.quantile(self.changed_shares, (0, 0.5, 1)))
         return {
             "rows": self.rows,
             "fidelity": dict(sorted(self.fidelity.items())),
@@ -168,7 +168,7 @@ class Stats:
         visible_rows: list[list[str]] = []
         for label, label_stats in self.labels.items():
             data = label_stats.to_data()
-            listed = [_listed(data[name]) for name in ("severity", "fidelity", "source")]
+            listed = [_counts_text(data[name]) for name in ("severity", "fidelity", "source")]
             rows.append([label, str(label_stats.rows), changed_text(data), *listed])
             visible_rows.append(
                 [label, *map(str, label_stats.visible), str(data["without_target"])]
@@ -188,7 +188,8 @@ class Stats:
 def stats(folder: str | os.PathLike[str]) -> Stats:
     """Count the rows of a dataset, without reading a picture.
 
-    A folder that is not a dataset, or an unfinished one, is a `DatasetError`.
+    Raises:
+        DatasetError: the folder is not a dataset, or an unfinished one, or a file cannot be read.
     """
     path = Path(folder)
     manifest = read_manifest(path)
@@ -228,13 +229,13 @@ def _rows(file: Path) -> Iterator[dict[str, Any]]:
     pa = pyarrow()
     try:
         with pa.parquet.ParquetFile(file) as parquet:
-            for batch in parquet.iter_batches(BATCH, columns=list(READ)):
+            for batch in parquet.iter_batches(BATCH, columns=list(COLUMNS_READ)):
                 yield from batch.to_pylist()
     except (pa.ArrowException, OSError, KeyError) as error:
         raise DatasetError(f"{file}: cannot be read ({error}); hijack verify says more") from None
 
 
-def _listed(counts: dict[str, int]) -> str:
+def _counts_text(counts: dict[str, int]) -> str:
     if len(counts) == 1:
         return next(iter(counts))
     return ", ".join(f"{name} {count}" for name, count in counts.items())

@@ -33,13 +33,20 @@ class RowLinks:
 
     row: int
     clean: int | None
-    seen: float | None = None
+    visible: float | None = None
 
 
 def page(folder: str | os.PathLike[str], stats: Stats) -> str:
     """Return the page of a dataset as HTML that makes no network requests.
 
-    The same dataset gives the same bytes. Raises `DatasetError` if a row to be shown is damaged.
+    The same dataset gives the same bytes.
+
+    Args:
+        folder: the dataset.
+        stats: its figures, from `stats.stats`.
+
+    Raises:
+        DatasetError: a row to be shown is damaged.
     """
     rows = open_dataset(folder)
     lines = [_line(label, label_stats) for label, label_stats in stats.labels.items()]
@@ -86,8 +93,8 @@ def _line(label: str, label_stats: LabelStats) -> Html:
     levels: dict[str, int] = {}
     for level, count in data["severity"].items():
         levels["no level" if level == "None" else f"level {level}"] = count
-    changed_share = _changed(label, data)
-    listed = (_listed(levels), _listed(data["fidelity"]), _listed(data["source"]))
+    changed_share = _changed_share(label, data)
+    listed = (_counts_text(levels), _counts_text(data["fidelity"]), _counts_text(data["source"]))
     cells = wrap("td", [label, f"{label_stats.rows:,}", changed_share, *listed])
     bars = _bars([*label_stats.visible, data["without_target"]])
     return Html(f'<tr>{cells}<td><div class="shows">{bars}</div></td></tr>')
@@ -103,7 +110,7 @@ def _bars(shares: list[int]) -> str:
     return text
 
 
-def _changed(label: str, data: dict[str, Any]) -> str:
+def _changed_share(label: str, data: dict[str, Any]) -> str:
     if label == CLEAN:
         return "\u2013"
     if data["changed"]["min"] == 1:
@@ -111,7 +118,7 @@ def _changed(label: str, data: dict[str, Any]) -> str:
     return changed_text(data)
 
 
-def _listed(counts: dict[str, int]) -> str:
+def _counts_text(counts: dict[str, int]) -> str:
     if list(counts) == ["no level"]:
         return "\u2013"
     if len(counts) == 1:
@@ -170,8 +177,8 @@ def _places(rows: Dataset, stats: Stats) -> dict[str, list[RowLinks]]:
         rows_passed[label] += 1
         if number in spread[label]:
             places[label][number] = place
-        least = hidden[label][1].seen if label in hidden else 1.0
-        if place.seen is not None and least is not None and place.seen < least:
+        least = hidden[label][1].visible if label in hidden else 1.0
+        if place.visible is not None and least is not None and place.visible < least:
             hidden[label] = number, place
     for label, (number, place) in hidden.items():
         label_places = places[label]

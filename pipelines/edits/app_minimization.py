@@ -49,7 +49,7 @@ class MinimiseEdit(Edit):
         frame.check_desktop()
         if _is_bare(frame):
             raise NotApplicable("no window is open on this screen that could be minimised")
-        allowed = replace(frame, pack=_allowed(frame))
+        allowed = replace(frame, pack=_allowed_desktops(frame))
         description = "desktop with its windows minimised"
         screen = whole_screen(allowed, "desktop", description, screen_layout.desktop)
         recover = screen.asset.recover
@@ -75,7 +75,7 @@ def _is_bare(frame: Frame) -> bool:
     return bool(elements) and not any(first <= (box[1] + box[3]) // 2 < end for box in elements)
 
 
-def _allowed(frame: Frame) -> AssetPack:
+def _allowed_desktops(frame: Frame) -> AssetPack:
     """Return the pack without the desktops whose window must not be brought back.
 
     Raises:

@@ -14,7 +14,7 @@ from hijack_data.types import Box, Point, Size, size_text
 from .screen_layout import ScreenLayout, bar, panel
 
 # The least width of a strip of plain background that is repeated around a page.
-STRIP = 16
+MIN_STRIP_PX = 16
 
 
 def error_page(
@@ -41,8 +41,8 @@ def error_page(
 
 def _window(pack: AssetPack, page: Asset, size: Size) -> ScreenLayout | None:
     """Return a recorded window on a screen of this size; `None` if its parts do not fit."""
-    view = _view_of(pack, page)
-    panel_asset = _panel_of(pack, page)
+    view = _find_view(pack, page)
+    panel_asset = _find_panel(pack, page)
     if view is None or panel_asset is None:
         return None
     height, width = size
@@ -69,7 +69,7 @@ def _window(pack: AssetPack, page: Asset, size: Size) -> ScreenLayout | None:
     )
 
 
-def _view_of(pack: AssetPack, page: Asset) -> Asset | None:
+def _find_view(pack: AssetPack, page: Asset) -> Asset | None:
     """Return the picture of the page alone that was recorded with a window."""
     for view in pack.pictures("error_view", screen=page.screen):
         if view.look != page.look or view.size[1] != page.size[1]:
@@ -79,7 +79,7 @@ def _view_of(pack: AssetPack, page: Asset) -> Asset | None:
     return None
 
 
-def _panel_of(pack: AssetPack, page: Asset) -> Asset | None:
+def _find_panel(pack: AssetPack, page: Asset) -> Asset | None:
     """Return the panel that was recorded below a window: one of its buttons names the page."""
     for candidate in pack.pictures("panel", app=page.app):
         if candidate.recover is not None or candidate.look != page.look:
@@ -134,7 +134,7 @@ def fitted(asset: Asset, size: Size, at: Point = (0, 0)) -> tuple[Paste, ...] | 
     # the edge next to the continued background must itself be background
     is_framed = content.left > 0 and content.right < w
     strip = min(h - content.bottom, height)
-    if strip < min(STRIP, height) or not (is_framed or w >= width):
+    if strip < min(MIN_STRIP_PX, height) or not (is_framed or w >= width):
         return None
     across = min(w, width)
     tile = asset.recipe((0, h - strip, across, h))

@@ -20,7 +20,7 @@ from hijack_data.types import Box, BoxArray, Point, Scene, Size, as_boxes, clip_
 from .base import NAME_APPS, Edit, EditedStep, Frame, NotApplicable, between_bars
 
 # Pixels kept free around the target.
-MARGIN = 8
+TARGET_MARGIN_PX = 8
 # Places tried along each side of a space beside the target.
 GRID = 5
 # Actions that have the same meaning wherever the window is. Other actions are at a place, or go to
@@ -43,7 +43,7 @@ class _Placement:
     covered: int
 
     @property
-    def badness(self) -> tuple[int, int]:
+    def sort_key(self) -> tuple[int, int]:
         """The sort key, the lower the better: covered elements first, then the smaller window."""
         height, width = self.asset.size
         return self.covered, -height * width
@@ -65,7 +65,7 @@ class LaunchAppEdit(Edit):
             NotApplicable: the event cannot be shown realistically; the message is the reason.
         """
         frame.check_desktop()
-        scene = _aimed(frame)
+        scene = _with_action_target(frame)
         _check_step(frame, scene)
         first = str(effect.params["app"])
         names = [first, *(str(name) for name in effect.params.get("then", ()))]
@@ -77,10 +77,10 @@ class LaunchAppEdit(Edit):
         for name, assets in windows:
             best = _best(_placements(assets, scene))
             if best:
-                return self._pasted(frame.stream.choice(best), _notes(frame, name, first))
+                return self._paste_window(frame.stream.choice(best), _notes(frame, name, first))
         raise NotApplicable("no room beside the target")
 
-    def _pasted(self, place: _Placement, notes: Iterator[str]) -> EditedStep:
+    def _paste_window(self, place: _Placement, notes: Iterator[str]) -> EditedStep:
         x, y = place.corner
         height, width = place.asset.size
         return self.make_step(
@@ -116,7 +116,7 @@ def _notes(frame: Frame, name: str, planned: str) -> Iterator[str]:
         yield "which applications the recording uses is not known"
 
 
-def _aimed(frame: Frame) -> Scene:
+def _with_action_target(frame: Frame) -> Scene:
     """Return the scene with the whole path of the action as its target.
 
     The path of a drag is visible from its start to its end.
@@ -144,11 +144,11 @@ def _windows(frame: Frame, names: Sequence[str]) -> Iterator[tuple[str, list[Ass
     for asset in frame.pack.pictures("window"):
         windows_by_app.setdefault(normalize_app(asset.app), []).append(asset)
     for name in dict.fromkeys([*names, *windows_by_app]):
-        if name in windows_by_app and not _may_be_own(name, frame):
+        if name in windows_by_app and not _may_be_used(name, frame):
             yield name, windows_by_app[name]
 
 
-def _may_be_own(name: str, frame: Frame) -> bool:
+def _may_be_used(name: str, frame: Frame) -> bool:
     if is_mentioned(name, frame.trajectory.instruction):
         return True
     if not frame.apps:
@@ -159,8 +159,8 @@ def _may_be_own(name: str, frame: Frame) -> bool:
 def _best(places: Iterator[_Placement]) -> list[_Placement]:
     """Return all placements with the best sort key."""
     placements = list(places)
-    least = min((place.badness for place in placements), default=None)
-    return [place for place in placements if place.badness == least]
+    least = min((place.sort_key for place in placements), default=None)
+    return [place for place in placements if place.sort_key == least]
 
 
 def _placements(windows: Sequence[Asset], scene: Scene) -> Iterator[_Placement]:
@@ -181,11 +181,11 @@ def _corners(window: Size, scene: Scene, boxes: BoxArray) -> set[Point]:
     corners: set[Point] = set()
     for space in _beside(scene):
         corners |= _within(window, space, GRID)
-        corners |= _within(window, _common(space, free), 2)
+        corners |= _within(window, _intersection(space, free), 2)
     return corners
 
 
-def _common(first: Box, second: Box) -> Box:
+def _intersection(first: Box, second: Box) -> Box:
     left = max(first[0], second[0])
     top = max(first[1], second[1])
     right = min(first[2], second[2])
@@ -218,12 +218,12 @@ def _beside(scene: Scene) -> list[Box]:
         return [area]
     x1, y1, x2, y2 = clip_boxes(as_boxes([scene.target]), scene.size)[0].tolist()
     sides = [
-        (0, 0, x1 - MARGIN, height),
-        (x2 + MARGIN, 0, width, height),
-        (0, 0, width, y1 - MARGIN),
-        (0, y2 + MARGIN, width, height),
+        (0, 0, x1 - TARGET_MARGIN_PX, height),
+        (x2 + TARGET_MARGIN_PX, 0, width, height),
+        (0, 0, width, y1 - TARGET_MARGIN_PX),
+        (0, y2 + TARGET_MARGIN_PX, width, height),
     ]
-    return [_common(side, area) for side in sides]
+    return [_intersection(side, area) for side in sides]
 
 
 def _covered(window: Box, boxes: BoxArray) -> int:

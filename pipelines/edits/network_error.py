@@ -21,9 +21,9 @@ NO_BROWSER = (
     "the recording names no browser among its applications: a missing network would not show"
 )
 # Browsers for which the recorded error page fits; `browser` stands for any.
-RECORDED = frozenset({"chrome", "browser"})
+RECORDED_BROWSERS = frozenset({"chrome", "browser"})
 # The least width of a free part of a panel.
-FREE = 16
+MIN_FREE_WIDTH_PX = 16
 
 
 class FirewallEdit(Edit):
@@ -70,15 +70,16 @@ def _with_panels(ops: Sequence[Op], window: Asset, pack: AssetPack) -> Iterator[
         if below is None:
             continue
         x, y = op.at[0]
-        for part, corners in _emptied(below, window):
+        for part, corners in _clear_buttons(below, window):
             places = tuple((x + left, y + top) for left, top in corners)
             yield Paste(below.recipe(part), places)
 
 
-def _emptied(below: Asset, window: Asset) -> Iterator[tuple[Box, list[Point]]]:
+def _clear_buttons(below: Asset, window: Asset) -> Iterator[tuple[Box, list[Point]]]:
     """Yield free parts of a panel, and the places at which they cover the buttons of other windows.
 
-    Raises `NotApplicable` if the panel has no free part.
+    Raises:
+        NotApplicable: the panel has no free part.
     """
     buttons = window_buttons(below)
     title = _title(window)
@@ -117,7 +118,7 @@ def _free_part(below: Asset, buttons: list[Box]) -> Box:
     boxes = [target.box for target in below.targets]
     rights = [box[0] for box in boxes if box[0] >= start and box[1] >= top]
     end = min(rights, default=below.size[1])
-    if end - start < FREE:
+    if end - start < MIN_FREE_WIDTH_PX:
         raise NotApplicable(
             "the recorded panel lists other windows than the browser's, and has no free part"
         )
@@ -143,7 +144,7 @@ def _check_page(frame: Frame) -> None:
         NotApplicable: it looks otherwise.
     """
     browsers = sorted(filter(is_browser, frame.apps))
-    if browsers and not RECORDED.intersection(browsers):
+    if browsers and not RECORDED_BROWSERS.intersection(browsers):
         raise NotApplicable(
             f"the recorded error page is Chromium's, and the recording shows {', '.join(browsers)}"
         )

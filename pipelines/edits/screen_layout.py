@@ -23,16 +23,16 @@ RowRange: TypeAlias = tuple[int, int]
 Span: TypeAlias = tuple[int, int]
 
 # At least this many equal columns are a plain stretch of a bar.
-PLAIN = 8
+MIN_STRETCH_PX = 8
 # The tip of the pointer may cover this many columns of a stretch.
-POINTER = 12
+POINTER_WIDTH_PX = 12
 # Rows at the top of a panel that are its edge.
-EDGE = 1
+PANEL_EDGE_PX = 1
 # How xfdesktop places icons of 48 pixels.
-SLOT = 103.2  # side of a slot
-MARGIN = 34  # least margin at both ends together
-INSIDE_X = 7  # where in its slot the box of an icon begins
-INSIDE_Y = 6
+ICON_SLOT_PX = 103.2  # side of a slot
+MIN_ICON_MARGIN_PX = 34  # least margin at both ends together
+ICON_OFFSET_X_PX = 7  # where in its slot the box of an icon begins
+ICON_OFFSET_Y_PX = 6
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def desktop(
     below = stream.choice(wallpapers)
     asset, panel_bar = first
     top = _panel_top(asset)
-    height = top + EDGE + panel_bar.dy
+    height = top + PANEL_EDGE_PX + panel_bar.dy
     icons = list(_icons(pack.pictures("icon"), (height, size[1])))
     on_panel = [target.box for target in asset.targets if target.box[1] >= top]
     return ScreenLayout(
@@ -184,7 +184,7 @@ def _panel_top(asset: Asset) -> int:
     """
     end = asset.size[0]
     tops = [target.box[1] for target in asset.targets if target.box[3] == end]
-    return min(tops) - EDGE if tops else end
+    return min(tops) - PANEL_EDGE_PX if tops else end
 
 
 @lru_cache(maxsize=512)
@@ -199,7 +199,8 @@ def bar(asset: Asset, rows: RowRange, gaps: int, width: int, y: int) -> Bar | No
         width: in pixels.
         y: of the screenshot.
 
-    Returns `None` if there are no such stretches, or the pieces would overlap.
+    Returns:
+        `None` if there are no such stretches, or the pieces would overlap.
     """
     recorded_width = asset.size[1]
     stretches = _longest(_plain(asset, rows), gaps)
@@ -282,17 +283,17 @@ def _plain(asset: Asset, rows: RowRange) -> tuple[Stretch, ...]:
 
 
 def _alike(part: UInt8Array) -> list[Span]:
-    """Return the runs of at least `PLAIN` equal columns."""
+    """Return the runs of at least `MIN_STRETCH_PX` equal columns."""
     equals_next = (part[:, 1:] == part[:, :-1]).all(axis=(0, 2))
     padded = np.concatenate([[False], equals_next, [False]])
     edges = np.flatnonzero(np.diff(padded.astype(np.int8)))
     runs = [(int(start), int(end) + 1) for start, end in edges.reshape(-1, 2)]
-    return [run for run in runs if _length(run) >= PLAIN]
+    return [run for run in runs if _length(run) >= MIN_STRETCH_PX]
 
 
 def _continues(last: Stretch, run: Span, part: UInt8Array) -> bool:
     """Return whether a run is of the same colours as the stretch before it, and close to it."""
-    if run[0] - last.span[1] > POINTER:
+    if run[0] - last.span[1] > POINTER_WIDTH_PX:
         return False
     equal_pixels = part[:, run[0]] == part[:, last.tile[0]]
     return bool(equal_pixels.all())
@@ -327,18 +328,18 @@ def _icons(icons: Sequence[Asset], area: Size) -> Iterator[tuple[Paste, Box]]:
     ordered = sorted(icons, key=lambda icon: icon.box[1])
     for icon, row in zip(ordered, rows, strict=False):
         box = icon.targets[0].box
-        x = int(left + INSIDE_X) - box[0]
-        y = int(top + row + INSIDE_Y) - box[1]
+        x = int(left + ICON_OFFSET_X_PX) - box[0]
+        y = int(top + row + ICON_OFFSET_Y_PX) - box[1]
         yield Paste(icon.recipe(), ((x, y),)), _moved(box, x, y)
 
 
 def _slots(length: int) -> tuple[list[float], float]:
     """Return where the slots of a row or column begin after the margin, and the margin."""
-    count = max(int((length - MARGIN) / SLOT), 1)
-    free = length - count * SLOT
+    count = max(int((length - MIN_ICON_MARGIN_PX) / ICON_SLOT_PX), 1)
+    free = length - count * ICON_SLOT_PX
     gaps = count - 1
-    space = int((free - MARGIN) / gaps) if gaps else 0
-    starts = [number * (SLOT + space) for number in range(count)]
+    space = int((free - MIN_ICON_MARGIN_PX) / gaps) if gaps else 0
+    starts = [number * (ICON_SLOT_PX + space) for number in range(count)]
     margin = (free - gaps * space) / 2
     return starts, margin
 

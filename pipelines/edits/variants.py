@@ -65,8 +65,11 @@ class VariantPlanner:
 
         A step at which the planner does not act yields nothing.
 
-        Passes on `NotApplicable` (an effect cannot be shown realistically), `HijackError` (the
-        picture cannot be corrupted) and `BuildError` (an effect that no edit shows).
+        Raises:
+            NotApplicable: an effect cannot be shown realistically.
+            BuildError: the plan has an effect that no edit shows, or that the planner does not
+                declare.
+            HijackError: the picture cannot be corrupted.
         """
         numbers = step_numbers(sample.trajectory, sample.position, planner)
         if not is_due(planner, numbers):

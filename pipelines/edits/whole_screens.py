@@ -17,7 +17,7 @@ from .screen_layout import ScreenLayout
 
 # The sides of two screens of the same shape may differ by this share after scaling: 1366x768 is not
 # quite 16:9.
-SHAPE = 0.01
+SHAPE_TOLERANCE = 0.01
 
 LayOut: TypeAlias = Callable[[AssetPack, Size, Stream, frozenset[str]], ScreenLayout | None]
 
@@ -168,7 +168,7 @@ def page_view(frame: Frame, kind: str, description: str) -> tuple[tuple[Op, ...]
 
 def _fits(picture: Size, size: Size) -> bool:
     (h, w), (height, width) = picture, size
-    return h >= height and w >= width and abs(w * height - h * width) <= SHAPE * h * width
+    return h >= height and w >= width and abs(w * height - h * width) <= SHAPE_TOLERANCE * h * width
 
 
 def _nearest(layers: list[list[Asset]]) -> list[list[Asset]]:

@@ -29,7 +29,11 @@ _ESCAPES = str.maketrans({"\\": "\\\\", "'": "\\'", "\n": "\\n", "\t": "\\t", "\
 
 
 def action_text(row: Mapping[str, Any], dialect: str) -> str:
-    """Return the action of a row as text; raises `ActionError` if the dialect cannot express it."""
+    """Return the action of a row as text.
+
+    Raises:
+        ActionError: the dialect cannot express the action.
+    """
     return _RENDER[dialect](row)
 
 
@@ -49,7 +53,7 @@ def _pyautogui(row: Mapping[str, Any]) -> str:
     return write_pyautogui(own_action(row["action"]))
 
 
-def _ui_tars(row: Mapping[str, Any], scaling_of: Callable[[Size], Scaling], dialect: str) -> str:
+def _ui_tars(row: Mapping[str, Any], make_scaling: Callable[[Size], Scaling], dialect: str) -> str:
     action = own_action(row["action"])
     kind = action.type
     if kind in _UI_TARS_WORDS:
@@ -64,11 +68,15 @@ def _ui_tars(row: Mapping[str, Any], scaling_of: Callable[[Size], Scaling], dial
     if action.keys:
         raise cannot_say(action, dialect)
     screen = (int(row["height"]), int(row["width"]))
-    return _ui_tars_pointing(action, scaling_of(screen), dialect)
+    return _ui_tars_pointing(action, make_scaling(screen), dialect)
 
 
 def _ui_tars_pointing(action: Action, scaling: Scaling, dialect: str) -> str:
-    """Return the text of an action at a point."""
+    """Return the text of an action at a point.
+
+    Raises:
+        ActionError: the dialect cannot express the action.
+    """
     kind = action.type
     start = _box(action.x, action.y, scaling)
     end = _box(action.x2, action.y2, scaling)
@@ -79,7 +87,8 @@ def _ui_tars_pointing(action: Action, scaling: Scaling, dialect: str) -> str:
     if kind == "scroll" and start and action.amount:
         direction = "up" if action.amount > 0 else "down"
         return f"scroll(start_box='{start}', direction='{direction}')"
-    raise cannot_say(action, dialect)
+    error = cannot_say(action, dialect)
+    raise error
 
 
 def _ui_tars_10(row: Mapping[str, Any]) -> str:

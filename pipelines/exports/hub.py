@@ -37,9 +37,8 @@ def push_to_hub(
 
     Raises:
         BuildError: the hub cannot be reached, or refuses the upload.
-
-    Raises `DatasetError` if the folder is not a finished dataset, and `MissingDependencyError`
-    without `huggingface_hub`.
+        DatasetError: the folder is not a finished dataset.
+        MissingDependencyError: `huggingface_hub` is not installed.
     """
     read_manifest(Path(folder))
     hub = _hub()

@@ -29,7 +29,7 @@ def event_variant(row: Mapping[str, Any], plan: Plan, sample: Sample) -> Variant
 
     Args:
         row: as it is stored.
-        plan: its plan. A picture that the pack does not contain is an `AssetError`.
+        plan: its plan.
         sample: its step.
 
     Returns:
@@ -37,6 +37,7 @@ def event_variant(row: Mapping[str, Any], plan: Plan, sample: Sample) -> Variant
 
     Raises:
         DatasetError: the labels of the row contradict its plan.
+        AssetError: the plan pastes a picture that the pack does not contain.
     """
     kinds = [effect.kind for effect in plan.effects]
     if len(kinds) != 1 or kinds[0] not in EDITS:

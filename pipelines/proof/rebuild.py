@@ -79,14 +79,13 @@ def is_run(folder: str | os.PathLike[str]) -> bool:
 def rebuild(run: str | os.PathLike[str], key: str | None = None) -> RebuildReport:
     """Compute the observations of a run (or of one episode) again, and compare.
 
-    Passes on `SealError` (`key` is not a public key).
-
     Args:
         run: the folder.
         key: the path of the SSH public key that must have signed the run.
 
     Raises:
         SourceError: the folder is neither a run nor an episode.
+        SealError: `key` is not a public key.
     """
     path = Path(run)
     if not is_run(path):
@@ -137,7 +136,7 @@ def _episode(folder: Path, journal: Journal, report: RebuildReport) -> Iterator[
     yield from check_episode(folder, journal, replay)
     report.steps += replay.steps
     report.disturbed += replay.disturbed
-    journal.note(folder, replay.record)
+    journal.add_episode(folder, replay.record)
 
 
 def _unproved(report: RebuildReport, journal: Journal, alone: bool) -> Iterator[str]:

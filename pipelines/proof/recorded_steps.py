@@ -42,7 +42,7 @@ class RecordedFacts:
         settings: those of the build, with the planners whose plans can be made again.
         picture: whether the screenshot is known; otherwise `sample` has a black one.
         code: whether the dialect of its code is known, so that the code can be mapped.
-        where: the name of the screenshot in reports.
+        source_name: the name of the screenshot in reports.
         tally: counts the rows of the step, and what gave none.
     """
 
@@ -50,7 +50,7 @@ class RecordedFacts:
     settings: RowSettings
     picture: bool = True
     code: bool = True
-    where: str = ""
+    source_name: str = ""
     tally: RowCounts = field(default_factory=RowCounts)
 
 
@@ -85,9 +85,12 @@ def recorded_step(
     """Return the recorded step of some rows, or `None` if they do not contain enough of it.
 
     Args:
-        rows: all rows of the step, as stored. Raises `HijackError` for a damaged one.
+        rows: all rows of the step, as stored.
         key: the key of its random draws, if that is not the trajectory.
         settings: those of the build.
+
+    Raises:
+        HijackError: a row is damaged.
     """
     clean = next((row for row in rows if row["corruption"] == CLEAN), None)
     row = clean or next((row for row in rows if _is_as_recorded(row)), None)
@@ -157,11 +160,14 @@ def _dialect(code: str, action: Action, size: tuple[int, int]) -> str | None:
 
 
 def read_plan(row: Mapping[str, Any], base: UInt8Array | None) -> Plan:
-    """Return the plan of a row; raises `HijackError` if it is damaged.
+    """Return the plan of a row.
 
     Args:
         row: as it is stored.
         base: the picture in a lazy row, uint8 RGB `[H, W, 3]`; `None` for a materialised one.
+
+    Raises:
+        HijackError: the plan is damaged.
     """
     if base is None:
         return Plan.from_json(row["plan"])
@@ -190,9 +196,9 @@ class Recordings:
         """Yield the key and the facts of each step in order; a rejected step has no facts."""
         for trajectory in self.task.trajectories:
             for step in trajectory:
-                yield (trajectory.id, step.index), self._known(trajectory, step)
+                yield (trajectory.id, step.index), self._read_step(trajectory, step)
 
-    def _known(self, trajectory: Trajectory, step: Step) -> RecordedFacts | None:
+    def _read_step(self, trajectory: Trajectory, step: Step) -> RecordedFacts | None:
         name = picture_name(step.image, Path(self.task.root))
         try:
             data = read_picture(step.image, name)
@@ -203,7 +209,7 @@ class Recordings:
         sample = sample_of(trajectory, step, data, name, self.settings, self.tally)
         if sample is None:
             return None
-        return RecordedFacts(sample, self.settings, where=name, tally=self.tally)
+        return RecordedFacts(sample, self.settings, source_name=name, tally=self.tally)
 
     def problems(self, record: ShardRecord) -> Iterator[str]:
         """Yield the differences between manifest and shard; call it after reading all steps."""

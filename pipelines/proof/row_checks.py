@@ -46,8 +46,8 @@ class StepChecker:
 
     Args:
         rows: the rows as stored, in order.
-        known: the recorded step, `None` if unknown.
-        every: the planners of the build by label, `None` if the manifest does not contain them.
+        recorded: the recorded step, `None` if unknown.
+        planners: the planners of the build by label, `None` if the manifest does not contain them.
         ranks: the order of the labels.
         seed: that of the build.
         label_policy: that of the build.
@@ -56,15 +56,15 @@ class StepChecker:
     """
 
     rows: list[dict[str, Any]]
-    known: RecordedFacts | None
-    every: Mapping[str, Planner] | None
+    recorded: RecordedFacts | None
+    planners: Mapping[str, Planner] | None
     ranks: Mapping[str, int]
     seed: int
     label_policy: str
     rejected: frozenset[str] = frozenset()
     regenerated: int = 0
     _last: tuple[bytes, UInt8Array] | None = None
-    _same: bool = False
+    _is_step_picture: bool = False
 
     def problems(self) -> Iterator[str]:
         """Yield the problems; each names a row."""
@@ -95,9 +95,11 @@ class StepChecker:
             )
 
     def _made(self) -> Iterator[MadeRow]:
-        recorded = self.known
+        recorded = self.recorded
         if recorded is not None and recorded.picture:
-            yield from made_of(recorded.sample, recorded.where, recorded.settings, recorded.tally)
+            yield from made_of(
+                recorded.sample, recorded.source_name, recorded.settings, recorded.tally
+            )
 
     def _rank(self, row: Mapping[str, Any]) -> int:
         return self.ranks.get(row["corruption"], len(self.ranks))
@@ -105,8 +107,8 @@ class StepChecker:
     def _problem(self, row: dict[str, Any], expected: MadeRow | None) -> str:
         try:
             stored = self._stored(row, expected)
-            if self.known is not None:
-                self._compare(stored, expected, self.known)
+            if self.recorded is not None:
+                self._compare(stored, expected, self.recorded)
             elif BASE in row:
                 self.regenerated += bool(stored.plan.ops)
         except HijackError as error:
@@ -135,13 +137,18 @@ class StepChecker:
         if row["corruption"] == CLEAN and plan.ops:
             raise DatasetError("a clean row whose plan changes the picture")
         picture = before
-        if plan.ops and self._same and expected is not None and expected.variant.plan == plan:
+        if (
+            plan.ops
+            and self._is_step_picture
+            and expected is not None
+            and expected.variant.plan == plan
+        ):
             picture = expected.picture
         elif plan.ops:
             picture = apply(plan, before)
         if self._digest(picture, plan) != row["image_sha256"]:
             raise DatasetError(f"{BASE} and the plan do not make the picture of image_sha256")
-        if self.known is not None and not self._same:
+        if self.recorded is not None and not self._is_step_picture:
             raise DatasetError(f"{BASE} is not the picture of its step")
         return Stored(row, picture, plan)
 
@@ -155,14 +162,16 @@ class StepChecker:
             return self._last[1]
         picture = decode(data, BASE)
         self._last = data, picture
-        recorded = self.known
-        self._same = recorded is not None and np.array_equal(picture, recorded.sample.image)
+        recorded = self.recorded
+        self._is_step_picture = recorded is not None and np.array_equal(
+            picture, recorded.sample.image
+        )
         return picture
 
     def _digest(self, picture: UInt8Array, plan: Plan) -> str:
         """Return the SHA-256 of a lazy row's picture, reusing the hash of its step's picture."""
-        if self._same and self.known is not None:
-            return digest_of(self.known.sample.base, picture, plan)
+        if self._is_step_picture and self.recorded is not None:
+            return digest_of(self.recorded.sample.base, picture, plan)
         return sha256_of(picture)
 
     # --- A row and its step
@@ -248,7 +257,7 @@ class StepChecker:
         row = stored.row
         plan = stored.plan
         label = row["corruption"]
-        planner = None if self.every is None else self.every.get(label)
+        planner = None if self.planners is None else self.planners.get(label)
         if planner is not None and label in self._proved(recorded):
             chooser = VariantPlanner(self.seed, recorded.settings.label_policy, None)
             variants = chooser.variants(recorded.sample, planner)

@@ -31,7 +31,7 @@ class RowOrder:
 
     labels: Mapping[str, int]
     clean: bool
-    _done: set[str] = field(default_factory=set[str])
+    _finished_trajectories: set[str] = field(default_factory=set[str])
     _trajectory: str | None = None
     _step: int = -1
     _about: dict[str, Any] = field(default_factory=dict[str, Any])
@@ -84,12 +84,12 @@ class RowOrder:
         trajectory = row["trajectory_id"]
         step = row["step"]
         if trajectory != self._trajectory:
-            if trajectory in self._done:
+            if trajectory in self._finished_trajectories:
                 yield (
                     f"row {row['id']}: trajectory {trajectory!r} was there before, apart from"
                     " this row"
                 )
-            self._done.add(trajectory)
+            self._finished_trajectories.add(trajectory)
             self._trajectory = trajectory
             self._step = -1
             self._about = {}

@@ -147,7 +147,7 @@ class _Check:
             self.labels = {label: rank for rank, label in enumerate(names)}
         parameters = self.manifest["parameters"]
         self.order = RowOrder(self.labels, bool(parameters["clean"]))
-        self.every = None if settings is None else dict(settings.planners)
+        self.planners = None if settings is None else dict(settings.planners)
         self.seed, self.label_policy = int(parameters["seed"]), str(parameters["label_policy"])
         self.without_source = RowSettings(
             (), self.seed, bool(parameters["clean"]), self.label_policy
@@ -270,7 +270,7 @@ class _Check:
                 counted.add(rows)
                 yield from self.order.problems(rows)
                 if recordings is None:
-                    yield from self._proof(rows, self._known(rows, record))
+                    yield from self._proof(rows, self._recorded(rows, record))
                 else:
                     yield from self._sourced(rows, key, recordings)
             except (AttributeError, KeyError, TypeError, ValueError) as error:
@@ -298,7 +298,7 @@ class _Check:
             yield from self._proof(rows, step)
             return
 
-    def _known(self, rows: list[dict[str, Any]], record: ShardRecord) -> RecordedFacts | None:
+    def _recorded(self, rows: list[dict[str, Any]], record: ShardRecord) -> RecordedFacts | None:
         """Return the recorded step of some rows; a damaged row is reported by its own check."""
         key = record.samples.get(rows[0]["trajectory_id"])
         try:
@@ -309,8 +309,8 @@ class _Check:
     def _proof(self, rows: list[dict[str, Any]], recorded: RecordedFacts | None) -> Iterator[str]:
         proof = StepChecker(
             rows=rows,
-            known=recorded,
-            every=self.every,
+            recorded=recorded,
+            planners=self.planners,
             ranks=self.labels,
             seed=self.seed,
             label_policy=self.label_policy,

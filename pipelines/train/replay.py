@@ -17,8 +17,8 @@ from .errors import TrainError
 from .rollout_data import rollout_from_data, rollout_to_data
 from .rollouts import Rollout
 
-When: TypeAlias = Literal["zero", "failed"]
-WHEN: tuple[str, ...] = get_args(When)
+ReplayTrigger: TypeAlias = Literal["zero", "failed"]
+REPLAY_TRIGGERS: tuple[str, ...] = get_args(ReplayTrigger)
 FORMAT = "agenthijack-replay"
 VERSION = 1
 CAPACITY = Parameter("int", "Stored successes a task", low=1, high=1000)
@@ -49,16 +49,16 @@ class ReplayBuffer:
     def __init__(
         self, capacity: int = 4, *, when: str = "zero", slot: int | None = None, seed: int = 0
     ) -> None:
-        if when not in WHEN:
-            raise UnknownNameError(f"replay: when: no {when!r}{suggest(when, WHEN)}")
+        if when not in REPLAY_TRIGGERS:
+            raise UnknownNameError(f"replay: when: no {when!r}{suggest(when, REPLAY_TRIGGERS)}")
         self.capacity: int = CAPACITY.check("replay: capacity", capacity)
         self.when = when
         self.slot: int | None = SLOT.check("replay: slot", slot)
         self.seed = as_seed(seed)
-        self._kept: dict[str, deque[Rollout]] = {}
+        self._successes: dict[str, deque[Rollout]] = {}
 
     def __len__(self) -> int:
-        return sum(map(len, self._kept.values()))
+        return sum(map(len, self._successes.values()))
 
     def to_data(self) -> dict[str, Any]:
         """Return the settings as JSON data."""
@@ -70,7 +70,7 @@ class ReplayBuffer:
         if not rollout.counts or rollout.replayed or not is_positive:
             return False
         group = rollout.request.group
-        self._kept.setdefault(group, deque(maxlen=self.capacity)).append(rollout)
+        self._successes.setdefault(group, deque(maxlen=self.capacity)).append(rollout)
         return True
 
     def fill(
@@ -88,7 +88,7 @@ class ReplayBuffer:
         group = list(rollouts)
         if not group or not self._is_due(group, rewards):
             return group
-        successes = self._kept.get(group[0].request.group)
+        successes = self._successes.get(group[0].request.group)
         if not successes:
             return group
         stream = Stream(self.seed, _STREAM, group[0].request.group, step)
@@ -105,12 +105,14 @@ class ReplayBuffer:
     def state(self) -> list[Any]:
         """Return the stored rollouts as data for `torch.save`."""
         return [
-            rollout_to_data(rollout) for successes in self._kept.values() for rollout in successes
+            rollout_to_data(rollout)
+            for successes in self._successes.values()
+            for rollout in successes
         ]
 
     def restore(self, state: Sequence[Mapping[str, Any]]) -> None:
         """Restore the data that `state` returned."""
-        self._kept = {}
+        self._successes = {}
         for data in state:
             self.add(rollout_from_data(data))
 

@@ -222,26 +222,28 @@ def play(
         )
     if threads < 1:
         raise ParameterError(f"threads must be at least 1, got {threads}")
-    seats = [_Seat(env, request) for env, request in zip(environments, requests, strict=False)]
+    players = [
+        _RolloutPlayer(env, request) for env, request in zip(environments, requests, strict=False)
+    ]
     with ThreadPoolExecutor(threads) as pool:
         run_all = map if threads == 1 else pool.map
-        list(run_all(_Seat.reset, seats))
+        list(run_all(_RolloutPlayer.reset, players))
         for _ in range(max_steps):
-            live = [seat for seat in seats if seat.is_live]
+            live = [player for player in players if player.is_live]
             if not live:
                 break
             answers = policy.act(
-                [seat.observation for seat in live], [seat.stream for seat in live]
+                [player.observation for player in live], [player.stream for player in live]
             )
             if len(answers) != len(live):
                 raise ParameterError(
                     f"the policy's act gave {len(answers)} answers to {len(live)} observations"
                 )
-            list(run_all(_Seat.step, live, answers))
-        return list(run_all(_Seat.leave, seats))
+            list(run_all(_RolloutPlayer.step, live, answers))
+        return list(run_all(_RolloutPlayer.finish, players))
 
 
-class _Seat:
+class _RolloutPlayer:
     """One environment with the rollout that is played in it."""
 
     def __init__(self, env: gymnasium.Env[Any, str], request: RolloutRequest) -> None:
@@ -277,7 +279,7 @@ class _Seat:
         if terminated or truncated or self.rollout.status != "ok":
             self._judge()
 
-    def leave(self) -> Rollout:
+    def finish(self) -> Rollout:
         """Return the rollout; if it was cut off, it is judged in its present state."""
         if not self.is_live:
             return self.rollout

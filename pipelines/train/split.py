@@ -26,7 +26,7 @@ SIDES = (TRAINING, HELD_OUT)
 TOY_TRAINING = 128  # the same number as in the paper
 TOY_HELD_OUT = 128
 _TOY_FIRST = {TRAINING: 0, HELD_OUT: 10_000}
-_SHOWN = 5
+_MAX_NAMES = 5
 
 
 def members(name: str) -> tuple[str, ...]:
@@ -93,7 +93,7 @@ def split_side(name: str) -> str | None:
 
 def _some(names: list[str]) -> str:
     plural = "s" if len(names) > 1 else ""
-    return f"task{plural} {some_of(names, _SHOWN)}"
+    return f"task{plural} {some_of(names, _MAX_NAMES)}"
 
 
 def _toy(side: str) -> tuple[str, ...]:

@@ -86,8 +86,7 @@ def train(
     from .sft.settings import METHOD, read_method
 
     if read_method(config) == METHOD:
-        if arms is not None or seeds is not None:
-            raise click.UsageError(f"--arms and --seeds are not for method {METHOD}")
+        _refuse(f"not for method {METHOD}", arms=arms, seeds=seeds)
         _fine_tune(
             config,
             out,
@@ -97,8 +96,7 @@ def train(
             as_json=as_json,
         )
         return
-    if model is not None or data:
-        raise click.UsageError(f"--model and --data are for method {METHOD}")
+    _refuse(f"for method {METHOD} only", model=model, data=data or None)
     extras.require("hijack train", "train", ("torch", "gymnasium", "scipy"))
     from .split import check_split
     from .toy.settings import check_tasks, load_replication
@@ -114,6 +112,17 @@ def train(
         return
     folder = _folder(config, out, resume)
     _run(replication, folder, workers, as_json)
+
+
+def _refuse(reason: str, **options: object) -> None:
+    """Refuse options that do not apply.
+
+    Raises:
+        UsageError: one of the options has a value.
+    """
+    for name, value in options.items():
+        if value is not None:
+            raise click.UsageError(f"--{name} is {reason}")
 
 
 def _folder(config: str, out: Path | None, resume: bool) -> Path:

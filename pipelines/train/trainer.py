@@ -246,9 +246,13 @@ class Trainer:
         save_checkpoint(self._journal, self.fingerprint, state)
 
     def resume(self) -> bool:
-        """Go on from the checkpoint of the folder; returns whether there was one.
+        """Continue from the checkpoint of the folder.
 
-        What was logged after it is taken back, since it will be played again.
+        Log lines that were written after the checkpoint are removed, since their steps are played
+        again.
+
+        Returns:
+            Whether there was a checkpoint.
 
         Raises:
             TrainError: the checkpoint is damaged, or one of another run or network.
@@ -299,7 +303,11 @@ class Trainer:
         )
 
     def _check_played(self, rollouts: Sequence[Rollout], report: StepReport) -> None:
-        """Note what failed; raise if nothing is left."""
+        """Report the rollouts that failed.
+
+        Raises:
+            TrainError: none of the rollouts counts.
+        """
         counting = [rollout for rollout in rollouts if rollout.counts]
         for rollout in rollouts:
             if not rollout.counts:

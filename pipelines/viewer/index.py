@@ -115,7 +115,8 @@ class Index:
     def select(self, filters: Mapping[str, str], text: str) -> RowNumbers:
         """Return the places of the rows that match, int64 `[M]`.
 
-        Raises `UnknownNameError` for a filter on an unknown column.
+        Raises:
+            UnknownNameError: a filter names an unknown column.
         """
         masks = self._masks(filters, text)
         return np.flatnonzero(self._both(masks))

@@ -10,9 +10,9 @@ from hijack_data.errors import HijackError
 from .index import Index, RowNumbers
 from .source import INSERTED, Detail, ViewerSource
 
-PAGE_ROWS = 48
+ROWS_PER_PAGE = 48
 # Longer lists of choices are cut; the search finds the rest.
-CHOICES = 500
+MAX_CHOICES = 500
 NOT_FILTERS = ("page", "q", "row")
 
 
@@ -32,15 +32,17 @@ def rows(source: ViewerSource, query: Mapping[str, str]) -> dict[str, Any]:
 
     Args:
         source: the dataset or the run.
-        query: a value for each filter, `q` (text) and `page` (from 1). An unknown filter is an
-            `UnknownNameError`.
+        query: a value for each filter, `q` (text) and `page` (from 1).
+
+    Raises:
+        UnknownNameError: there is no such filter.
     """
     filters, text = _filters(query)
     matches = source.index.select(filters, text)
-    pages = max(1, -(-len(matches) // PAGE_ROWS))
+    pages = max(1, -(-len(matches) // ROWS_PER_PAGE))
     page = min(max(1, _number(query.get("page", ""), 1)), pages)
-    start = (page - 1) * PAGE_ROWS
-    page_places = matches[start : start + PAGE_ROWS]
+    start = (page - 1) * ROWS_PER_PAGE
+    page_places = matches[start : start + ROWS_PER_PAGE]
     counts = source.index.counts(filters, text, source.labels)
     return {
         "found": len(matches),
@@ -56,7 +58,11 @@ def row(source: ViewerSource, query: Mapping[str, str]) -> dict[str, Any]:
 
     Args:
         source: the dataset or the run.
-        query: that of `rows`, and `row`: a number or an id. An unknown row is a `HijackError`.
+        query: that of `rows`, and `row`: a number or an id.
+
+    Raises:
+        UnknownNameError: there is no such filter.
+        HijackError: there is no such row.
     """
     index = source.index
     place = _place(source, query.get("row", ""))
@@ -72,7 +78,7 @@ def row(source: ViewerSource, query: Mapping[str, str]) -> dict[str, Any]:
         "trajectory": index.value("trajectory", place),
         "found": len(places),
         "position": at if matches else None,
-        "page": at // PAGE_ROWS + 1 if matches else None,
+        "page": at // ROWS_PER_PAGE + 1 if matches else None,
         "back": _row_at(source, places, at - 1),
         "next": _row_at(source, places, following),
         "step_back": _row_at(source, steps, step - 1),
@@ -144,7 +150,9 @@ def _choices(counts: Mapping[str, int], selected: str | None) -> dict[str, Any]:
     for value, count in counts.items():
         if value and (count or value == selected):
             values.append([value, count])
-    choices = [choice for k, choice in enumerate(values) if k < CHOICES or choice[0] == selected]
+    choices = [
+        choice for k, choice in enumerate(values) if k < MAX_CHOICES or choice[0] == selected
+    ]
     return {"values": choices, "more": len(values) - len(choices)}
 
 

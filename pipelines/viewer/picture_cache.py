@@ -12,8 +12,8 @@ from hijack_data.types import UInt8Array
 from ..dataset.image_codec import encode
 from .source import ViewerSource
 
-THUMB = 480
-BUDGET = 64 * 2**20
+THUMBNAIL_SIDE_PX = 480
+CACHE_BYTES = 64 * 2**20
 
 
 class Pictures:
@@ -24,16 +24,17 @@ class Pictures:
         budget: the most bytes of encoded pictures that are kept.
     """
 
-    def __init__(self, source: ViewerSource, budget: int = BUDGET) -> None:
+    def __init__(self, source: ViewerSource, budget: int = CACHE_BYTES) -> None:
         self.source = source
-        self.kept = Cache(budget)
+        self.cache = Cache(budget)
 
     def get(self, kind: str, row: int) -> bytes:
         """Return a `picture`, or the one `before` its corruption, as PNG, or a `thumb` as JPEG.
 
-        Raises `HijackError` if the row has no such picture.
+        Raises:
+            HijackError: the row has no such picture.
         """
-        return cached_bytes(self.kept, (kind, row), lambda: self._make(kind, row))
+        return cached_bytes(self.cache, (kind, row), lambda: self._make(kind, row))
 
     def _make(self, kind: str, row: int) -> bytes:
         pixels = self.source.picture(row, kind == "before")
@@ -49,7 +50,7 @@ def cached_bytes(cache: Cache, key: Any, make: Callable[[], bytes]) -> bytes:
     return data
 
 
-def thumbnail(pixels: UInt8Array, side: int = THUMB) -> bytes:
+def thumbnail(pixels: UInt8Array, side: int = THUMBNAIL_SIDE_PX) -> bytes:
     """Return uint8 RGB `[H, W, 3]` as a JPEG whose sides are at most `side`."""
     small = Image.fromarray(pixels)
     # a tenth of the time of Lanczos

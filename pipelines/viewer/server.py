@@ -139,7 +139,7 @@ def serve(source: DatasetSource | RunSource, port: int, say: Callable[[str], obj
     """Serve the page until Ctrl-C; `say` is called with the address."""
     with ViewServer(source, port) as server:
         pages = server.pages
-        say(f"{pages.title}: {pages.what} at {server.url}  (Ctrl-C ends)")
+        say(f"{pages.title}: {pages.description} at {server.url}  (Ctrl-C ends)")
         try:
             server.serve_forever()
         except KeyboardInterrupt:

@@ -21,7 +21,7 @@ from ..output_folder import new_folder, write_report
 from ..stored_rows import stored_rows
 from .messages import NONE, chat, reminder_messages, summarise, summary_messages
 from .report import OnlookerReport
-from .sampling import NEEDED, READ, OnlookerSampler
+from .sampling import COLUMNS_READ, WITH_REMINDER, OnlookerSampler
 from .screen_change import ScreenChange, measure
 from .step_frames import RowFrame, StepFrames, frames_by_step, transitions
 from .tables import TABLES, TableWriter, about
@@ -57,7 +57,7 @@ def export_onlooker(
         rows_done = 0
         for index, shard in enumerate(manifest["shards"]):
             file = dataset.folder / shard["file"]
-            choice = sampler.chosen(shard_rows(file, READ))
+            choice = sampler.choose_rows(shard_rows(file, COLUMNS_READ))
             tables.shard(index, _frames(file, is_lazy(manifest)), choice)
             rows_done += int(shard["rows"])
             if progress is not None:
@@ -99,7 +99,7 @@ class _Tables:
 
     def _finish_shard(self) -> None:
         for table in self.tables.values():
-            table.done()
+            table.finish_file()
 
     def _add(self, table: str, row: Mapping[str, Any]) -> None:
         self.tables[table].add(self.index, row)
@@ -109,7 +109,7 @@ class _Tables:
         if kind is None or self._lacks_task("reminder", row):
             return
         reminder = NONE
-        if kind == NEEDED:
+        if kind == WITH_REMINDER:
             reminder = str(row["reminder"])
             self.report.reminders[row["corruption"]] += 1
         else:
@@ -184,7 +184,12 @@ class _Tables:
         self._add("summaries", about(frame.row) | example)
 
     def _action(self, row: Row) -> str:
-        """Return the action as text of the dialect, or as recorded."""
+        """Return the action as text of the dialect, or as recorded.
+
+        Raises:
+            ActionError: the dialect cannot express the action, and no code was recorded.
+            ParameterError: a value of the action is out of its range, and no code was recorded.
+        """
         try:
             return action_text(row, self.report.dialect)
         except (ActionError, ParameterError):

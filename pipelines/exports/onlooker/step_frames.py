@@ -11,8 +11,8 @@ from hijack_data.types import UInt8Array
 from ...dataset.image_codec import decode
 from ..example import Row
 
-FIRST = "nothing was recorded before the event"
-HELD = "what the agent met before the event is not in the dataset"
+NO_STEP_BEFORE = "nothing was recorded before the event"
+NO_FRAME_BEFORE = "what the agent met before the event is not in the dataset"
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class StepFrames:
 
 def frames_by_step(frames: Iterable[RowFrame]) -> Iterator[StepFrames]:
     """Group frames by step; one step is in memory at a time."""
-    for (trajectory, step), group in groupby(frames, key=_step_of):
+    for (trajectory, step), group in groupby(frames, key=_step_key):
         yield StepFrames(str(trajectory), int(step), tuple(group))
 
 
@@ -103,8 +103,8 @@ def transitions(
         if start is not None:
             yield start, frame
         elif is_event:
-            skip(label, FIRST if previous is None else HELD)
+            skip(label, NO_STEP_BEFORE if previous is None else NO_FRAME_BEFORE)
 
 
-def _step_of(frame: RowFrame) -> tuple[str, int]:
+def _step_key(frame: RowFrame) -> tuple[str, int]:
     return frame.row["trajectory_id"], frame.row["step"]

@@ -98,6 +98,9 @@ def _planner(record: Mapping[str, Any], journal: Journal) -> tuple[Planner | Non
     """Return the planner of the episode, and whether the log states it outside the plans.
 
     The configuration of the run comes first, then the record of the episode.
+
+    Raises:
+        FieldError: the label is not one of the run, or the record's planner cannot be read.
     """
     label = fields.text(record, "corruption")
     if journal.planners is not None:
@@ -129,7 +132,7 @@ def _key(record: Mapping[str, Any], planner: Planner | None, is_stated: bool) ->
         sample=fields.text(record, "sample"),
         apps=fields.strings(record.get("apps")),
         planner=planner,
-        known=is_stated,
+        is_stated=is_stated,
         size=_size(record),
         allow_code=_allow_code(record),
     )
@@ -173,7 +176,7 @@ def _record_problems(replay: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
     """Yield the differences between the record of the episode and its lines."""
     record = replay.record
     is_ok = record.get("status") == "ok"
-    for name, value in _counted(replay, is_ok).items():
+    for name, value in _derived_fields(replay, is_ok).items():
         if record.get(name) != value:
             yield f"{name} is {record.get(name)!r}, by {STEPS} it is {value!r}"
     requests = sum(line.get("code") == REINIT for line in replay.lines)
@@ -193,10 +196,10 @@ def _record_problems(replay: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
         yield from field_checks.early_end_problems(record, replay.lines, has_effects)
 
 
-def _counted(replay: EpisodeReplay, is_ok: bool) -> dict[str, Any]:
+def _derived_fields(replay: EpisodeReplay, is_ok: bool) -> dict[str, Any]:
     """Return the fields of the record that can be computed from the lines."""
     acted = [line for line in replay.lines if line.get("raw") is not None]
-    actions = [_taken(line) for line in acted]
+    actions = [_action_text(line) for line in acted]
     steps = len(acted)
     is_cut = not is_ok and steps == len(replay.lines) > 0
     if is_cut and replay.record.get("steps") == steps - 1:
@@ -218,7 +221,7 @@ def _counted(replay: EpisodeReplay, is_ok: bool) -> dict[str, Any]:
     return fields_from_lines
 
 
-def _taken(line: Mapping[str, Any]) -> Any:
+def _action_text(line: Mapping[str, Any]) -> Any:
     """Return the code that ran, or the answer of the agent if none did."""
     if line.get("code") is None:
         return line["raw"]
@@ -239,12 +242,12 @@ def _effects(replay: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
     for line in replay.lines:
         events += _objects(line.get("events"))
     entries = _objects(replay.record.get("effects"))
-    due_effects = _due(replay, key)
+    due_effects = _due_effects(replay, key)
     expected = [(step, effect.kind) for step, effect in due_effects]
     if [(event.get("step"), event.get("effect")) for event in events] != expected:
-        yield f"events of {STEPS} are not what was due: {_shown(expected)}"
+        yield f"events of {STEPS} are not what was due: {_list_effects(expected)}"
     if [(entry.get("step"), _record(entry).get("effect")) for entry in entries] != expected:
-        yield f"effects are not what was due: {_shown(expected)}"
+        yield f"effects are not what was due: {_list_effects(expected)}"
         return
     for (step, effect), entry in zip(due_effects, entries, strict=True):
         if _record(entry).get("params") != dict(effect.params):
@@ -274,7 +277,7 @@ def _proof(event: Mapping[str, Any], entry: Mapping[str, Any]) -> Iterator[str]:
             yield f"{name} has other {key} in {STEPS}"
 
 
-def _due(replay: EpisodeReplay, key: ReplayInputs) -> list[tuple[int, Effect]]:
+def _due_effects(replay: EpisodeReplay, key: ReplayInputs) -> list[tuple[int, Effect]]:
     """Return the effects of the plans with their steps, in their order."""
     plans = _plans(replay, key)
     return [
@@ -293,7 +296,7 @@ def _plans(replay: EpisodeReplay, key: ReplayInputs) -> list[Plan]:
     if replay.record.get("ended") != "outside":
         plans.pop()
     first = Plan.clean(replay.plans[0].size)
-    if key.known and key.planner is not None:
+    if key.is_stated and key.planner is not None:
         scene = Scene(replay.plans[0].size, apps=key.apps)
         first = key.planner.plan(scene, seed=key.seed, sample=key.sample, step=BEFORE)
     return [first, *plans]
@@ -310,7 +313,7 @@ def _record(entry: Mapping[str, Any]) -> Mapping[str, Any]:
     return record if isinstance(record, dict) else {}
 
 
-def _shown(effects: list[tuple[int, str]]) -> str:
+def _list_effects(effects: list[tuple[int, str]]) -> str:
     return ", ".join(f"{kind} at step {step}" for step, kind in effects) or "nothing"
 
 

@@ -31,7 +31,7 @@ from hijack_data.runs.run_log import (
 )
 
 from ...readers import fields
-from .library import HELP, Library
+from .library import LIBRARY_INPUTS, Library
 
 DERIVED: Final = "derived"  # computed again from other files
 COPIED: Final = "copied"  # stands elsewhere, too, and is compared
@@ -39,7 +39,7 @@ LIBRARY: Final = "library"  # follows from what the library knows
 FREE: Final = "free"  # only a hash protects it
 
 CONFIG, DESKTOP, RECOVERY, EVENT, EFFECT = "config", "desktop", "recovery", "event", "effect"
-_CODE_OF = ("agents", "tasks")  # the lists whose names may have an entry in `config.code`
+_CODE_LISTS = ("agents", "tasks")  # the lists whose names may have an entry in `config.code`
 
 FIELDS: Mapping[str, Mapping[str, str]] = {
     RUN: {
@@ -146,12 +146,12 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
     EFFECT: {"step": DERIVED, "record": COPIED},
 }
 # Files and folders of a run. Those of agents are the requests of models and what OCR has read.
-AT_THE_TOP = frozenset({RUN, RECORDS, SESSIONS, LOCK, SEAL, SIGNATURE, EPISODES, REQUESTS, TEXTS})
-OF_AN_EPISODE = frozenset({EPISODE, STEPS, FRAMES})
+RUN_FILES = frozenset({RUN, RECORDS, SESSIONS, LOCK, SEAL, SIGNATURE, EPISODES, REQUESTS, TEXTS})
+EPISODE_FILES = frozenset({EPISODE, STEPS, FRAMES})
 STATUSES = ("ok", "invalid", "error")
 CAUSES = ("agent", "machine")  # of an error in a run; "outside" ends a run, and is played again
 SECONDS = ("settle", "tree", "boxes", "effects", "corrupt", "action")  # of a step
-WITHIN = ("tree",)  # those that another one includes
+NESTED_SECONDS = ("tree",)  # those that another one includes
 _HALF_WRITTEN = f".{EPISODE}.*.tmp"  # what a killed `write_atomic` leaves
 ROUNDING_S = 0.001  # by which the sum of rounded seconds may be too large, for each step
 
@@ -207,7 +207,7 @@ def head_problems(
     for text in unknown_fields(config, CONFIG):
         yield f"config: {text}"
     code = config.get("code", {})
-    plugin_names = {str(name) for key in _CODE_OF for name in config.get(key, ())}
+    plugin_names = {str(name) for key in _CODE_LISTS for name in config.get(key, ())}
     plugin_names.add(str(_mapping(config.get("desktop")).get("provider")))
     for name in code if isinstance(code, dict) else [fields.shown(code)]:
         if name not in plugin_names:
@@ -340,15 +340,19 @@ def _expected(
     for key, value in (task_fields or {}).items():
         yield key, value, f"task {name!r} and seed {seed}"
     is_played = isinstance(record.get("steps"), int) and record["steps"] > 0
-    inputs = library.given(record.get("agent"))
+    inputs = library.privileged_inputs(record.get("agent"))
     recorded_inputs = record.get(GIVEN)
     if is_played and inputs is not None and record.get("agent") not in config.get("code", {}):
         other_inputs = (
-            [kind for kind in recorded_inputs if kind not in HELP]
+            [kind for kind in recorded_inputs if kind not in LIBRARY_INPUTS]
             if isinstance(recorded_inputs, list)
             else []
         )
-        yield GIVEN, [*(kind for kind in HELP if kind in inputs), *other_inputs], "the agent"
+        yield (
+            GIVEN,
+            [*(kind for kind in LIBRARY_INPUTS if kind in inputs), *other_inputs],
+            "the agent",
+        )
     yield "allow_code", False, "hijack bench"
     if record.get("max_steps") is not None and "max_steps" in config:
         yield "max_steps", config["max_steps"], RUN
@@ -405,7 +409,7 @@ def time_problems(record: Mapping[str, Any], lines: Sequence[Mapping[str, Any]])
     for line in lines:
         times = _mapping(line.get("seconds"))
         seconds += sum(
-            value for key, value in times.items() if key not in WITHIN and _is_time(value)
+            value for key, value in times.items() if key not in NESTED_SECONDS and _is_time(value)
         )
     if seconds > total + ROUNDING_S * (1 + len(lines)):
         yield f"seconds is {total}, setting up and the steps took {seconds:.3f}"
@@ -475,7 +479,7 @@ def file_problems(
         records: of the run.
     """
     for path in sorted(folder.iterdir()):
-        if path.name not in AT_THE_TOP and not path.name.startswith("."):
+        if path.name not in RUN_FILES and not path.name.startswith("."):
             yield f"{path.name}: is no part of the run; move it elsewhere"
     record_ids = {str(record.get("id")) for record in records}
     home = folder / REQUESTS
@@ -494,7 +498,7 @@ def file_problems(
 def episode_file_problems(folder: Path, lines: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Yield the files in the folder of an episode that no line names."""
     for path in sorted(folder.iterdir()):
-        if path.name not in OF_AN_EPISODE and not fnmatch(path.name, _HALF_WRITTEN):
+        if path.name not in EPISODE_FILES and not fnmatch(path.name, _HALF_WRITTEN):
             yield f"{path.name}: is no part of an episode"
     frames = {str(line.get(key)) for line in lines for key in ("image", "seen")}
     home = folder / FRAMES

@@ -48,7 +48,7 @@ class Journal:
         head: the content of `run.json`; empty if there is none.
         exists: whether there is a journal; environments outside `hijack bench` write none.
         planners: those of `run.json`, by label; `None` if it names none.
-        found: the problems of the files themselves.
+        file_problems: the problems of the files themselves.
         lines: those of `records.jsonl`, as bytes.
         records: the parsed lines.
         sessions: the lines of `sessions.jsonl`.
@@ -58,7 +58,7 @@ class Journal:
     head: Mapping[str, Any] = field(default_factory=dict[str, Any])
     exists: bool = False
     planners: Mapping[str, Planner | None] | None = None
-    found: list[str] = field(default_factory=list[str])
+    file_problems: list[str] = field(default_factory=list[str])
     lines: list[bytes] = field(default_factory=list[bytes])
     records: list[Mapping[str, Any]] = field(default_factory=list[Mapping[str, Any]])
     sessions: list[Mapping[str, Any]] = field(default_factory=list[Mapping[str, Any]])
@@ -90,13 +90,13 @@ class Journal:
             return False
         return any(record.get("steps") for record in self.records)
 
-    def note(self, folder: Path, record: Mapping[str, Any]) -> None:
+    def add_episode(self, folder: Path, record: Mapping[str, Any]) -> None:
         """Add the record of an episode."""
         self._episodes[folder.name] = folder, record
 
     def problems(self) -> Iterator[str]:
         """Yield the problems of the journal; call it after all episodes were added."""
-        yield from self.found
+        yield from self.file_problems
         listed = self.head.get("episodes")
         names = listed if isinstance(listed, list) else []
         yield from field_checks.file_problems(self.folder, names, self.records)
@@ -120,7 +120,7 @@ class Journal:
         for number, record in enumerate(self.records, 1):
             for text in self._record(record):
                 yield f"{RECORDS}: line {number}: {text}"
-        yield from self._given_otherwise()
+        yield from self._changing_inputs()
         if not self.is_scored:
             for text in field_checks.alike_problems(self.records):
                 yield f"{RECORDS}: {text}"
@@ -166,7 +166,7 @@ class Journal:
             if record.get(key) != episode.get(key):
                 yield f"{key} of {name} is another than in its {EPISODE}"
 
-    def _given_otherwise(self) -> Iterator[str]:
+    def _changing_inputs(self) -> Iterator[str]:
         """Yield the agents that were not given the same in all episodes."""
         kinds: dict[str, set[str]] = {}
         for record in self.records:
@@ -199,7 +199,7 @@ class Journal:
             attempts_by_id.setdefault(first_attempt_id(record), []).append(record)
         retries = self.config.get("retries", 0)
         for name, attempts in attempts_by_id.items():
-            if len(attempts) <= retries and _ours(attempts[-1]):
+            if len(attempts) <= retries and _needs_retry(attempts[-1]):
                 yield f"{RUN}: {name} was not run again, and retries is {retries}"
         planned = self.head.get("episodes")
         if not isinstance(planned, list):
@@ -227,7 +227,7 @@ def privileged_input_problems(record: Mapping[str, Any]) -> Iterator[str]:
         yield f"{GIVEN} must be {expected}, got {fields.shown(inputs)}"
 
 
-def _ours(record: Mapping[str, Any]) -> bool:
+def _needs_retry(record: Mapping[str, Any]) -> bool:
     """Return whether an episode failed in a way that calls for another attempt."""
     return record.get("status") == "invalid" or record.get("cause") == "machine"
 
@@ -237,12 +237,12 @@ def read_journal(folder: Path) -> Journal:
     journal = Journal(folder)
     if not (folder / RUN).is_file():
         if (folder / RECORDS).is_file():
-            journal.found.append(f"{RUN}: is missing")
+            journal.file_problems.append(f"{RUN}: is missing")
         return journal
     try:
         _read_head(journal)
     except HijackError as error:
-        journal.found.append(f"{RUN}: {error}")
+        journal.file_problems.append(f"{RUN}: {error}")
     _read_records(journal)
     return journal
 
@@ -272,7 +272,7 @@ def _check_config(config: Mapping[str, Any]) -> None:
     """Check the kinds of the fields that records are compared with.
 
     Raises:
-        FieldError: One of them is of another kind.
+        FieldTypeError: one of them is of another kind.
     """
     for key in LISTED:
         if not isinstance(config.get(key, []), list):
@@ -285,7 +285,8 @@ def _check_record(record: Mapping[str, Any]) -> None:
     """Check the fields that say which episode a line of `records.jsonl` is about.
 
     Raises:
-        FieldError: One of them is of another kind, or missing.
+        FieldTypeError: one of them is of another kind.
+        FieldError: `id` is missing.
     """
     name = fields.text(record, "id")
     if len(name.encode()) > NAME_BYTES or "/" in name or "\0" in name:
@@ -304,10 +305,10 @@ def _read_records(journal: Journal) -> None:
     try:
         content = read_regular(path)
     except OSError as error:
-        journal.found.append(f"{RECORDS}: cannot be read ({error.strerror or error})")
+        journal.file_problems.append(f"{RECORDS}: cannot be read ({error.strerror or error})")
         return
     if content and not content.endswith(b"\n"):
-        journal.found.append(f"{RECORDS}: the last line is cut off")
+        journal.file_problems.append(f"{RECORDS}: the last line is cut off")
     for number, line in enumerate(content.split(b"\n"), 1):
         if not line.strip():
             continue
@@ -315,7 +316,7 @@ def _read_records(journal: Journal) -> None:
             record = fields.mapping(parse(line), "")
             _check_record(record)
         except FieldError as error:
-            journal.found.append(f"{RECORDS}: line {number}: {error}")
+            journal.file_problems.append(f"{RECORDS}: line {number}: {error}")
             continue
         journal.lines.append(line)
         journal.records.append(record)

@@ -20,7 +20,7 @@ _TASKS = "online_env.tasks"
 _SETTLE = "online_env.environment.settle"
 EMBEDDED = "embedded"  # the provider of this library
 TASK_FIELDS = ("task", "task_seed", "sample", "instruction", "apps", "infeasible")
-HELP = ("task", "plan")  # what an agent of this library is always or never given
+LIBRARY_INPUTS = ("task", "plan")  # kinds that are fixed for each agent of this library
 
 
 @dataclass(frozen=True)
@@ -75,8 +75,8 @@ class Library:
                 ]
         return ids
 
-    def given(self, agent: object) -> frozenset[str] | None:
-        """Return what an agent of this library is given; `None` for any other agent."""
+    def privileged_inputs(self, agent: object) -> frozenset[str] | None:
+        """Return the privileged inputs of an agent of this library; `None` for other agents."""
         kinds = LIBRARY_AGENTS.get(str(agent))
         return None if kinds is None else frozenset(kinds)
 

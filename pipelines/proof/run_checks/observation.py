@@ -20,7 +20,9 @@ from ...dataset.image_codec import decode
 from ...readers import fields
 from ...readers.files import inside
 
-NO_TEXT = "an action must be a string"  # the log has the `repr` of an answer that was not a string
+NOT_A_STRING = (
+    "an action must be a string"  # the log has the `repr` of an answer that was not a string
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +34,7 @@ class ReplayInputs:
         sample: the task's id.
         apps: normalised names of the task's applications.
         planner: the corruption; `None` for a clean episode.
-        known: whether the log states `planner`; otherwise it is derived from the logged plans.
+        is_stated: whether the log states `planner`; otherwise it is derived from the logged plans.
         size: `(height, width)` of the screen; `None` if the log does not contain it.
         allow_code: whether any code was allowed.
     """
@@ -41,7 +43,7 @@ class ReplayInputs:
     sample: str
     apps: tuple[str, ...]
     planner: Planner | None
-    known: bool
+    is_stated: bool
     size: Size | None
     allow_code: bool
 
@@ -52,7 +54,7 @@ class ReplayInputs:
 
     def plan(self, scene: Scene, step: int, logged: Plan) -> Plan:
         """Return the plan of a step on a screen."""
-        planner = self.planner if self.known else _planner_in(logged)
+        planner = self.planner if self.is_stated else _planner_in(logged)
         if planner is None:
             return Plan.clean(scene.size)
         return planner.plan(scene, seed=self.seed, sample=self.sample, step=step)
@@ -73,14 +75,17 @@ def check_observation(
 
     Args:
         folder: the episode.
-        line: one line of its steps. Raises `HijackError` if it cannot be read.
+        line: one line of its steps.
         key: what decides its plans.
+
+    Raises:
+        HijackError: the line, or its picture, cannot be read.
     """
     logged = Plan.from_data(line.get("plan"))
     boxes = as_boxes(fields.items(line, "boxes"))
     apps = fields.strings(line.get("apps"))
     name = fields.text(line, "image")
-    clean = _picture(folder, name)
+    clean = _read_picture(folder, name)
     height, width = clean.shape[:2]
     scene = Scene((height, width), boxes, apps)
     plan = key.plan(scene, fields.step_number(line, "step"), logged)
@@ -92,7 +97,7 @@ def check_observation(
     if key.size is not None and scene.size != key.size:
         screen_size = f"{key.size[1]}x{key.size[0]}"
         observation.problems.append(f"{name}: is {width}x{height}, the screen was {screen_size}")
-    if len(boxes) and key.known and not key.needs_elements:
+    if len(boxes) and key.is_stated and not key.needs_elements:
         observation.problems.append("there are boxes, and no plan needs them")
     observation.problems += _plan_problems(line, logged, plan)
     observation.problems += _picture_problems(folder, line, clean, plan)
@@ -133,7 +138,7 @@ def _picture_problems(
         problems.append(
             f"seen is {fields.shown(stored)}, and the plan has {len(plan.ops)} operations"
         )
-    if stored is not None and sha256_of(_picture(folder, str(stored))) != agent_digest:
+    if stored is not None and sha256_of(_read_picture(folder, str(stored))) != agent_digest:
         problems.append(f"{stored}: is not what the agent saw (seen_sha256)")
     return problems
 
@@ -148,16 +153,16 @@ def _action_problems(line: Mapping[str, Any], plan: Plan, allow_code: bool) -> l
         return ["code ran without an answer of the agent (raw is null)"]
     if not isinstance(raw, str):
         return [f"raw must be a string, got {fields.shown(raw)}"]
-    if logged is None and str(line.get("error")).startswith(NO_TEXT):
+    if logged is None and str(line.get("error")).startswith(NOT_A_STRING):
         return []
-    code = _mapped(raw, plan, allow_code)
+    code = _map_to_screen(raw, plan, allow_code)
     if code == logged:
         return []
     outcome = "is refused" if code is None else f"gives {fields.shown(code)}"
     return [f"read again the agent's answer (raw) {outcome}, code is {fields.shown(logged)}"]
 
 
-def _mapped(raw: str, plan: Plan, allow_code: bool) -> str | None:
+def _map_to_screen(raw: str, plan: Plan, allow_code: bool) -> str | None:
     """Return the code for an answer, in pixels of the screen; `None` if it is refused."""
     try:
         request = read_action(raw, allow_code)
@@ -198,7 +203,7 @@ def _corruption(name: str, params: object) -> Corruption:
 class _Fixed(Planner):
     """A planner that always returns the logged plan."""
 
-    made: Plan
+    logged: Plan
 
     @property
     def needs_elements(self) -> bool:
@@ -213,8 +218,8 @@ class _Fixed(Planner):
         step: int | None = None,
         epoch: int = 0,
     ) -> Plan:
-        return self.made
+        return self.logged
 
 
-def _picture(folder: Path, name: str) -> UInt8Array:
+def _read_picture(folder: Path, name: str) -> UInt8Array:
     return decode(inside(folder, name).read_bytes(), name)

@@ -99,10 +99,10 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
             )
         self.record = None
         arguments = {key: value for key, value in request.items() if value is not None}
-        result = self._asked("reset", lambda client: client.reset(**arguments))
+        result = self._call("reset", lambda client: client.reset(**arguments))
         if "corruption" in choices:
             self._check_planner(planner, request["corruption"])
-        return self._seen(result), {}
+        return self._read_observation(result), {}
 
     def step(self, action: str) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Take an action; once the episode is over, every further step is truncated.
@@ -112,8 +112,8 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
         """
         if self.record is not None or self._client is None:
             return dict(self._last), 0.0, False, True, {}
-        result = self._asked("step", lambda client: client.step({"action": action}))
-        observation = self._seen(result)
+        result = self._call("step", lambda client: client.step({"action": action}))
+        observation = self._read_observation(result)
         truncated = bool(result.observation.get("truncated"))
         score = float(result.reward or 0.0)
         return observation, score, bool(result.done) and not truncated, truncated, {}
@@ -132,16 +132,16 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
         if client is not None:
             client.close()
 
-    def _asked(self, call: str, ask: Any) -> Any:
+    def _call(self, call: str, ask: Any) -> Any:
         try:
             if self._client is None:
-                self._client = self._connected()
+                self._client = self._connect()
             return ask(self._client)
         except Exception as error:  # the client passes on the exceptions of lower layers
             self._drop()
             raise TrainError(f"{self.address}: {call}: {type(error).__name__}: {error}") from error
 
-    def _connected(self) -> Any:
+    def _connect(self) -> Any:
         token = os.environ.get(self._token_variable)
         client = self._client_type(
             base_url=self.address,
@@ -165,7 +165,7 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
             TrainError: the server plays the label with other parameters.
         """
         config = None if planner is None else json.loads(json.dumps(planner.to_config()))
-        served = self._asked("state", lambda client: client.state()).get("planner")
+        served = self._call("state", lambda client: client.state()).get("planner")
         if served == config:
             return
         self._drop()
@@ -174,7 +174,7 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
             " server with the trainer's corruptions"
         )
 
-    def _seen(self, result: Any) -> dict[str, Any]:
+    def _read_observation(self, result: Any) -> dict[str, Any]:
         """Return the observation; keep the record of an episode that is over."""
         observation = result.observation
         picture = Image.open(io.BytesIO(base64.b64decode(observation["screenshot"])))
@@ -183,7 +183,7 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
             "instruction": observation["instruction"],
         }
         if result.done:
-            self.record = self._asked("state", lambda client: client.state()).get("record") or {}
+            self.record = self._call("state", lambda client: client.state()).get("record") or {}
         return dict(self._last)
 
 

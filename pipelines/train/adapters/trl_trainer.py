@@ -23,7 +23,7 @@ GRPOTrainer: Any = extras.load("trl", "DAGRPOTrainer", "trl").GRPOTrainer
 
 
 @dataclass(kw_only=True)
-class _Tokens:
+class _TrlRollout:
     """A rollout in TRL's form; see `GRPOTrainer._generate`."""
 
     prompt_ids: list[int]
@@ -73,13 +73,13 @@ class DAGRPOTrainer(GRPOTrainer):
             **kwargs,
         )
         self.replay = replay
-        self._made = environments
+        self._hijack_environments = environments
         self._at = (-1, 0)  # the optimiser's step, and the generation batches within it
         self.add_callback(FiniteCallback())
 
     def _generate_and_score_completions(self, inputs: list[Any]) -> Any:
         if self.model.training:
-            self._made.set_batch(self._next_batch(), int(self.state.epoch or 0))
+            self._hijack_environments.set_batch(self._next_batch(), int(self.state.epoch or 0))
         return super()._generate_and_score_completions(inputs)
 
     def _next_batch(self) -> int:
@@ -103,11 +103,11 @@ class DAGRPOTrainer(GRPOTrainer):
             environment._outcome(completion)
             for environment, completion in zip(environments, completions, strict=True)
         ]
-        self._made.check_played()
+        self._hijack_environments.check_played()
         if self.replay is None:
             return generation
         for i, rollout in enumerate(rollouts):
-            rollout.tokens = _Tokens(
+            rollout.tokens = _TrlRollout(
                 prompt_ids=prompt_ids[i],
                 completion_ids=completion_ids[i],
                 tool_mask=tool_mask[i],
@@ -115,8 +115,8 @@ class DAGRPOTrainer(GRPOTrainer):
                 images=None if images is None else images[i],
                 tool_images=tool_images[i] if tool_images else [],
             )
-        for i, rollout in self._stored(rollouts):
-            stored: _Tokens = rollout.tokens
+        for i, rollout in self._replacements(rollouts):
+            stored: _TrlRollout = rollout.tokens
             environments[i]._replayed = rollout
             prompt_ids[i] = stored.prompt_ids
             completion_ids[i] = stored.completion_ids
@@ -140,7 +140,7 @@ class DAGRPOTrainer(GRPOTrainer):
             tool_images,
         )
 
-    def _stored(self, rollouts: list[Any]) -> list[tuple[int, Any]]:
+    def _replacements(self, rollouts: list[Any]) -> list[tuple[int, Any]]:
         """Return the stored rollouts to insert, with their places; store the groups' successes."""
         replacements: list[tuple[int, Any]] = []
         if self.replay is None:

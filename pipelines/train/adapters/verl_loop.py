@@ -79,7 +79,7 @@ class HijackLoop(AgentLoopBase):
             UnknownNameError: the environment does not know the task.
         """
         request = self._request(kwargs)
-        key, episode = self._taken()
+        key, episode = self._take_idle()
         try:
             output = await self._play(episode, request, list(kwargs["raw_prompt"]), sampling_params)
         finally:
@@ -95,10 +95,10 @@ class HijackLoop(AgentLoopBase):
     ) -> Any:
         metrics: dict[str, Any] = {}
         with simple_timer("tool_calls", metrics):
-            observation = await self._off(episode.reset, request)
+            observation = await self._in_thread(episode.reset, request)
         if observation is None:
-            rollout = await self._off(episode.finish)
-            return self._left_out(rollout)
+            rollout = await self._in_thread(episode.finish)
+            return self._report_left_out(rollout)
         messages.append(_message(observation, observation["instruction"]))
         pictures = [messages[-1]["content"][0]["image"]]
         self._assert_mm_supported(True)
@@ -127,7 +127,7 @@ class HijackLoop(AgentLoopBase):
             text = self.tokenizer.decode(answer.token_ids, skip_special_tokens=True)
             messages.append({"role": "assistant", "content": text})
             with simple_timer("tool_calls", metrics):
-                observation = await self._off(episode.step, text)
+                observation = await self._in_thread(episode.step, text)
             if observation is None or len(mask) >= self.rollout_config.response_length:
                 break
             message = _message(observation)
@@ -143,10 +143,10 @@ class HijackLoop(AgentLoopBase):
             logprobs = new or []
             messages.append(message)
             pictures.append(message["content"][0]["image"])
-        rollout = await self._off(episode.finish)
+        rollout = await self._in_thread(episode.finish)
         total = rollout.reward(self.format_weight)
         if total is None:
-            return self._left_out(rollout)
+            return self._report_left_out(rollout)
         end = self.rollout_config.response_length  # only text is cut, since pictures were checked
         return _agents.AgentLoopOutput(
             prompt_ids=ids[:prompt],
@@ -160,7 +160,7 @@ class HijackLoop(AgentLoopBase):
             extra_fields={"reward_extra_info": _facts(rollout)},
         )
 
-    def _left_out(self, rollout: TokenRollout) -> None:
+    def _report_left_out(self, rollout: TokenRollout) -> None:
         request = rollout.request
         print(
             f"step {request.step}: {request.group}, rollout {request.slot} is left out:"
@@ -195,7 +195,7 @@ class HijackLoop(AgentLoopBase):
             draw=draw,
         )
 
-    def _taken(self) -> tuple[str, DrivenEpisode]:
+    def _take_idle(self) -> tuple[str, DrivenEpisode]:
         """Return an idle environment, and the key for giving it back."""
         key = f"{self.environment} {sorted(self.environment_args.items())}"
         idle = _idle.setdefault(key, [])
@@ -205,7 +205,7 @@ class HijackLoop(AgentLoopBase):
         arguments = self.environment_args
         return key, DrivenEpisode(lambda: make(**arguments))
 
-    async def _off(self, function: Any, *args: Any) -> Any:
+    async def _in_thread(self, function: Any, *args: Any) -> Any:
         """Call a blocking function in a thread, so that the worker's other episodes continue."""
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(None, function, *args)

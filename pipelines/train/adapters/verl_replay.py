@@ -22,9 +22,9 @@ _module = extras.load("verl.trainer.ppo.v1.replay_buffer", "HijackReplay", "verl
 VerlBuffer: Any = _module.ReplayBuffer
 
 TRAINING = "train"  # verl's name of the partition
-_STATED = ("status", "prompt_len", "response_len", "seq_len")
+_TAG_KEYS = ("status", "prompt_len", "response_len", "seq_len")
 # The columns about the place of a row; all others belong to the rollout.
-_PLACE = ("uid", "session_id", "global_steps", "index")
+_PLACE_COLUMNS = ("uid", "session_id", "global_steps", "index")
 
 
 class HijackReplay(VerlBuffer):
@@ -74,7 +74,7 @@ class HijackReplay(VerlBuffer):
         """Replace the rollout at `place` by a stored one, keeping group and number of the place."""
         fields, tag = stored.tokens
         row_fields = fields.clone(recurse=False)
-        for name in _PLACE:
+        for name in _PLACE_COLUMNS:
             if name in row.keys():  # noqa: SIM118  (of a TensorDict)
                 row_fields[name] = row[name]
         batch.tags[place] = {**batch.tags[place], **tag}
@@ -101,5 +101,5 @@ def _rollout(row: Any, key: str, tag: Any) -> TokenRollout:
         request=request,
         success=float(facts["success"]),
         is_well_formed=bool(facts["well_formed"]),
-        tokens=(row, {name: tag[name] for name in _STATED if name in tag}),
+        tokens=(row, {name: tag[name] for name in _TAG_KEYS if name in tag}),
     )

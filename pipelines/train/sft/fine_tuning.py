@@ -106,7 +106,7 @@ def _trainer(settings: SftSettings, rows: list[ChatRow], out: Path) -> Any:
     if images is None:
         raise TrainError(f"model {settings.model!r} takes no pictures: it has no image processor")
     if settings.max_pixels is not None:
-        _limit(images, settings.max_pixels)
+        _limit_pixels(images, settings.max_pixels)
     trl: Any = extras.load("trl", "method sft", "trl")
     return trl.SFTTrainer(
         model=model,
@@ -117,7 +117,7 @@ def _trainer(settings: SftSettings, rows: list[ChatRow], out: Path) -> Any:
     )
 
 
-def _limit(images: Any, max_pixels: int) -> None:
+def _limit_pixels(images: Any, max_pixels: int) -> None:
     """Have an image processor of Qwen's kind scale pictures to at most `most` pixels.
 
     Raises:
@@ -170,11 +170,11 @@ def _dataset(rows: list[ChatRow]) -> Any:
     """Return a dataset that opens pictures when an example is asked for."""
     from datasets import Dataset
 
-    def opened(batch: dict[str, list[int]]) -> dict[str, list[Any]]:
+    def open_rows(batch: dict[str, list[int]]) -> dict[str, list[Any]]:
         examples = [rows[number].example() for number in batch["number"]]
         return {name: [example[name] for example in examples] for name in examples[0]}
 
-    return Dataset.from_dict({"number": list(range(len(rows)))}).with_transform(opened)
+    return Dataset.from_dict({"number": list(range(len(rows)))}).with_transform(open_rows)
 
 
 def _last_checkpoint(out: Path) -> str:

@@ -95,7 +95,9 @@ def read_method(path_or_name: str | os.PathLike[str]) -> str | None:
 def load_sft(path_or_name: str | os.PathLike[str]) -> SftSettings:
     """Read a configuration from a path, or by the bare name of a packaged one (`"sft"`).
 
-    Raises `ConfigError` with all mistakes, each as `file:line:column: message`.
+    Raises:
+        ConfigError: the configuration has mistakes; the message lists all of them, each as
+            `file:line:column: message`.
     """
     problems = Problems()
     name, data = read_config(path_or_name)

@@ -48,7 +48,7 @@ def expert_answer(env: ToyEnv) -> tuple[str, tuple[int, int]]:
     box = next_target(env.screen)
     if box is None:
         raise HijackError(f"{env.task.name}: nothing to click leads on")
-    x, y = (_middle(low, high) for low, high in ((box[0], box[2]), (box[1], box[3])))
+    x, y = (_middle_pixel(low, high) for low, high in ((box[0], box[2]), (box[1], box[3])))
     return f"click({x}, {y})", answer_at(x, y)
 
 
@@ -112,7 +112,7 @@ def imitate_expert(names: Sequence[str], seed: int, settings: CloningSettings) -
     return network
 
 
-def _middle(low: int, high: int) -> int:
+def _middle_pixel(low: int, high: int) -> int:
     """Return the middle of a place, the one nearest to the middle of a side."""
     first = -(-(low - CELL // 2) // CELL)
     last = (high - 1 - CELL // 2) // CELL

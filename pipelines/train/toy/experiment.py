@@ -35,7 +35,7 @@ _PLAN = "replication.json"
 _PLAN_FORMAT = "agenthijack-replication"
 _START_FORMAT = "agenthijack-start"
 _FIRST_START = 50_000  # tasks that the expert shows
-_AT_ONCE = 64  # episodes of an evaluation side by side
+_PARALLEL_EPISODES = 64  # episodes of an evaluation side by side
 
 
 @dataclass(frozen=True)
@@ -82,11 +82,15 @@ def run_replication(
 
 
 def run_job(job: ToyJob) -> str:
-    """Make a start, or train from one; score it and write the scores. Returns a line on it."""
+    """Make a start, or train from one; score the policy and write the scores.
+
+    Returns:
+        A line of text about the result.
+    """
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        network, log = _started(job) if job.arm == START else _trained(job)
+        network, log = _make_start(job) if job.arm == START else _train(job)
         rates = evaluate(ToyPolicy(network, temperature=0), job.replication, job.seed)
     finally:
         torch.set_num_threads(threads)
@@ -105,7 +109,7 @@ def run_job(job: ToyJob) -> str:
 
 def evaluate(policy: ToyPolicy, replication: Replication, seed: int) -> dict[str, float]:
     """Return the success of a policy on the evaluation's tasks by condition, each in 0..1."""
-    envs = [ToyEnv(max_steps=replication.max_steps) for _ in range(_AT_ONCE)]
+    envs = [ToyEnv(max_steps=replication.max_steps) for _ in range(_PARALLEL_EPISODES)]
     conditions: dict[str, Planner | None] = {CLEAN: None}
     conditions.update(replication.trained)
     conditions.update(replication.untrained)
@@ -123,8 +127,8 @@ def evaluate(policy: ToyPolicy, replication: Replication, seed: int) -> dict[str
             for task in replication.evaluation
         ]
         rollouts: list[Rollout] = []
-        for first in range(0, len(requests), _AT_ONCE):
-            batch = requests[first : first + _AT_ONCE]
+        for first in range(0, len(requests), _PARALLEL_EPISODES):
+            batch = requests[first : first + _PARALLEL_EPISODES]
             rollouts += play(envs, policy, batch, max_steps=replication.max_steps)
         rates[label] = sum(rollout.success for rollout in rollouts) / len(rollouts)
     return rates
@@ -158,7 +162,7 @@ def make_trainer(job: ToyJob, network: ToyNetwork, folder: Path | None) -> Train
     )
 
 
-def _started(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
+def _make_start(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
     """Make the start of a seed, and keep it for the runs."""
     replication = job.replication
     settings = CloningSettings(tasks=replication.start_tasks, epochs=replication.start_epochs)
@@ -171,7 +175,7 @@ def _started(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
     return network, {"rollouts": 0}
 
 
-def _trained(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
+def _train(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
     network = ToyNetwork()
     start = read_tensors(_start_path(job), _START_FORMAT, VERSION, "the start of a seed")
     network.load_state_dict(start["policy"])
@@ -211,7 +215,11 @@ def _scores(job: ToyJob) -> dict[str, Any]:
 
 
 def _claim(replication: Replication, folder: Path) -> None:
-    """Note in the folder what it is for; refuse one that is for something else."""
+    """Write the replication into the folder, or compare it with the one stored there.
+
+    Raises:
+        TrainError: the folder holds another replication.
+    """
     data = json.loads(json.dumps(replication.to_data()))
     identity = {key: value for key, value in data.items() if key not in ("source", "arms", "seeds")}
     path = folder / _PLAN

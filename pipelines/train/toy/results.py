@@ -22,7 +22,7 @@ VERSION = 1
 GROUPS = ("visual", CLEAN, "heldout")
 
 
-def paired(differences: Sequence[float]) -> dict[str, Any]:
+def paired_interval(differences: Sequence[float]) -> dict[str, Any]:
     """Return the mean of paired differences with its 95 % interval (Student's t over the seeds).
 
     Args:
@@ -82,7 +82,9 @@ def summarise(replication: Replication, scores: ScoreTable) -> dict[str, Any]:
         for other in (BASE, MAIN):
             if other in arms and arm != other:
                 summary["arms"][f"{arm} - {other}"] = {
-                    name: paired([table[arm, s][name] - table[other, s][name] for s in seeds])
+                    name: paired_interval(
+                        [table[arm, s][name] - table[other, s][name] for s in seeds]
+                    )
                     for name in parts
                 }
     main = summary["arms"].get(f"{MAIN} - {BASE}")
@@ -129,11 +131,11 @@ def plot(summary: Mapping[str, Any], path: Path) -> None:
     """Write the gains over GRPO with their intervals as an SVG; equal data give equal bytes."""
     purpose = "the plot"
     rc_context = extras.load("matplotlib", purpose, "train").rc_context
-    figure_of = extras.load("matplotlib.figure", purpose, "train").Figure
+    figure_type = extras.load("matplotlib.figure", purpose, "train").Figure
     names = [name for name in GROUPS if name in summary["success"][START]]
     arms = [arm for arm in summary["success"] if f"{arm} - {BASE}" in summary["arms"]]
     with rc_context({"svg.hashsalt": "agenthijack", "svg.fonttype": "none"}):
-        figure = figure_of(figsize=(7, 1.2 + 0.5 * len(arms)), layout="constrained")
+        figure = figure_type(figsize=(7, 1.2 + 0.5 * len(arms)), layout="constrained")
         axes = figure.subplots()
         for offset, name in enumerate(names):
             gains = [summary["arms"][f"{arm} - {BASE}"][name] for arm in arms]

@@ -12,8 +12,8 @@ from hijack_data.types import Action, Size
 from ..source import action_text
 from .listing import number
 
-MOST = 40  # the most strokes of one action, since an agent can write any number
-LONGEST = 20_000  # the most characters of code that is parsed
+MAX_STROKES = 40  # the most strokes of one action, since an agent can write any number
+MAX_CODE_CHARS = 20_000  # the most characters of code that is parsed
 
 
 def parse_strokes(code: str, size: Size | None) -> tuple[str, list[dict[str, Any]]]:
@@ -27,7 +27,7 @@ def parse_strokes(code: str, size: Size | None) -> tuple[str, list[dict[str, Any
         size: (height, width) of that picture, to which points are clamped; `None` if the size is
             unknown.
     """
-    if len(code) > LONGEST:
+    if len(code) > MAX_CODE_CHARS:
         return "code that is too long to be drawn", []
     with contextlib.suppress(HijackError, RecursionError):  # refused code may still be drawn
         request = read_action(code, allow_code=True)
@@ -54,7 +54,7 @@ def _parts(code: str, size: Size | None) -> list[Action]:
         return []
     actions: list[Action] = []
     pointer: Action | None = None
-    for statement in statements[: 2 * MOST]:
+    for statement in statements[: 2 * MAX_STROKES]:
         try:
             action = parse_pyautogui(ast.unparse(statement), size)
         except (HijackError, RecursionError):
@@ -66,7 +66,7 @@ def _parts(code: str, size: Size | None) -> list[Action]:
         if action.point is not None:
             pointer = action
         actions.append(action)
-        if len(actions) == MOST:
+        if len(actions) == MAX_STROKES:
             break
     return actions
 

@@ -17,9 +17,9 @@ from .action_strokes import parse_strokes
 from .listing import number
 from .model_requests import TurnMessages, read_turns, turn_numbers
 
-MOST_STEPS = 1000
-LONGEST = 20_000  # characters of one text
-BOXES = 2000
+MAX_STEPS = 1000
+MAX_TEXT_CHARS = 20_000  # characters of one text
+MAX_BOXES = 2000
 NOT_SHOWN = ("plan", "boxes", "said", "raw", "events", "previous")
 StepData: TypeAlias = dict[str, Any]
 
@@ -91,8 +91,8 @@ def _read_record(episode: EpisodeLines, journal: Mapping[str, Any]) -> None:
 def _read_steps(episode: EpisodeLines) -> None:
     try:
         for place, line in enumerate(lines(inside(episode.home, STEPS, STEPS))):
-            if place == MOST_STEPS:
-                episode.problems.append(f"only the first {MOST_STEPS} steps are shown")
+            if place == MAX_STEPS:
+                episode.problems.append(f"only the first {MAX_STEPS} steps are shown")
                 return
             try:
                 episode.lines.append(mapping(line.record(), ""))
@@ -108,11 +108,11 @@ def _read_steps(episode: EpisodeLines) -> None:
 
 def episode_data(folder: Path, name: str, episode: EpisodeLines) -> dict[str, Any]:
     """Return the page's data of an episode in a folder."""
-    talk, problem = read_turns(folder, name, episode.record)
+    turn_messages, problem = read_turns(folder, name, episode.record)
     turns = turn_numbers(episode.lines)
     effects = _effects(episode)
     steps = [
-        _step(episode, place, talk.get(-1 if turn is None else turn), effects)
+        _step(episode, place, turn_messages.get(-1 if turn is None else turn), effects)
         for place, turn in enumerate(turns)
     ]
     missing = sum(bool(step["lost"]) for step in steps)
@@ -134,7 +134,7 @@ def about(record: Mapping[str, Any]) -> dict[str, Any]:
         "reason": _cut(record.get("reason")),
         "problem": _cut(record.get("problem")),
         "ended": _cut(record.get("ended")),
-        "traceback": "\n".join(frames)[:LONGEST],
+        "traceback": "\n".join(frames)[:MAX_TEXT_CHARS],
         "malformed": record.get("malformed") if isinstance(record.get("malformed"), int) else 0,
         "fields": record_fields(record, "instruction", "traceback", "effects"),
     }
@@ -172,7 +172,7 @@ def read_picture(path: Path) -> tuple[bytes, UInt8Array]:
 
 
 def _step(
-    episode: EpisodeLines, place: int, talk: TurnMessages | None, effects: list[dict[str, Any]]
+    episode: EpisodeLines, place: int, messages: TurnMessages | None, effects: list[dict[str, Any]]
 ) -> StepData:
     line = episode.lines[place]
     raw = line.get("raw")
@@ -189,8 +189,8 @@ def _step(
         "said": _cut(line.get("said")),
         "error": _cut(line.get("error")),
         "result": _result(line.get("result")),
-        "onlooker": [] if talk is None else [[r, _cut(text)] for r, text in talk.onlooker],
-        "usage": _numbers({} if talk is None else talk.usage),
+        "onlooker": [] if messages is None else [[r, _cut(text)] for r, text in messages.onlooker],
+        "usage": _numbers({} if messages is None else messages.usage),
         "seconds": _numbers(line.get("seconds")),
         "still": line.get("still") is not False,
         "effects": [k for k, effect in enumerate(effects) if effect["step"] == place],
@@ -253,7 +253,7 @@ def _probe(probe: Mapping[str, Any]) -> dict[str, Any]:
 
 def _boxes(value: object) -> list[list[float]]:
     boxes: list[list[float]] = []
-    for box in listed(value)[:BOXES]:
+    for box in listed(value)[:MAX_BOXES]:
         sides = [side for side in map(number, listed(box)) if side is not None]
         if len(sides) == 4:
             boxes.append(sides)
@@ -277,6 +277,6 @@ def _result(value: object) -> str:
 def _cut(value: object) -> str:
     """Return a text, shortened if it is too long for a page."""
     text = value if isinstance(value, str) else ""
-    if len(text) <= LONGEST:
+    if len(text) <= MAX_TEXT_CHARS:
         return text
-    return f"{text[:LONGEST]}\n... {len(text) - LONGEST:,} characters more"
+    return f"{text[:MAX_TEXT_CHARS]}\n... {len(text) - MAX_TEXT_CHARS:,} characters more"

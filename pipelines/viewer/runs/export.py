@@ -19,8 +19,8 @@ from ..page_files import RUN_SCRIPTS, page_file, run_page
 from .entry_columns import columns
 from .run_source import RunSource
 
-MOST_IN_PAGE = 30  # the most episodes that the page itself exports, because the browser waits
-WIDTH = 1280  # pixels; wider pictures are scaled down
+MAX_PAGE_EPISODES = 30  # the most episodes that the page itself exports, because the browser waits
+MAX_WIDTH_PX = 1280  # wider pictures are scaled down
 STYLES = ("view.css",)
 
 
@@ -32,8 +32,8 @@ def export_file(source: RunSource, patterns: Sequence[str], path: Path) -> int:
 
     Raises:
         ParameterError: no episode matches.
-        HijackError: the file is one of the run itself.
-        unwritable: the file cannot be written; see `hijack_data.files`.
+        HijackError: the file is one of the run itself, or cannot be written.
+        StorageError: the disk is full or fails.
     """
     refuse_own_file(path, "--export")
     if not source.entries:
@@ -61,8 +61,10 @@ def export_page(source: RunSource, numbers: Sequence[int]) -> str:
 
     Args:
         source: the run.
-        numbers: numbers of the episodes, in the order of the list. Raises `HijackError` for a
-            missing one.
+        numbers: numbers of the episodes, in the order of the list.
+
+    Raises:
+        HijackError: there is no episode of such a number.
     """
     unique = list(dict.fromkeys(numbers))
     pictures: dict[str, str] = {}
@@ -121,5 +123,5 @@ def _add(
         key = hashlib.sha256(pixels.tobytes()).hexdigest()[:24]
         if key not in pictures:
             height, width = pixels.shape[:2]
-            pictures[key] = embed(pixels, scale_for((height, width), WIDTH)).uri
+            pictures[key] = embed(pixels, scale_for((height, width), MAX_WIDTH_PX)).uri
         places[f"{kind}/{place}"] = key

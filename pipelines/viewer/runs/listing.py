@@ -30,9 +30,9 @@ UNFINISHED = "unfinished"
 UNREADABLE = "unreadable"
 # In the order in which the page lists them.
 OUTCOMES = (SUCCESS, PARTIAL, FAILURE, AGENT_ERROR, MACHINE_ERROR, INVALID, UNFINISHED, UNREADABLE)
-SAID = 160  # characters of the agent's last words that are searched
-NOTE = 300  # characters of the reason for an episode's end that the list shows
-NEEDED = ("agent", "task", "corruption", "status", "id")
+MAX_SAID_CHARS = 160  # characters of the agent's last words that are searched
+MAX_NOTE_CHARS = 300  # characters of the reason for an episode's end that the list shows
+REQUIRED_FIELDS = ("agent", "task", "corruption", "status", "id")
 _ID = re.compile(rb'"id": ?"([^"\\]{1,200})"')
 
 
@@ -109,7 +109,7 @@ def read_listing(folder: Path, head: bytes) -> RunListing:
         listing.lines = lines
         _read_journal(folder, listing, head)
     listed = {entry.id for entry in listing.entries}
-    for name in _homes(folder):
+    for name in _episode_folders(folder):
         if name not in listed:
             listing.entries.append(_from_folder(folder, name, lines is not None))
     return listing
@@ -135,16 +135,16 @@ def make_entry(record: Mapping[str, Any]) -> EpisodeEntry:
         attempt=int(number(record.get("attempt")) or 0),
         outcome=outcome,
         score=number(record.get("score")) if has_score else None,
-        steps=_whole(record.get("steps")),
+        steps=_integer(record.get("steps")),
         seconds=number(record.get("seconds")),
         tokens=_tokens(counts),
         usd=number(counts.get("usd")),
         instruction=word(record.get("instruction")),
-        note=word(note)[:NOTE],
-        said=word(record.get("said"))[:SAID],
+        note=word(note)[:MAX_NOTE_CHARS],
+        said=word(record.get("said"))[:MAX_SAID_CHARS],
         counts=outcome != UNREADABLE and _counts(record),
         problem=_version_problem(record) or _score_problem(record, outcome),
-        given=_given(record),
+        given=_privileged_inputs(record),
     )
 
 
@@ -180,7 +180,7 @@ def number(value: object) -> float | None:
     return value if -1e15 < value < 1e15 else None  # type: ignore[operator]
 
 
-def _whole(value: object) -> int | None:
+def _integer(value: object) -> int | None:
     count = number(value)
     return None if count is None else int(count)
 
@@ -191,7 +191,7 @@ def _tokens(usage: Mapping[str, Any]) -> int | None:
     return int(sum(numbers)) if numbers else None
 
 
-def _given(record: Mapping[str, Any]) -> str:
+def _privileged_inputs(record: Mapping[str, Any]) -> str:
     inputs = given_of(record)
     return given_words(inputs) if inputs else ""
 
@@ -239,9 +239,9 @@ def _read_journal(folder: Path, listing: RunListing, before: bytes) -> None:
         record: Mapping[str, Any] = {}
         try:
             record = mapping(parse(line), "")
-            entry = _checked(record)
+            entry = _checked_entry(record)
         except FieldError as error:
-            entry = _damaged(folder, line, f"line {place} of {RECORDS}: {error}")
+            entry = _damaged_entry(folder, line, f"line {place} of {RECORDS}: {error}")
         if before and record:  # a head that cannot be read links to nothing
             _check_link(record, before, last, listing.problems)
         before = line
@@ -259,8 +259,8 @@ def _read_journal(folder: Path, listing: RunListing, before: bytes) -> None:
             listing.problems.append(entry.problem)
 
 
-def _checked(record: Mapping[str, Any]) -> EpisodeEntry:
-    for name in NEEDED:
+def _checked_entry(record: Mapping[str, Any]) -> EpisodeEntry:
+    for name in REQUIRED_FIELDS:
         if not isinstance(record.get(name), str):
             raise FieldError(name, "is missing, or no text")
     return make_entry(record)
@@ -285,7 +285,7 @@ def _check_link(
         )
 
 
-def _damaged(folder: Path, line: bytes, problem: str) -> EpisodeEntry:
+def _damaged_entry(folder: Path, line: bytes, problem: str) -> EpisodeEntry:
     """Return the entry of a line that cannot be read, from the folder that it names if it can."""
     match = _ID.search(line)
     name = match[1].decode("utf-8", "replace") if match else ""
@@ -293,13 +293,13 @@ def _damaged(folder: Path, line: bytes, problem: str) -> EpisodeEntry:
         entry = _from_folder(folder, name, False)
         entry.problem = f"{problem}; shown from its folder"
         return entry
-    entry = _named(name)
+    entry = _entry_from_id(name)
     entry.problem = problem
     entry.note = problem
     return entry
 
 
-def _homes(folder: Path) -> list[str]:
+def _episode_folders(folder: Path) -> list[str]:
     """Return the names of the episodes' folders.
 
     Raises:
@@ -318,7 +318,7 @@ def _homes(folder: Path) -> list[str]:
 
 def _from_folder(folder: Path, name: str, journal: bool) -> EpisodeEntry:
     """Return the entry of an episode that the journal does not have, from its own record."""
-    entry = _named(name)
+    entry = _entry_from_id(name)
     path = folder / EPISODES / name / EPISODE
     if not path.exists():
         entry.outcome = UNFINISHED
@@ -336,7 +336,7 @@ def _from_folder(folder: Path, name: str, journal: bool) -> EpisodeEntry:
     return recorded
 
 
-def _named(name: str) -> EpisodeEntry:
+def _entry_from_id(name: str) -> EpisodeEntry:
     """Return the entry of an episode of which only the id is known, with what the id shows."""
     parts = name.split("__")
     if len(parts) < 4:

@@ -21,8 +21,8 @@ from .episode import EpisodeLines, episode_data, picture_file, read_lines, read_
 from .listing import EpisodeEntry, read_listing
 from .scored_rows import ScoredRows
 
-KEPT_EPISODES = 16
-MOST_PROBLEMS = 40
+MAX_CACHED_EPISODES = 16
+MAX_PROBLEMS = 40
 _PNG = b"\x89PNG"
 
 
@@ -52,7 +52,7 @@ class RunSource:
             if self._scored.problem:
                 self.problems.append(self._scored.problem)
         # bounded by their number: every episode counts as one byte
-        self._kept = Cache(KEPT_EPISODES)
+        self._episodes = Cache(MAX_CACHED_EPISODES)
 
     @property
     def config(self) -> Mapping[str, Any]:
@@ -103,7 +103,7 @@ class RunSource:
         return {
             **data,
             "number": number,
-            "problems": [text for text in dict.fromkeys(problems) if text][:MOST_PROBLEMS],
+            "problems": [text for text in dict.fromkeys(problems) if text][:MAX_PROBLEMS],
         }
 
     def check(self, number: int) -> list[str]:
@@ -121,7 +121,7 @@ class RunSource:
         try:
             for problem in check_episode(home, journal, EpisodeReplay()):
                 problems.append(problem)
-                if len(problems) == MOST_PROBLEMS:
+                if len(problems) == MAX_PROBLEMS:
                     problems.append("and more: hijack verify lists all")
                     break
         except HijackError as error:
@@ -166,11 +166,11 @@ class RunSource:
 
     def _lines(self, number: int) -> EpisodeLines:
         entry = self._entry(number)
-        episode = self._kept.get(number)
+        episode = self._episodes.get(number)
         if episode is None:
             episode = read_lines(self.folder, entry.id, self._record(entry))
             if entry.outcome != "unfinished":  # that one may grow
-                self._kept.put(number, episode, 1)
+                self._episodes.put(number, episode, 1)
         return episode
 
     def _read_head(self) -> bytes:
