@@ -61,13 +61,13 @@ def check(target: str, desktop: bool, timeout: float) -> None:
         sys.exit(1)
 
 
-def _check_content(loaded: LoadedFile, target: str, found: list[str]) -> None:
+def _check_content(loaded: LoadedFile, target: str, plugins: list[str]) -> None:
     """Check that a file holds something to check.
 
     Raises:
         PluginError: it registers nothing, and has neither agents nor tasks.
     """
-    if not loaded.names and not found:
+    if not loaded.names and not plugins:
         raise PluginError(
             f"{target}: registers nothing, and has no class with predict(instruction, obs)"
         )

@@ -68,9 +68,9 @@ def desktop_row() -> tuple[str, str, str, str]:
     failed = [check for check in doctor.diagnose() if check.required and not check.ok]
     if not failed:
         return OK, "desktop", purpose, "ready: hijack desktop up"
-    others = f", and {len(failed) - 1} more" if len(failed) > 1 else ""
+    suffix = f", and {len(failed) - 1} more" if len(failed) > 1 else ""
     advice = "hijack desktop doctor says how to fix this"
-    return LACKING, "desktop", purpose, f"lacks {failed[0].name}{others}: {advice}"
+    return LACKING, "desktop", purpose, f"lacks {failed[0].name}{suffix}: {advice}"
 
 
 def _extras() -> dict[str, tuple[str, ...]]:

@@ -100,13 +100,13 @@ def _make_plan(
     if not is_bare(plan):
         return plan, notes
     try:
-        shown = composite(plan, image, scene, seed=key["seed"], sample=key["sample"])
+        composited = composite(plan, image, scene, seed=key["seed"], sample=key["sample"])
     except HijackError as error:
         if not notes:
             raise
         raise HijackError(f"{error}; {notes[-1]}") from None
     advice = "a live desktop shows its own, see `hijack desktop corrupt`"
-    return shown.plan, (*notes, f"fidelity: {shown.fidelity}; {advice}")
+    return composited.plan, (*notes, f"fidelity: {composited.fidelity}; {advice}")
 
 
 def _read_plan(file: str, name: str | None) -> Plan:

@@ -61,7 +61,7 @@ def apply_to_folder(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) ->
     if out.resolve().is_relative_to(folder.resolve()):
         raise click.UsageError(f"-o {out}: lies in {folder}; choose a folder outside it")
     names = _output_names([file.relative_to(folder) for file in list_pictures(folder)])
-    written: list[dict[str, Any]] = []
+    results: list[dict[str, Any]] = []
     problems: list[str] = []
     for name, target in names.items():
         source = folder / name
@@ -83,8 +83,8 @@ def apply_to_folder(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) ->
             "digest": plan.digest(),
             "notes": list(notes),
         }
-        written.append(row)
-    _report(out, written, problems, as_json)
+        results.append(row)
+    _report(out, results, problems, as_json)
 
 
 def _output_names(names: list[Path]) -> dict[Path, Path]:
@@ -100,13 +100,13 @@ def _target(name: Path, counts: Counter[Path]) -> Path:
     return name.with_name(f"{name.name}.png")
 
 
-def _report(out: Path, written: list[dict[str, Any]], problems: list[str], as_json: bool) -> None:
+def _report(out: Path, results: list[dict[str, Any]], problems: list[str], as_json: bool) -> None:
     if as_json:
-        click.echo(json.dumps({"out": str(out), "pictures": written, "problems": problems}))
+        click.echo(json.dumps({"out": str(out), "pictures": results, "problems": problems}))
     else:
-        click.echo(f"{out}: {counted(len(written), 'picture')}")
+        click.echo(f"{out}: {counted(len(results), 'picture')}")
         notes = Counter[str]()
-        for row in written:
+        for row in results:
             notes.update(row["notes"])
         for note, count in notes.items():
             repeated = f" ({count} pictures)" if count > 1 else ""

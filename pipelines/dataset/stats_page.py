@@ -82,12 +82,12 @@ def _figures(stats: Stats) -> Html:
 
 
 def _number(figure: str, caption: str) -> Html:
-    return Html(f"<li><strong>{_escaped(figure)}</strong><span>{_escaped(caption)}</span></li>")
+    return Html(f"<li><strong>{_escape(figure)}</strong><span>{_escape(caption)}</span></li>")
 
 
 def _line(label: str, label_stats: LabelStats) -> Html:
     if not label_stats.rows:
-        name = _escaped(label)
+        name = _escape(label)
         return Html(f'<tr><td class="no">{name}</td><td class="no" colspan="6">no rows</td></tr>')
     data = label_stats.to_data()
     levels: dict[str, int] = {}
@@ -139,7 +139,7 @@ def _card(title: str, texts: list[str]) -> list[Html]:
     if not texts:
         return []
     items = wrap("li", texts)
-    return [Html(f'<li class="tile"><h3>{_escaped(title)}</h3><ul>{items}</ul></li>')]
+    return [Html(f'<li class="tile"><h3>{_escape(title)}</h3><ul>{items}</ul></li>')]
 
 
 def _events(stats: LabelStats) -> list[str]:
@@ -172,7 +172,7 @@ def _places(rows: Dataset, stats: Stats) -> dict[str, list[RowLinks]]:
     rows_passed = dict.fromkeys(spread, 0)
     places: dict[str, dict[int, RowLinks]] = {label: {} for label in spread}
     hidden: dict[str, tuple[int, RowLinks]] = {}
-    for label, place in _indexed(rows):
+    for label, place in _index_rows(rows):
         number = rows_passed[label]
         rows_passed[label] += 1
         if number in spread[label]:
@@ -188,7 +188,7 @@ def _places(rows: Dataset, stats: Stats) -> dict[str, list[RowLinks]]:
     return {label: list(label_places.values()) for label, label_places in places.items()}
 
 
-def _indexed(rows: Dataset) -> Iterator[tuple[str, RowLinks]]:
+def _index_rows(rows: Dataset) -> Iterator[tuple[str, RowLinks]]:
     """Yield the label and the links of each corrupted row."""
     columns = ["trajectory_id", "step", "corruption", "target_visible"]
     number = 0
@@ -208,7 +208,7 @@ def _indexed(rows: Dataset) -> Iterator[tuple[str, RowLinks]]:
 
 def _section(rows: Dataset, label: str, places: list[RowLinks]) -> Html:
     pairs = join([_pair(rows, place) for place in places])
-    heading = f'<div class="heading"><h2>{_escaped(label)}</h2></div>'
+    heading = f'<div class="heading"><h2>{_escape(label)}</h2></div>'
     return Html(f'<section>{heading}<div class="cards">{pairs}</div></section>')
 
 
@@ -221,8 +221,8 @@ def _pair(rows: Dataset, place: RowLinks) -> Html:
     scale = scale_for(largest, WIDTH)
     figures = [_figure(picture, scale, name, row["id"]) for name, picture in pictures.items()]
     resized = before is not None and before.shape != after.shape
-    name = _escaped(row["id"])
-    title = _escaped(row["instruction"] or row["id"])
+    name = _escape(row["id"])
+    title = _escape(row["instruction"] or row["id"])
     facts = wrap("li", _facts(row, resized))
     head = f'<div class="head"><h3>{title}</h3>{_badge(row["target_visible"])}</div>'
     text = f'<p class="id">{name}</p><ul class="facts">{facts}</ul>'
@@ -269,21 +269,21 @@ def _before(rows: Dataset, place: RowLinks) -> UInt8Array | None:
 def _figure(picture: UInt8Array, scale: float, caption: str, name: str) -> Html:
     image = embed(picture, scale)
     size = f'width="{image.size[1]}" height="{image.size[0]}"'
-    alt = _escaped(f"{name}: {caption}")
+    alt = _escape(f"{name}: {caption}")
     return Html(
         f'<figure><img src="{image.uri}" {size}'
         f' alt="{alt}"><figcaption>{caption}</figcaption></figure>'
     )
 
 
-def _escaped(text: str) -> str:
+def _escape(text: str) -> str:
     return html.escape(clean(text))
 
 
 def _fill(template: str, **values: str) -> str:
     safe: dict[str, str] = {}
     for name, value in values.items():
-        safe[name] = value if isinstance(value, Html) else _escaped(value)
+        safe[name] = value if isinstance(value, Html) else _escape(value)
     return Template(_source(template)).substitute(safe)
 
 

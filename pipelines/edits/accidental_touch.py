@@ -99,9 +99,9 @@ class TouchEdit(Edit):
             ops=(Paste(asset.recipe(), ((x, y),)),),
             fidelity="composited",
             response=asset.recover.moved(x, y),
-            boxes=[_moved(target.box, x, y) for target in asset.targets],
+            boxes=[_move_box(target.box, x, y) for target in asset.targets],
             notes=(f"the element at {list(element)} was clicked",),
-            shown="menu" if _touches_opener(asset) else "dialog",
+            detail="menu" if _touches_opener(asset) else "dialog",
         )
 
     def assumed_apps(self, pack: AssetPack, stream: Stream) -> Iterator[tuple[str, ...]]:
@@ -109,7 +109,7 @@ class TouchEdit(Edit):
         return recorded_apps(pack, KINDS, stream)
 
 
-def _moved(box: Box, x: int, y: int) -> Box:
+def _move_box(box: Box, x: int, y: int) -> Box:
     return box[0] + x, box[1] + y, box[2] + x, box[3] + y
 
 

@@ -230,7 +230,7 @@ class Edit(ABC):
         response: RecordedAction | None = None,
         boxes: Sequence[Box] = (),
         notes: Sequence[str] = (),
-        shown: str = "",
+        detail: str = "",
     ) -> EditedStep:
         """Return a step of this event.
 
@@ -240,11 +240,11 @@ class Edit(ABC):
             response: what undoes the event, for the answer `"undo"`.
             boxes: what can be clicked.
             notes: remarks for the reader of the plan.
-            shown: the text for `{}` in `event`.
+            detail: the text for `{}` in `event`.
         """
         return EditedStep(
             ops=tuple(ops),
-            event=self.event.format(shown),
+            event=self.event.format(detail),
             fidelity=fidelity,
             response=WAIT if self.answer == "wait" else response,
             inserted=self.inserted,

@@ -51,7 +51,7 @@ def _window(pack: AssetPack, page: Asset, size: Size) -> ScreenLayout | None:
     title_bar = bar(page, (0, title), 2, width, 0)
     tool_bars = bar(page, (title, top), 1, width, title)
     room = (height - panel_asset.size[0] - top, width)
-    content = fitted(view, room, (0, top)) if min(room) > 0 else None
+    content = fit_page(view, room, (0, top)) if min(room) > 0 else None
     under = panel(panel_asset, size)
     if title_bar is None or tool_bars is None or content is None or under is None:
         return None
@@ -104,7 +104,7 @@ def _on_page(page: Asset, top: int, width: int) -> list[Box]:
 
 
 @lru_cache(maxsize=256)
-def fitted(asset: Asset, size: Size, at: Point = (0, 0)) -> tuple[Paste, ...] | None:
+def fit_page(asset: Asset, size: Size, at: Point = (0, 0)) -> tuple[Paste, ...] | None:
     """Return the operations that fit a recorded page to `size`: cropped, or with more background.
 
     The content of a page is at the top, in the middle of the window; only plain background is

@@ -144,11 +144,11 @@ def _windows(frame: Frame, names: Sequence[str]) -> Iterator[tuple[str, list[Ass
     for asset in frame.pack.pictures("window"):
         windows_by_app.setdefault(normalize_app(asset.app), []).append(asset)
     for name in dict.fromkeys([*names, *windows_by_app]):
-        if name in windows_by_app and not _may_be_used(name, frame):
+        if name in windows_by_app and not _belongs_to_recording(name, frame):
             yield name, windows_by_app[name]
 
 
-def _may_be_used(name: str, frame: Frame) -> bool:
+def _belongs_to_recording(name: str, frame: Frame) -> bool:
     if is_mentioned(name, frame.trajectory.instruction):
         return True
     if not frame.apps:
@@ -170,7 +170,7 @@ def _placements(windows: Sequence[Asset], scene: Scene) -> Iterator[_Placement]:
     for asset in windows:
         height, width = asset.size
         for x, y in sorted(_corners(asset.size, scene, boxes)):
-            covered = _covered((x, y, x + width, y + height), boxes)
+            covered = _count_covered((x, y, x + width, y + height), boxes)
             yield _Placement(asset, (x, y), covered)
 
 
@@ -226,7 +226,7 @@ def _beside(scene: Scene) -> list[Box]:
     return [_intersection(side, area) for side in sides]
 
 
-def _covered(window: Box, boxes: BoxArray) -> int:
+def _count_covered(window: Box, boxes: BoxArray) -> int:
     """Return how many elements are covered by half or more."""
     areas = (boxes[:, 2:] - boxes[:, :2]).astype(np.int64).prod(axis=1)
     covered = 2 * intersection_area(window, boxes) >= np.maximum(areas, 1)

@@ -119,7 +119,7 @@ def lock_screen(
         ops=(_middle(below, size), Paste(dialog.recipe(), ((x, y),))),
         asset=dialog,
         mapped=partial(RecordedAction.moved, dx=x, dy=y),
-        boxes=tuple(_moved(target.box, x, y) for target in dialog.targets),
+        boxes=tuple(_move_box(target.box, x, y) for target in dialog.targets),
         notes=_notes(size, below, dialog),
     )
 
@@ -208,7 +208,7 @@ def bar(asset: Asset, rows: RowRange, gaps: int, width: int, y: int) -> Bar | No
         return None
     pieces = _pieces(stretches, recorded_width)
     moves = _moves(gaps, width - recorded_width)
-    spans = [_shifted(piece, move) for piece, move in zip(pieces, moves, strict=True)]
+    spans = [_shift(piece, move) for piece, move in zip(pieces, moves, strict=True)]
     spaces = [(left[1], right[0]) for left, right in pairwise(spans)]
     if any(_length(space) < 0 for space in spaces):
         return None
@@ -243,7 +243,7 @@ def _moves(gaps: int, longer: int) -> tuple[int, ...]:
     return 0, longer // 2, longer
 
 
-def _shifted(span: Span, by: int) -> Span:
+def _shift(span: Span, by: int) -> Span:
     return span[0] + by, span[1] + by
 
 
@@ -330,7 +330,7 @@ def _icons(icons: Sequence[Asset], area: Size) -> Iterator[tuple[Paste, Box]]:
         box = icon.targets[0].box
         x = int(left + ICON_OFFSET_X_PX) - box[0]
         y = int(top + row + ICON_OFFSET_Y_PX) - box[1]
-        yield Paste(icon.recipe(), ((x, y),)), _moved(box, x, y)
+        yield Paste(icon.recipe(), ((x, y),)), _move_box(box, x, y)
 
 
 def _slots(length: int) -> tuple[list[float], float]:
@@ -344,7 +344,7 @@ def _slots(length: int) -> tuple[list[float], float]:
     return starts, margin
 
 
-def _moved(box: Box, x: int, y: int) -> Box:
+def _move_box(box: Box, x: int, y: int) -> Box:
     left, top, right, bottom = box
     return left + x, top + y, right + x, bottom + y
 

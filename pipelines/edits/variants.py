@@ -75,11 +75,11 @@ class VariantPlanner:
         if not is_due(planner, numbers):
             return
         if not has_effects(planner):
-            yield self._plain(sample, planner, numbers[-1])
+            yield self._picture_variant(sample, planner, numbers[-1])
             return
-        first = self._first(sample, planner, numbers)
+        first = self._first_plan(sample, planner, numbers)
         if not first.effects:
-            yield self._plain(sample, planner, numbers[-1])
+            yield self._picture_variant(sample, planner, numbers[-1])
             return
         yield from self._with_effects(sample, planner, first, numbers[-1])
 
@@ -91,7 +91,9 @@ class VariantPlanner:
         Raises:
             NotApplicable: the event cannot be shown realistically; the message is the reason.
         """
-        edits = [(self._edit(sample, first, effect, number), effect) for effect in first.effects]
+        edits = [
+            (self._apply_edit(sample, first, effect, number), effect) for effect in first.effects
+        ]
         changing = [edit for edit, _ in edits if not edit.inserted]
         if len(changing) > 1:
             raise NotApplicable(
@@ -100,11 +102,11 @@ class VariantPlanner:
         edits.sort(key=lambda pair: not pair[0].inserted)
         for edit, effect in edits:
             plan = replace(first, effects=(effect,))
-            yield self._edited(sample, planner, plan, edit, number)
+            yield self._edited_variant(sample, planner, plan, edit, number)
         if not changing and first.ops:
-            yield self._plain(sample, planner, number)
+            yield self._picture_variant(sample, planner, number)
 
-    def _first(self, sample: Sample, planner: Planner, numbers: list[int]) -> Plan:
+    def _first_plan(self, sample: Sample, planner: Planner, numbers: list[int]) -> Plan:
         """Return the plan of a step; that of the first step includes effects before the episode."""
         plans = [
             planner.plan(sample.scene, seed=self.seed, sample=sample.key, step=number)
@@ -113,10 +115,10 @@ class VariantPlanner:
         plan = plans[-1]
         for before in plans[:-1]:
             if before.effects:  # pictures are corrupted from the first step on, not before it
-                plan = _joined(replace(before, ops=()), plan)
+                plan = _join_plans(replace(before, ops=()), plan)
         return plan
 
-    def _plan(self, sample: Sample, planner: Planner, number: int) -> Plan | None:
+    def _plan_pictures(self, sample: Sample, planner: Planner, number: int) -> Plan | None:
         """Return a plan for pictures under the label policy, or `None` if it drops the row."""
         scene = sample.scene
         if self.label_policy not in AVOIDING:
@@ -126,8 +128,8 @@ class VariantPlanner:
             planner, scene, seed=self.seed, sample=sample.key, step=number, end=end
         )
 
-    def _plain(self, sample: Sample, planner: Planner, number: int) -> Variant | None:
-        plan = self._plan(sample, planner, number)
+    def _picture_variant(self, sample: Sample, planner: Planner, number: int) -> Variant | None:
+        plan = self._plan_pictures(sample, planner, number)
         if plan is None:
             return None
         _check_declared(plan, planner)
@@ -135,7 +137,7 @@ class VariantPlanner:
             plan = replace(plan, effects=())
         return Variant(sample, plan, plan)
 
-    def _edit(self, sample: Sample, plan: Plan, effect: Effect, number: int) -> EditedStep:
+    def _apply_edit(self, sample: Sample, plan: Plan, effect: Effect, number: int) -> EditedStep:
         if effect.kind not in EDITS or self.pack is None:
             raise BuildError(
                 f"{plan.corruption} gave a plan with the effect {effect.kind!r}, which no edit"
@@ -155,14 +157,14 @@ class VariantPlanner:
         edited = edit.apply(frame, effect)
         return replace(edited, fidelity=fidelity_of(edited.fidelity, is_foreign=frame.is_foreign))
 
-    def _edited(
+    def _edited_variant(
         self, sample: Sample, planner: Planner, plan: Plan, edit: EditedStep, number: int
     ) -> Variant | None:
         """Return the row of an edit, with the picture operations of `plan` drawn over it."""
         after = step_after(sample, edit)
         over: Plan | None = replace(plan, ops=(), effects=())
         if plan.ops:
-            over = self._plan(after, planner, number)
+            over = self._plan_pictures(after, planner, number)
         if over is None:
             return None
         edit = replace(edit, fidelity=fidelity_of(edit.fidelity, is_drawn_over=bool(over.ops)))
@@ -186,7 +188,7 @@ def _check_declared(plan: Plan, planner: Planner) -> None:
         )
 
 
-def _joined(before: Plan, first: Plan) -> Plan:
+def _join_plans(before: Plan, first: Plan) -> Plan:
     """Return the plan of the first step joined with the effects before the episode."""
     if not first.ops and not first.effects:
         return before

@@ -12,7 +12,7 @@ from hijack_data.rng import Stream
 from hijack_data.types import Box, Fidelity, Size, size_text
 
 from .base import Frame, NotApplicable
-from .browser_pages import fitted
+from .browser_pages import fit_page
 from .screen_layout import ScreenLayout
 
 # The sides of two screens of the same shape may differ by this share after scaling: 1366x768 is not
@@ -69,7 +69,7 @@ def whole_screen(
     recorded = [asset for asset in pack.pictures(kind, screen=size) if asset.size == size]
     if recorded:
         same_app = [asset for asset in recorded if asset.app in apps]
-        return _shown([frame.stream.choice(same_app or recorded)], size)
+        return _show_layers([frame.stream.choice(same_app or recorded)], size)
     laid_out = lay_out(pack, size, frame.stream, apps)
     if laid_out is not None:
         return ShownAsset(
@@ -90,7 +90,7 @@ def whole_screen(
             f" {size_text(size)}` records one"
         )
     preferred = [candidate for candidate in fitting if candidate[-1].app in apps]
-    return _shown(frame.stream.choice(preferred or fitting), size)
+    return _show_layers(frame.stream.choice(preferred or fitting), size)
 
 
 def _layers(pack: AssetPack, asset: Asset) -> list[Asset]:
@@ -108,7 +108,7 @@ def _layers(pack: AssetPack, asset: Asset) -> list[Asset]:
     return [below, asset]
 
 
-def _shown(layers: list[Asset], size: Size) -> ShownAsset:
+def _show_layers(layers: list[Asset], size: Size) -> ShownAsset:
     asset = layers[-1]
     ops: tuple[Op, ...] = tuple(Paste(layer.recipe(), (layer.box[:2],)) for layer in layers)
     coords = CoordMap(observation=asset.screen, screen=size)
@@ -122,13 +122,13 @@ def _shown(layers: list[Asset], size: Size) -> ShownAsset:
         asset=asset,
         ops=ops,
         fidelity="composited" if notes else "recorded",
-        mapped=partial(_mapped, asset, coords),
+        mapped=partial(_map_action, asset, coords),
         boxes=_targets(asset, coords),
         notes=tuple(notes),
     )
 
 
-def _mapped(asset: Asset, coords: CoordMap, recorded: RecordedAction) -> RecordedAction:
+def _map_action(asset: Asset, coords: CoordMap, recorded: RecordedAction) -> RecordedAction:
     """Map an action on a recorded screen to the screenshot."""
     on_screen = recorded.moved(*asset.box[:2])
     box = None if on_screen.target_box is None else _boxes(coords, [on_screen.target_box])[0]
@@ -160,7 +160,7 @@ def page_view(frame: Frame, kind: str, description: str) -> tuple[tuple[Op, ...]
     views = frame.pack.pictures(kind)
     views.sort(key=lambda asset: (abs(asset.size[1] - size[1]), asset.id))
     for asset in views:
-        ops = fitted(asset, size)
+        ops = fit_page(asset, size)
         if ops is not None:
             return ops, asset
     raise NotApplicable(f"no {description} was recorded that a page of this size can show")

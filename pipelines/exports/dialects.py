@@ -59,9 +59,9 @@ def _ui_tars(row: Mapping[str, Any], make_scaling: Callable[[Size], Scaling], di
     if kind in _UI_TARS_WORDS:
         return _UI_TARS_WORDS[kind]
     if kind == "done":
-        return f"finished(content={_quoted(action.text)})" if action.text else "finished()"
+        return f"finished(content={_quote(action.text)})" if action.text else "finished()"
     if kind == "type":
-        return f"type(content={_quoted(_text(action, dialect))})"
+        return f"type(content={_quote(_text(action, dialect))})"
     if kind == "hotkey":
         keys = " ".join(_keys(action, dialect))
         return f"hotkey(key='{keys}')"
@@ -131,5 +131,5 @@ def _is_plain_key(key: str) -> bool:
     return bool(key) and not set(key) & _NO_KEY
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     return f"'{text.translate(_ESCAPES)}'"

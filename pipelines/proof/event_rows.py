@@ -131,10 +131,10 @@ def _recoveries(screen: Size, pasted: tuple[Op, ...]) -> Iterator[RecordedAction
         left, top = tuple(op.sprite.get("crop", (0, 0)))[:2]
         coords = CoordMap(observation=size, screen=screen)
         for x, y in op.at:
-            yield _scaled(asset.recover.moved(x - left, y - top), coords)
+            yield _scale_action(asset.recover.moved(x - left, y - top), coords)
 
 
-def _scaled(response: RecordedAction, coords: CoordMap) -> RecordedAction:
+def _scale_action(response: RecordedAction, coords: CoordMap) -> RecordedAction:
     box = response.target_box
     if box is not None:
         x1, y1, x2, y2 = coords.boxes_to_screen([box])[0].tolist()

@@ -110,10 +110,10 @@ def derived_fields(
     splits = Splits(parameters.get("splits"))
     config = manifest.get("config") if settings is None else config_of(settings, splits)
     paths = manifest["source"]["paths"]
-    again = make_manifest(parameters, config, paths, records, _rejected(folder))
+    again = make_manifest(parameters, config, paths, records, _rejected_counts(folder))
     if settings is not None:
         again["counts"]["rows"] = in_order(again["counts"]["rows"], settings)
-    for path, stored, expected in _unequal("", manifest, again):
+    for path, stored, expected in _differences("", manifest, again):
         yield f"{MANIFEST}: {path} is {shown(stored)}, it should be {shown(expected)}"
     if config is not None and _text(folder / _CONFIG) != config:
         yield f"{_CONFIG}: is not the configuration of the manifest's parameters"
@@ -125,7 +125,7 @@ def derived_fields(
         )
 
 
-def _unequal(path: str, stored: Any, expected: Any) -> Iterator[tuple[str, Any, Any]]:
+def _differences(path: str, stored: Any, expected: Any) -> Iterator[tuple[str, Any, Any]]:
     """Yield the places at which JSON data differs; at the top, `stored` may have extra keys."""
     if isinstance(expected, dict) and isinstance(stored, dict):
         keys = list(expected)
@@ -133,7 +133,7 @@ def _unequal(path: str, stored: Any, expected: Any) -> Iterator[tuple[str, Any, 
             keys += [key for key in stored if key not in expected]
         for key in keys:
             place = f"{path}.{key}" if path else key
-            yield from _unequal(place, stored.get(key), expected.get(key))
+            yield from _differences(place, stored.get(key), expected.get(key))
     elif stored != expected:
         yield path, stored, expected
 
@@ -164,7 +164,7 @@ def shard_problems(file: Path, record: ShardRecord) -> Iterator[str]:
         yield f"{record.file}: {size} bytes, the manifest says {record.bytes}"
 
 
-def _rejected(folder: Path) -> Counter[str]:
+def _rejected_counts(folder: Path) -> Counter[str]:
     # returns the number of inputs in `quarantine.jsonl`, by field
     counts = Counter[str]()
     for number, line in enumerate(_lines(folder), 1):

@@ -50,13 +50,13 @@ class RebuildReport(Findings):
 
     def lines(self) -> list[str]:
         """The report as lines of text."""
-        lines = [f"{self.folder}: {self._checked()}", *self.listed()]
+        lines = [f"{self.folder}: {self._summary()}", *self.listed()]
         if self.signer:
             lines.append(f"  signed by {self.signer}")
         lines += [f"  not proved: {text}" for text in self.unproved]
         return lines
 
-    def _checked(self) -> str:
+    def _summary(self) -> str:
         """Return what was checked, and the outcome."""
         failed = counted(len(self.problems), "problem")
         if self.answers is not None:
@@ -102,7 +102,7 @@ def rebuild(run: str | os.PathLike[str], key: str | None = None) -> RebuildRepor
         _add_run(report, journal, path, key)
     if journal.is_scored:
         report.answers = len(journal.records)
-    report.unproved = list(_unproved(report, journal, alone))
+    report.unproved = list(_unproved_claims(report, journal, alone))
     return report
 
 
@@ -139,7 +139,7 @@ def _episode(folder: Path, journal: Journal, report: RebuildReport) -> Iterator[
     journal.add_episode(folder, replay.record)
 
 
-def _unproved(report: RebuildReport, journal: Journal, alone: bool) -> Iterator[str]:
+def _unproved_claims(report: RebuildReport, journal: Journal, alone: bool) -> Iterator[str]:
     if not alone and not journal.exists:
         yield f"there is no {RECORDS}: an episode that was removed is not missed"
     elsewhere = journal.library.unavailable

@@ -56,7 +56,7 @@ class RecordedFacts:
 
 def provable_settings(settings: RowSettings) -> RowSettings:
     """Return settings with only the planners whose plans can be made again from a dataset."""
-    planners = [(label, planner) for label, planner in settings.planners if _follows(planner)]
+    planners = [(label, planner) for label, planner in settings.planners if _is_provable(planner)]
     return RowSettings(
         planners=tuple(planners),
         seed=settings.seed,
@@ -66,7 +66,7 @@ def provable_settings(settings: RowSettings) -> RowSettings:
     )
 
 
-def _follows(planner: Planner) -> bool:
+def _is_provable(planner: Planner) -> bool:
     """Return whether plans depend only on parameters, seed, trajectory, step, size and target.
 
     Corruptions of plug-ins do not count, as they may use elements and applications without

@@ -32,7 +32,7 @@ OTHER_PICTURE = "the plan makes another picture of the clean row than the one st
 
 
 @dataclass(frozen=True)
-class Stored:
+class StoredRow:
     """A row that is consistent in itself: its picture, uint8 RGB `[H, W, 3]`, and its plan."""
 
     row: Mapping[str, Any]
@@ -68,7 +68,7 @@ class StepChecker:
 
     def problems(self) -> Iterator[str]:
         """Yield the problems; each names a row."""
-        generated = self._made()
+        generated = self._generate_rows()
         following = next(generated, None)
         for row in sorted(self.rows, key=self._rank):
             while following is not None and self.ranks[following.label] < self._rank(row):
@@ -94,7 +94,7 @@ class StepChecker:
                 " build give it"
             )
 
-    def _made(self) -> Iterator[MadeRow]:
+    def _generate_rows(self) -> Iterator[MadeRow]:
         recorded = self.recorded
         if recorded is not None and recorded.picture:
             yield from made_of(
@@ -106,7 +106,7 @@ class StepChecker:
 
     def _problem(self, row: dict[str, Any], expected: MadeRow | None) -> str:
         try:
-            stored = self._stored(row, expected)
+            stored = self._read_stored(row, expected)
             if self.recorded is not None:
                 self._compare(stored, expected, self.recorded)
             elif BASE in row:
@@ -119,18 +119,18 @@ class StepChecker:
 
     # --- A row on its own
 
-    def _stored(self, row: dict[str, Any], expected: MadeRow | None) -> Stored:
+    def _read_stored(self, row: dict[str, Any], expected: MadeRow | None) -> StoredRow:
         if BASE in row:
-            stored = self._lazy(row, expected)
+            stored = self._draw_lazy_row(row, expected)
         else:
             picture = decode(picture_bytes(row["screenshot"]), "screenshot")
-            stored = Stored(row, picture, read_plan(row, None))
+            stored = StoredRow(row, picture, read_plan(row, None))
             if sha256_of(picture) != row["image_sha256"]:
                 raise DatasetError("screenshot does not decode to image_sha256")
         _check_plan(row, stored.picture, stored.plan)
         return stored
 
-    def _lazy(self, row: dict[str, Any], expected: MadeRow | None) -> Stored:
+    def _draw_lazy_row(self, row: dict[str, Any], expected: MadeRow | None) -> StoredRow:
         # returns a lazy row with its picture drawn
         before = self._base(row)
         plan = read_plan(row, before)
@@ -150,7 +150,7 @@ class StepChecker:
             raise DatasetError(f"{BASE} and the plan do not make the picture of image_sha256")
         if self.recorded is not None and not self._is_step_picture:
             raise DatasetError(f"{BASE} is not the picture of its step")
-        return Stored(row, picture, plan)
+        return StoredRow(row, picture, plan)
 
     def _base(self, row: Mapping[str, Any]) -> UInt8Array:
         """Return the picture of a lazy row before its corruption, uint8 RGB `[H, W, 3]`.
@@ -176,17 +176,25 @@ class StepChecker:
 
     # --- A row and its step
 
-    def _compare(self, stored: Stored, expected: MadeRow | None, recorded: RecordedFacts) -> None:
+    def _compare(
+        self, stored: StoredRow, expected: MadeRow | None, recorded: RecordedFacts
+    ) -> None:
         row = stored.row
-        if expected is None and recorded.picture and row["corruption"] in self._proved(recorded):
+        if (
+            expected is None
+            and recorded.picture
+            and row["corruption"] in self._provable_labels(recorded)
+        ):
             raise DatasetError(
                 "its step, the seed and the parameters of the build give no such row"
             )
         if expected is not None:
             self._check_seed(stored, [expected.variant], recorded)
         if recorded.picture:
-            self._check_made(stored, expected, recorded)
-        variant = expected.variant if expected is not None else self._assumed(stored, recorded)
+            self._check_picture(stored, expected, recorded)
+        variant = (
+            expected.variant if expected is not None else self._variant_from_plan(stored, recorded)
+        )
         if variant is None:
             return
         labels = self._labels(stored, expected, variant, recorded)
@@ -195,7 +203,7 @@ class StepChecker:
                 raise DatasetError(f"{name} is {shown(row[name])}, it should be {shown(value)}")
 
     def _labels(
-        self, stored: Stored, expected: MadeRow | None, variant: Variant, recorded: RecordedFacts
+        self, stored: StoredRow, expected: MadeRow | None, variant: Variant, recorded: RecordedFacts
     ) -> dict[str, Any]:
         """Return the values that the columns of a row must have."""
         row = stored.row
@@ -207,7 +215,7 @@ class StepChecker:
             if plan.ops:
                 changed_count = changed_pixels(recorded.sample.image, stored.picture, plan)
             labels["changed_pixels"] = changed_count
-            self._check_kept(row, plan, labels)
+            self._check_label_policy(row, plan, labels)
         if BASE in row:
             del labels["plan"]
         if BASE in row and expected is not None:
@@ -217,33 +225,35 @@ class StepChecker:
             del labels["action_code"]
         return labels
 
-    def _proved(self, recorded: RecordedFacts) -> list[str]:
+    def _provable_labels(self, recorded: RecordedFacts) -> list[str]:
         labels = [label for label, _ in recorded.settings.planners]
         if recorded.settings.clean:
             labels.append(CLEAN)
         return labels
 
-    def _check_made(
-        self, stored: Stored, expected: MadeRow | None, recorded: RecordedFacts
+    def _check_picture(
+        self, stored: StoredRow, expected: MadeRow | None, recorded: RecordedFacts
     ) -> None:
         plan = stored.plan
         if BASE not in stored.row:
             if expected is not None and expected.variant.plan == plan:
                 picture = expected.picture
             else:
-                picture = _drawn(plan, recorded.sample.image)
+                picture = _draw_plan(plan, recorded.sample.image)
             if not np.array_equal(picture, stored.picture):
                 raise DatasetError(OTHER_PICTURE)
         self.regenerated += bool(plan.ops)
 
-    def _check_seed(self, stored: Stored, variants: list[Variant], recorded: RecordedFacts) -> None:
+    def _check_seed(
+        self, stored: StoredRow, variants: list[Variant], recorded: RecordedFacts
+    ) -> None:
         # checks that a plan is one of those that were made again
         plan = stored.plan
         for variant in variants:
-            if variant.plan == plan or _alike(variant.plan, plan):
+            if variant.plan == plan or _is_same_plan(variant.plan, plan):
                 return
         if recorded.picture and BASE not in stored.row:
-            picture = _drawn(plan, recorded.sample.image)
+            picture = _draw_plan(plan, recorded.sample.image)
             if not np.array_equal(picture, stored.picture):
                 raise DatasetError(OTHER_PICTURE)
         again = variants[0].plan.digest()[:12] if variants else "none"
@@ -252,13 +262,13 @@ class StepChecker:
             f" {again}"
         )
 
-    def _assumed(self, stored: Stored, recorded: RecordedFacts) -> Variant | None:
+    def _variant_from_plan(self, stored: StoredRow, recorded: RecordedFacts) -> Variant | None:
         # returns the variant of a row whose plan cannot be made again, with its picture
         row = stored.row
         plan = stored.plan
         label = row["corruption"]
         planner = None if self.planners is None else self.planners.get(label)
-        if planner is not None and label in self._proved(recorded):
+        if planner is not None and label in self._provable_labels(recorded):
             chooser = VariantPlanner(self.seed, recorded.settings.label_policy, None)
             variants = chooser.variants(recorded.sample, planner)
             self._check_seed(stored, [variant for variant in variants if variant], recorded)
@@ -271,7 +281,9 @@ class StepChecker:
             raise DatasetError(f"event is None, its plan does {kind} to the machine")
         return Variant(recorded.sample, plan, plan)
 
-    def _check_kept(self, row: Mapping[str, Any], plan: Plan, labels: Mapping[str, Any]) -> None:
+    def _check_label_policy(
+        self, row: Mapping[str, Any], plan: Plan, labels: Mapping[str, Any]
+    ) -> None:
         # checks that the label policy of the build keeps such a row
         policy = self.label_policy
         visible_share = labels["target_visible"]
@@ -292,7 +304,7 @@ class StepChecker:
             )
 
 
-def _drawn(plan: Plan, image: UInt8Array) -> UInt8Array:
+def _draw_plan(plan: Plan, image: UInt8Array) -> UInt8Array:
     """Return the picture that a plan makes, uint8 RGB `[H, W, 3]`."""
     return apply(plan, image) if plan.ops else image
 
@@ -314,7 +326,7 @@ def _check_plan(row: Mapping[str, Any], picture: UInt8Array, plan: Plan) -> None
         raise DatasetError("plan gives a picture of another size")
 
 
-def _alike(generated: Plan, stored: Plan) -> bool:
+def _is_same_plan(generated: Plan, stored: Plan) -> bool:
     """Return whether plans are equal except for their notes on elements off the screen."""
     return _without_elements(generated).digest() == _without_elements(stored).digest()
 

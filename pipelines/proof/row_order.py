@@ -39,12 +39,12 @@ class RowOrder:
     def problems(self, rows: list[dict[str, Any]]) -> Iterator[str]:
         """Yield the problems with the order of a step's rows; each problem names a row."""
         first = rows[0]
-        yield from self._place(first)
-        yield from self._alike(rows)
+        yield from self._sequence_problems(first)
+        yield from self._trajectory_problems(rows)
         for name, count in Counter(row["id"] for row in rows).items():
             if count > 1:
                 yield f"row {name}: its id stands at {count} rows"
-        yield from self._labels(rows)
+        yield from self._label_problems(rows)
         has_clean = any(row["corruption"] == CLEAN for row in rows)
         if self.clean and not has_clean:
             yield (
@@ -52,7 +52,7 @@ class RowOrder:
                 " step"
             )
 
-    def _alike(self, rows: list[dict[str, Any]]) -> Iterator[str]:
+    def _trajectory_problems(self, rows: list[dict[str, Any]]) -> Iterator[str]:
         """Yield a problem for each column that differs from the rest of its trajectory."""
         for name in ABOUT:
             expected = self._about.setdefault(name, rows[0][name])
@@ -64,7 +64,7 @@ class RowOrder:
                     )
                     break
 
-    def _labels(self, rows: list[dict[str, Any]]) -> Iterator[str]:
+    def _label_problems(self, rows: list[dict[str, Any]]) -> Iterator[str]:
         """Yield unknown labels, and labels in another order than that of the build."""
         ranks: list[int] = []
         for row in rows:
@@ -80,7 +80,7 @@ class RowOrder:
                 " writes"
             )
 
-    def _place(self, row: _Row) -> Iterator[str]:
+    def _sequence_problems(self, row: _Row) -> Iterator[str]:
         trajectory = row["trajectory_id"]
         step = row["step"]
         if trajectory != self._trajectory:
@@ -140,10 +140,10 @@ class ShardTally:
                 and planner.steps is None
                 and not has_effects(planner)
             ):
-                yield from _sum(label, self.rows[label], record, steps)
+                yield from _count_problems(label, self.rows[label], record, steps)
 
 
-def _sum(label: str, rows: int, record: ShardRecord, steps: int) -> Iterator[str]:
+def _count_problems(label: str, rows: int, record: ShardRecord, steps: int) -> Iterator[str]:
     """Yield a problem if a corruption that acts at every step has no result for some of them."""
     reasons = record.counts["not_applicable"].get(label, {})
     without_row = sum(reasons.values()) + record.counts["dropped"].get(label, 0)

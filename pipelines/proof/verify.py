@@ -175,7 +175,7 @@ class _Check:
                 self.report.problems.append(
                     f"{record.file}: the recordings hold less than the dataset"
                 )
-            self._file(record, task)
+            self._check_file(record, task)
 
     def _note_unproved(self) -> None:
         if self.settings is None:
@@ -227,7 +227,7 @@ class _Check:
                 f" counts {expected}"
             )
 
-    def _file(self, record: ShardRecord, task: ShardTask | None) -> None:
+    def _check_file(self, record: ShardRecord, task: ShardTask | None) -> None:
         file = self.folder / record.file
         name = record.file
         if not file.is_file():
@@ -241,7 +241,7 @@ class _Check:
         if task is not None and self.settings is not None:
             recordings = Recordings(task, self.settings)
         try:
-            for problem in self._steps(file, record, counted, recordings):
+            for problem in self._check_steps(file, record, counted, recordings):
                 self.report.problems.append(f"{name}: {problem}")
         except DatasetError as error:
             self.report.problems.append(str(error))
@@ -257,7 +257,7 @@ class _Check:
         if recordings is not None:
             self.report.problems += [f"{name}: {text}" for text in recordings.problems(record)]
 
-    def _steps(
+    def _check_steps(
         self, file: Path, record: ShardRecord, counted: ShardTally, recordings: Recordings | None
     ) -> Iterator[str]:
         """Yield the problems of the rows of a file."""
@@ -270,16 +270,16 @@ class _Check:
                 counted.add(rows)
                 yield from self.order.problems(rows)
                 if recordings is None:
-                    yield from self._proof(rows, self._recorded(rows, record))
+                    yield from self._check_step(rows, self._find_recorded_step(rows, record))
                 else:
-                    yield from self._sourced(rows, key, recordings)
+                    yield from self._compare_with_source(rows, key, recordings)
             except (AttributeError, KeyError, TypeError, ValueError) as error:
                 yield f"row {rows[0].get('id')}: {damaged_row(error)}"
         if recordings is not None:
             for _, step in recordings.steps:
-                yield from self._proof([], step)
+                yield from self._check_step([], step)
 
-    def _sourced(
+    def _compare_with_source(
         self, rows: list[dict[str, Any]], key: tuple[str, int], recordings: Recordings
     ) -> Iterator[str]:
         """Yield the problems of the rows of a step, which is read from the source."""
@@ -291,14 +291,16 @@ class _Check:
             return
         for step_key, step in recordings.steps:
             if step_key != key:
-                yield from self._proof([], step)  # this step has no rows
+                yield from self._check_step([], step)  # this step has no rows
                 continue
             if step is None:
                 yield f"row {rows[0]['id']}: its step cannot be read from the recordings"
-            yield from self._proof(rows, step)
+            yield from self._check_step(rows, step)
             return
 
-    def _recorded(self, rows: list[dict[str, Any]], record: ShardRecord) -> RecordedFacts | None:
+    def _find_recorded_step(
+        self, rows: list[dict[str, Any]], record: ShardRecord
+    ) -> RecordedFacts | None:
         """Return the recorded step of some rows; a damaged row is reported by its own check."""
         key = record.samples.get(rows[0]["trajectory_id"])
         try:
@@ -306,7 +308,9 @@ class _Check:
         except HijackError:
             return None
 
-    def _proof(self, rows: list[dict[str, Any]], recorded: RecordedFacts | None) -> Iterator[str]:
+    def _check_step(
+        self, rows: list[dict[str, Any]], recorded: RecordedFacts | None
+    ) -> Iterator[str]:
         proof = StepChecker(
             rows=rows,
             recorded=recorded,

@@ -32,7 +32,7 @@ def rollout_to_data(rollout: Rollout) -> dict[str, Any]:
         "label": request.draw.label,
         "key": request.draw.key,
         "planner": "" if planner is None else json.dumps(planner.to_config()),
-        "turns": [_packed_turn(turn) for turn in rollout.turns],
+        "turns": [_turn_to_data(turn) for turn in rollout.turns],
         "success": rollout.success,
         "well_formed": rollout.is_well_formed,
     }
@@ -50,7 +50,7 @@ def rollout_from_data(data: Mapping[str, Any]) -> Rollout:
     )
     return Rollout(
         request=request,
-        turns=[_unpacked_turn(turn) for turn in data["turns"]],
+        turns=[_turn_from_data(turn) for turn in data["turns"]],
         success=data["success"],
         is_well_formed=data["well_formed"],
     )
@@ -63,10 +63,10 @@ def _planner(text: str) -> Planner | None:
     return next(iter(config.corruptions.values()))
 
 
-def _packed_turn(turn: PolicyTurn) -> dict[str, Any]:
+def _turn_to_data(turn: PolicyTurn) -> dict[str, Any]:
     return {
         "observation": {
-            name: _packed_value(name, value) for name, value in turn.observation.items()
+            name: _value_to_data(name, value) for name, value in turn.observation.items()
         },
         "action": turn.answer.action,
         "tokens": list(turn.answer.tokens),
@@ -75,7 +75,7 @@ def _packed_turn(turn: PolicyTurn) -> dict[str, Any]:
     }
 
 
-def _packed_value(name: str, value: Any) -> Any:
+def _value_to_data(name: str, value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return torch.from_numpy(np.ascontiguousarray(value))
     if value is None or isinstance(value, str | int | float | bool):
@@ -86,7 +86,7 @@ def _packed_value(name: str, value: Any) -> Any:
     )
 
 
-def _unpacked_turn(data: Mapping[str, Any]) -> PolicyTurn:
+def _turn_from_data(data: Mapping[str, Any]) -> PolicyTurn:
     observation = {
         name: value.numpy() if isinstance(value, torch.Tensor) else value
         for name, value in data["observation"].items()

@@ -139,7 +139,7 @@ class Rollout:
 
         One that is not in 0..1 fails the rollout: it would be learned from as if it were a score.
         """
-        success = self._checked(reward, "reward")
+        success = self._check_number(reward, "reward")
         if success is not None:
             self.success = max(self.success, success)
 
@@ -152,13 +152,13 @@ class Rollout:
         """
         status = record.get("status", "ok")
         if status == "ok":
-            success = self._checked(record.get("score"), "score")
+            success = self._check_number(record.get("score"), "score")
             self.success = 0.0 if success is None else success
             self.is_well_formed &= not record.get("malformed", 0)
         elif record.get("cause") != "agent":
             self.fail(status, str(record.get("problem", "")))
 
-    def _checked(self, success: object, name: str) -> float | None:
+    def _check_number(self, success: object, name: str) -> float | None:
         """Return a success as a float, or `None` for a rollout that fails because of it."""
         try:
             number = float(cast("Any", success))

@@ -102,7 +102,7 @@ def train(
     from .toy.settings import check_tasks, load_replication
 
     replication = load_replication(config)
-    replication = _overridden(replication, arms, seeds, epochs)
+    replication = _override(replication, arms, seeds, epochs)
     check_split(replication.training, replication.evaluation, source=replication.source)
     check_tasks(replication)
     if dry_run:
@@ -144,7 +144,7 @@ def _fine_tune(
     from .sft import fine_tuning
     from .sft.settings import load_sft
 
-    settings = fine_tuning.overridden(load_sft(config), **changes)
+    settings = fine_tuning.override_settings(load_sft(config), **changes)
     rows = fine_tuning.read_examples(settings)
     if dry_run:
         for name, examples in rows.items():
@@ -164,7 +164,7 @@ def _fine_tune(
     )
 
 
-def _overridden(replication: Any, arms: str | None, seeds: int | None, epochs: int | None) -> Any:
+def _override(replication: Any, arms: str | None, seeds: int | None, epochs: int | None) -> Any:
     from .toy.arms import ARMS
     from .toy.settings import check_arm
 

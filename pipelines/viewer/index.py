@@ -119,7 +119,7 @@ class Index:
             UnknownNameError: a filter names an unknown column.
         """
         masks = self._masks(filters, text)
-        return np.flatnonzero(self._both(masks))
+        return np.flatnonzero(self._all_masks(masks))
 
     def counts(
         self, filters: Mapping[str, str], text: str, names: Iterable[str]
@@ -134,7 +134,7 @@ class Index:
         masks = self._masks(filters, text)
         counts: dict[str, dict[str, int]] = {}
         for name in names:
-            matches = self._both({key: mask for key, mask in masks.items() if key != name})
+            matches = self._all_masks({key: mask for key, mask in masks.items() if key != name})
             column = self.columns[name]
             numbers = np.bincount(column.codes[matches], minlength=len(column.values))
             counts[name] = dict(zip(column.values, numbers.tolist(), strict=True))
@@ -142,16 +142,16 @@ class Index:
 
     def trajectory(self, place: int) -> RowNumbers:
         """Return the places of the same trajectory under the same corruption, in order."""
-        places = self._alike(place, "group", "corruption")
+        places = self._places_like(place, "group", "corruption")
         order = np.argsort(self.steps[places], kind="stable")
         return places[order]
 
     def same_step(self, place: int) -> RowNumbers:
         """Return the places of all rows of the same step: clean, and under each corruption."""
-        places = self._alike(place, "group")
+        places = self._places_like(place, "group")
         return places[self.steps[places] == self.steps[place]]
 
-    def _alike(self, place: int, *names: str) -> RowNumbers:
+    def _places_like(self, place: int, *names: str) -> RowNumbers:
         """Return the places of the rows that share the values of some columns."""
         mask = np.ones(len(self), bool)
         for name in names:
@@ -172,7 +172,7 @@ class Index:
             masks[_TEXT] = ids | self.columns["instruction"].contains(query)
         return masks
 
-    def _both(self, masks: Mapping[str, Mask]) -> Mask:
+    def _all_masks(self, masks: Mapping[str, Mask]) -> Mask:
         """Return which rows are in all masks, bool `[N]`."""
         mask_of_all = np.ones(len(self), bool)
         for mask in masks.values():

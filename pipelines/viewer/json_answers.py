@@ -83,8 +83,10 @@ def row(source: ViewerSource, query: Mapping[str, str]) -> dict[str, Any]:
         "next": _row_at(source, places, following),
         "step_back": _row_at(source, steps, step - 1),
         "step_next": _row_at(source, steps, step + 1),
-        "steps": [_step_link(index, other) for other in steps.tolist()],
-        "same_step": [_corruption_link(index, other) for other in index.same_step(place).tolist()],
+        "steps": [_step_link(index, step_place) for step_place in steps.tolist()],
+        "same_step": [
+            _corruption_link(index, row_place) for row_place in index.same_step(place).tolist()
+        ],
         "detail": vars(_detail(source, int(index.rows[place]))),
     }
 

@@ -42,7 +42,7 @@ class OnlookerSampler:
 
     def __init__(self, seed: int, balance: float) -> None:
         self.seed = seed
-        self.ratio = Fraction(_checked(balance)).limit_denominator(_PRECISION)
+        self.ratio = Fraction(_check_balance(balance)).limit_denominator(_PRECISION)
         self.missing_frames = Fraction(0)
 
     @property
@@ -102,7 +102,7 @@ def _kind(row: Row, steps: set[int]) -> str:
     return SAME_STEP if row["step"] in steps else OTHER_STEP
 
 
-def _checked(balance: Any) -> float:
+def _check_balance(balance: Any) -> float:
     if isinstance(balance, bool) or not isinstance(balance, int | float):
         kind = type(balance).__name__
         raise ParameterTypeError(f"balance must be a number, got {balance!r} ({kind})")

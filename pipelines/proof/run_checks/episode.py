@@ -190,7 +190,7 @@ def _record_problems(replay: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
     if is_ok:
         if replay.lines and replay.lines[-1].get("raw") is not None:
             yield f"the last line of {STEPS} has an action, and no observation follows"
-        yield from _effects(replay, key)
+        yield from _effect_problems(replay, key)
     elif replay.lines:
         has_effects = any(plan.effects for plan in _plans(replay, key))
         yield from field_checks.early_end_problems(record, replay.lines, has_effects)
@@ -217,7 +217,7 @@ def _derived_fields(replay: EpisodeReplay, is_ok: bool) -> dict[str, Any]:
         "said": texts[-1][:MAX_LAST_WORDS] if texts else "",
     }
     if is_ok:
-        fields_from_lines["ended"] = _ended(replay, actions)
+        fields_from_lines["ended"] = _end_reason(replay, actions)
     return fields_from_lines
 
 
@@ -228,7 +228,7 @@ def _action_text(line: Mapping[str, Any]) -> Any:
     return line["code"]
 
 
-def _ended(replay: EpisodeReplay, actions: list[Any]) -> str:
+def _end_reason(replay: EpisodeReplay, actions: list[Any]) -> str:
     if actions and actions[-1] in ("DONE", "FAIL"):
         return "agent"
     if len(actions) == replay.record.get("max_steps"):
@@ -236,7 +236,7 @@ def _ended(replay: EpisodeReplay, actions: list[Any]) -> str:
     return "outside"
 
 
-def _effects(replay: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
+def _effect_problems(replay: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
     """Yield the effects that were due but are not done, not proved, or not recorded."""
     events: list[Mapping[str, Any]] = []
     for line in replay.lines:
@@ -255,10 +255,10 @@ def _effects(replay: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
         for text in field_checks.unknown_fields(entry, field_checks.EFFECT):
             yield f"effects: {text}"
     for event, entry in zip(events, entries, strict=False):
-        yield from _proof(event, entry)
+        yield from _probe_problems(event, entry)
 
 
-def _proof(event: Mapping[str, Any], entry: Mapping[str, Any]) -> Iterator[str]:
+def _probe_problems(event: Mapping[str, Any], entry: Mapping[str, Any]) -> Iterator[str]:
     """Yield a problem if the first probe of an effect failed, or its two accounts differ.
 
     The record has what the line has, and the probes that followed.

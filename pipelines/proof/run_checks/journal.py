@@ -118,7 +118,7 @@ class Journal:
                 " the run where it was played, or copy its whole folder"
             )
         for number, record in enumerate(self.records, 1):
-            for text in self._record(record):
+            for text in self._record_problems(record):
                 yield f"{RECORDS}: line {number}: {text}"
         yield from self._changing_inputs()
         if not self.is_scored:
@@ -126,7 +126,7 @@ class Journal:
                 yield f"{RECORDS}: {text}"
         for name in self._episodes.keys() - occurrences.keys():
             yield f"{RECORDS}: has no line of {EPISODES}/{name}"
-        yield from self._missing()
+        yield from self._missing_episodes()
 
     def _broken_links(self) -> Iterator[str]:
         before = digest_of_file(self.folder / RUN)
@@ -144,9 +144,9 @@ class Journal:
             if record.get("episode_sha256") != digest_of_file(self.folder / path):
                 yield f"{RECORDS}: {line_name}: {path} is not what it was (episode_sha256)"
 
-    def _record(self, record: Mapping[str, Any]) -> Iterator[str]:
+    def _record_problems(self, record: Mapping[str, Any]) -> Iterator[str]:
         """Yield the differences of one record from the configuration and from its episode."""
-        yield from self._planned(record)
+        yield from self._plan_problems(record)
         if self.is_scored:
             yield from privileged_input_problems(record)
             return  # rows of a dataset, not episodes
@@ -179,7 +179,7 @@ class Journal:
                 listed = "; ".join(sorted(texts))
                 yield f"{RECORDS}: {agent} was not always given the same ({GIVEN}): {listed}"
 
-    def _planned(self, record: Mapping[str, Any]) -> Iterator[str]:
+    def _plan_problems(self, record: Mapping[str, Any]) -> Iterator[str]:
         config = self.config
         expected = {"agents": record.get("agent"), "seeds": record.get("seed")}
         for key, value in expected.items():
@@ -192,7 +192,7 @@ class Journal:
         if record.get("attempt", 0) > config.get("retries", 0):
             yield f"{record.get('id')} is one attempt more than retries allow ({RUN})"
 
-    def _missing(self) -> Iterator[str]:
+    def _missing_episodes(self) -> Iterator[str]:
         """Yield the planned episodes and the due attempts that are missing."""
         attempts_by_id: dict[str, list[Mapping[str, Any]]] = {}
         for record in self.records:

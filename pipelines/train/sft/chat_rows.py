@@ -189,14 +189,14 @@ def _row(
 
 def _open_image(picture: Path | tuple[Path, int, str], place: str) -> Image.Image:
     try:
-        source = picture if isinstance(picture, Path) else io.BytesIO(_stored(*picture))
+        source = picture if isinstance(picture, Path) else io.BytesIO(_read_image_bytes(*picture))
         with Image.open(source) as image:
             return image.convert("RGB")
     except (OSError, UnidentifiedImageError, ValueError) as error:
         raise DatasetError(f"{place}: a picture cannot be read ({error})") from None
 
 
-def _stored(path: Path, number: int, column: str) -> bytes:
+def _read_image_bytes(path: Path, number: int, column: str) -> bytes:
     """Return the bytes of a picture; only its group of rows is read.
 
     Raises:

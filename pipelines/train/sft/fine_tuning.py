@@ -187,7 +187,7 @@ def _last_checkpoint(out: Path) -> str:
     return checkpoint
 
 
-def overridden(
+def override_settings(
     settings: SftSettings, *, model: str | None, data: tuple[str, ...], epochs: int | None
 ) -> SftSettings:
     """Return the settings with what the command line says instead."""

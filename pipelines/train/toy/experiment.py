@@ -72,7 +72,7 @@ def run_replication(
         TrainError: the folder holds another replication, or a run failed.
     """
     check_split(replication.training, replication.evaluation, source=replication.source)
-    _claim(replication, folder)
+    _check_folder(replication, folder)
     seeds = range(replication.seeds)
     starts = [ToyJob(replication, START, seed, folder) for seed in seeds]
     runs = [ToyJob(replication, arm, seed, folder) for seed in seeds for arm in replication.arms]
@@ -214,7 +214,7 @@ def _scores(job: ToyJob) -> dict[str, Any]:
     )
 
 
-def _claim(replication: Replication, folder: Path) -> None:
+def _check_folder(replication: Replication, folder: Path) -> None:
     """Write the replication into the folder, or compare it with the one stored there.
 
     Raises:

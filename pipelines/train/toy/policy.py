@@ -93,9 +93,9 @@ class ToyPolicy:
         draws = torch.tensor([[stream.random(), stream.random()] for stream in streams])
         with torch.inference_mode():
             verb_logits, place_logits = self._network(*_inputs(observations))
-            chances = self._scaled(verb_logits).log_softmax(1)
+            chances = self._scale(verb_logits).log_softmax(1)
             verbs = self._pick(chances, draws[:, 0])
-            spread = self._network.places(self._scaled(place_logits), verbs)
+            spread = self._network.places(self._scale(place_logits), verbs)
             places = self._pick(spread, draws[:, 1])
             first = chances.gather(1, verbs.unsqueeze(1)).squeeze(1)
             second = spread.gather(1, places.unsqueeze(1)).squeeze(1)
@@ -108,12 +108,12 @@ class ToyPolicy:
         tokens = torch.tensor([turn.answer.tokens for turn in turns])
         verb_logits, place_logits = self._network(*_inputs([turn.observation for turn in turns]))
         verbs, places = tokens[:, 0], tokens[:, 1]
-        first = self._scaled(verb_logits).log_softmax(1).gather(1, verbs.unsqueeze(1))
-        spread = self._network.places(self._scaled(place_logits), verbs)
+        first = self._scale(verb_logits).log_softmax(1).gather(1, verbs.unsqueeze(1))
+        spread = self._network.places(self._scale(place_logits), verbs)
         log_probs = torch.cat([first, spread.gather(1, places.unsqueeze(1))], 1)
         return log_probs, torch.ones_like(log_probs, dtype=torch.bool)
 
-    def _scaled(self, logits: torch.Tensor) -> torch.Tensor:
+    def _scale(self, logits: torch.Tensor) -> torch.Tensor:
         return logits / self.temperature if self.temperature else logits
 
     def _pick(self, chances: torch.Tensor, draws: torch.Tensor) -> torch.Tensor:

@@ -58,8 +58,10 @@ def summarise(replication: Replication, scores: ScoreTable) -> dict[str, Any]:
         replication: what was compared.
         scores: of every run.
     """
-    parts = _parts(replication)
-    table = {(score["arm"], score["seed"]): _means(score["success"], parts) for score in scores}
+    parts = _condition_groups(replication)
+    table = {
+        (score["arm"], score["seed"]): _mean_percents(score["success"], parts) for score in scores
+    }
     arms = [START, *replication.arms]
     seeds = range(replication.seeds)
     success = {
@@ -154,7 +156,7 @@ def plot(summary: Mapping[str, Any], path: Path) -> None:
         figure.savefig(path, format="svg", metadata={"Date": None})
 
 
-def _parts(replication: Replication) -> dict[str, list[str]]:
+def _condition_groups(replication: Replication) -> dict[str, list[str]]:
     """Return the conditions of each group that is reported."""
     groups = {
         "visual": list(replication.trained),
@@ -168,7 +170,9 @@ def _conditions(parts: Mapping[str, Sequence[str]]) -> list[str]:
     return [label for labels in parts.values() for label in labels if label != CLEAN]
 
 
-def _means(rates: Mapping[str, float], parts: Mapping[str, Sequence[str]]) -> dict[str, float]:
+def _mean_percents(
+    rates: Mapping[str, float], parts: Mapping[str, Sequence[str]]
+) -> dict[str, float]:
     """Return the success in percent of each group and each condition."""
     percents = {label: 100 * rate for label, rate in rates.items()}
     groups = {

@@ -29,12 +29,12 @@ def columns(entries: list[EpisodeEntry], config: Mapping[str, Any]) -> dict[str,
     Agents and corruptions come in the order of the configuration, as far as it names them.
     """
     first = {
-        "agent": _listed(config.get("agents")),
-        "corruption": [CLEAN, *_listed(config.get("corruptions"))],
+        "agent": _labels(config.get("agents")),
+        "corruption": [CLEAN, *_labels(config.get("corruptions"))],
         "outcome": [*OUTCOMES],
     }
     texts = {name: [getattr(entry, name) for entry in entries] for name in TEXTS}
-    coded = {name: _coded(values, first.get(name, [])) for name, values in texts.items()}
+    coded = {name: _encode(values, first.get(name, [])) for name, values in texts.items()}
     return {
         "ids": [entry.id for entry in entries],
         "counts": [int(entry.counts) for entry in entries],
@@ -43,7 +43,7 @@ def columns(entries: list[EpisodeEntry], config: Mapping[str, Any]) -> dict[str,
     }
 
 
-def _coded(values: list[str], first: list[str]) -> dict[str, Any]:
+def _encode(values: list[str], first: list[str]) -> dict[str, Any]:
     present = set(values)
     codes_by_value = {
         value: k for k, value in enumerate(dict.fromkeys(v for v in first if v in present))
@@ -52,7 +52,7 @@ def _coded(values: list[str], first: list[str]) -> dict[str, Any]:
     return {"values": list(codes_by_value), "codes": codes}
 
 
-def _listed(entries: object) -> list[str]:
+def _labels(entries: object) -> list[str]:
     """Return the labels in a list of the configuration: `marks`, or `{marks: {as: LABEL}}`."""
     labels: list[str] = []
     for entry in listed(entries):
