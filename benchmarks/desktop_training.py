@@ -36,7 +36,7 @@ from pipelines import open_dataset
 from pipelines.train.replay import ReplayBuffer
 from pipelines.train.sampler import CorruptionSampler
 from pipelines.train.split import check_split
-from pipelines.train.toy.results import interval_text, paired
+from pipelines.train.toy.results import interval_text, paired_interval
 from pipelines.train.trainer import Trainer, TrainSettings
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -317,7 +317,7 @@ def write_page(out: Path, seeds: int) -> None:
             each = [success(arm, seed, labels) for seed in range(seeds)]
             row.append(f"{mean(each):.1f} %")
             base = [success("clean", seed, labels) for seed in range(seeds)]
-            gain = paired([one - other for one, other in zip(each, base, strict=True)])
+            gain = paired_interval([one - other for one, other in zip(each, base, strict=True)])
             row.append("" if arm == "clean" else interval_text(gain))
         rows.append(row)
     header = ["arm"]

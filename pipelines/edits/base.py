@@ -205,7 +205,7 @@ class Edit(ABC):
 
     @abstractmethod
     def apply(self, frame: Frame, effect: Effect) -> EditedStep:
-        """Return the step after the event; see `made`.
+        """Return the step after the event; see `make_step`.
 
         Args:
             frame: the step at which the event happens.
