@@ -49,7 +49,7 @@ class RebuildReport(Findings):
     signer: str = ""
 
     def lines(self) -> list[str]:
-        """The report as lines of text."""
+        """Return the report as lines of text."""
         lines = [f"{self.folder}: {self._summary()}", *self.listed()]
         if self.signer:
             lines.append(f"  signed by {self.signer}")

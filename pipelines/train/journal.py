@@ -1,4 +1,4 @@
-"""The files of a run: two logs that grow by a line each, and one checkpoint that is replaced.
+"""The files of a training run: two logs, to which lines are added, and one checkpoint.
 
 `rollouts.jsonl` has the corruption and the result of each rollout; `steps.jsonl` has a line for
 each step. A checkpoint holds the lengths of both, so a run that continues from it removes later

@@ -1,4 +1,4 @@
-"""Rollouts as data for `torch.save`: numbers, texts and tensors, which load without code."""
+"""Convert rollouts to data for `torch.save` and back; loading such data runs no code."""
 
 import json
 from collections.abc import Mapping

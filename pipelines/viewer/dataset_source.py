@@ -187,7 +187,7 @@ class DatasetSource:
 
 @contextmanager
 def _damage_as_error(row: int) -> Iterator[None]:
-    # a file of other columns, or of nulls where none may be
+    # reports a missing column, or a null where none is allowed, as a DatasetError
     try:
         yield
     except HijackError:

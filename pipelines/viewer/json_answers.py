@@ -1,4 +1,4 @@
-"""The answers to the page, as JSON data: the source, a page of rows, one row and its neighbours."""
+"""JSON data for the page of a dataset: the source, a page of rows, one row and its neighbours."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -122,7 +122,7 @@ def _glance(source: ViewerSource, place: int) -> dict[str, Any]:
     """Return what a tile shows of a row: the action, and its place on the picture."""
     try:
         detail = source.glance(int(source.index.rows[place]))
-    except HijackError:  # its picture says why, in its place
+    except HijackError:  # the tile shows the error instead of the picture
         detail = Detail()
     action = detail.action or detail.code
     return {

@@ -1,4 +1,4 @@
-"""The page's own files; style and divider are those of the gallery."""
+"""The files of the page; its base style and the divider come from the gallery."""
 
 from functools import lru_cache
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Encoded pictures for the page: made on demand, with a cache bounded in bytes."""
+"""Encoded pictures for the page, made on demand and cached up to a number of bytes."""
 
 import io
 from collections.abc import Callable

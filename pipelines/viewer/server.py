@@ -1,9 +1,9 @@
-"""The page's server, on the loopback interface only, from the standard library.
+"""The server of the page: read-only, on the loopback interface, with the standard library.
 
-It only reads. Other users of the machine can connect to the loopback interface too, so it answers
-only who has the token: the address that `hijack view` prints has it, and opening it once stores it
-as a cookie. The Host check keeps other web sites from reaching the server through a name of their
-own (DNS rebinding); it allows no other origin.
+Other users of the machine can connect to the loopback interface, too. So each request needs a
+token, which is part of the address that `hijack view` prints; opening that address stores the token
+as a cookie. The check of the Host header prevents that a web site reaches the server through a name
+of its own (DNS rebinding). No other origin is allowed.
 """
 
 import hmac

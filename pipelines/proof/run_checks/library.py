@@ -1,4 +1,4 @@
-"""What the installed library knows of a run without reading it: its tasks, agents and desktops.
+"""Facts of a run that follow from the installed library: about its tasks, agents and desktops.
 
 This is the one module of `pipelines` that asks `online_env`, and only when a run is verified.
 """

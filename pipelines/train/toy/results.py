@@ -1,4 +1,4 @@
-"""What a replication found: gains with paired intervals, a table and a plot."""
+"""The results of a replication: gains with paired intervals, tables and a plot."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

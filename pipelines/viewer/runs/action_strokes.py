@@ -1,4 +1,4 @@
-"""How to draw an action on the picture: clicks, drags, scrolls, and typed text."""
+"""Compute the strokes that show an action on the picture: clicks, drags, scrolls, typed text."""
 
 import ast
 import contextlib

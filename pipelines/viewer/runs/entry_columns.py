@@ -1,4 +1,4 @@
-"""The entries of a run in columns, the form that the page expects."""
+"""Arrange the entries of a run in columns, as the page expects them."""
 
 from collections.abc import Mapping
 from typing import Any
