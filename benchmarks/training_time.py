@@ -125,7 +125,7 @@ def toy(steps: int) -> list[str]:
 
 def desktops(sessions: int, rounds: int, steps: int) -> list[str]:
     """Return the row of rollouts on real desktops."""
-    planner = hj.OneOf([hj.get(name) for name in hj.names()[:9]])
+    planner = hj.OneOf([hj.make_corruption(name) for name in hj.corruption_names()[:9]])
     sampler = CorruptionSampler(planner, seed=0)
     with contextlib.ExitStack() as stack:
         envs = [

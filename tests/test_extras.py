@@ -230,9 +230,9 @@ def test_what_the_desktop_needs_is_in_its_extra() -> None:
 
 
 def test_a_module_leads_to_its_extra() -> None:
-    assert extras.extra_of("starlette.routing") == "online"
-    assert extras.extra_of("transformers") == "train"
-    assert extras.extra_of("no_such_module") is None
+    assert extras.find_extra("starlette.routing") == "online"
+    assert extras.find_extra("transformers") == "train"
+    assert extras.find_extra("no_such_module") is None
 
 
 def test_lacking_modules_are_named_and_what_is_there_is_loaded() -> None:
@@ -252,7 +252,7 @@ def test_without_an_installed_package_there_are_no_extras(monkeypatch: pytest.Mo
     extras.extras.cache_clear()
     try:
         assert extras.extras() == {}
-        assert extras.extra_of("starlette") is None
+        assert extras.find_extra("starlette") is None
         assert "not installed" in doctor_rows.extras_remedy()
     finally:
         extras.extras.cache_clear()

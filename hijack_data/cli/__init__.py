@@ -38,22 +38,22 @@ COMMANDS = {
     "new": "hijack_data.cli.new_command:new",
     "check": "hijack_data.cli.check_commands:check",
     "doctor": "hijack_data.cli.check_commands:doctor",
-    "inspect": "pipelines.cli:inspect",
-    "build": "pipelines.cli:build",
-    "verify": "pipelines.cli:verify",
-    "sign": "pipelines.cli:sign",
-    "stats": "pipelines.cli:stats",
-    "export": "pipelines.cli:export",
+    "inspect": "pipelines.dataset_commands:inspect",
+    "build": "pipelines.dataset_commands:build",
+    "verify": "pipelines.dataset_commands:verify",
+    "sign": "pipelines.dataset_commands:sign",
+    "stats": "pipelines.dataset_commands:stats",
+    "export": "pipelines.dataset_commands:export",
     "view": "pipelines.viewer.view_command:view",
     "train": "pipelines.train.train_command:train",
-    "desktop": "online_env.cli:desktop",
-    "bench": "online_env.bench.cli:bench",
-    "serve": "online_env.serving.cli:serve",
-    "score": "online_env.scoring.cli:score",
-    "report": "online_env.report.cli:report",
-    "tasks": "online_env.tasks.cli:tasks",
-    "prefetch": "online_env.osworld.cli:prefetch",
-    "osworld": "online_env.osworld.cli:osworld",
+    "desktop": "online_env.desktop_commands:desktop",
+    "bench": "online_env.bench.bench_command:bench",
+    "serve": "online_env.serving.serve_command:serve",
+    "score": "online_env.scoring.score_command:score",
+    "report": "online_env.report.report_command:report",
+    "tasks": "online_env.tasks.task_commands:tasks",
+    "prefetch": "online_env.osworld.osworld_commands:prefetch",
+    "osworld": "online_env.osworld.osworld_commands:osworld",
 }
 # Commands that need the processes, users and sockets of a POSIX system.
 NEEDS_POSIX = ("desktop", "bench", "serve", "osworld")
@@ -171,7 +171,7 @@ def main(argv: list[str] | None = None) -> None:
     except HijackError as error:
         fail(str(error))
     except ModuleNotFoundError as error:
-        extra = extras.extra_of(error.name or "")
+        extra = extras.find_extra(error.name or "")
         if extra is None:
             raise
         fail(str(extras.missing(f"this command needs {error.name}", extra)))

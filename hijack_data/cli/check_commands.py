@@ -76,7 +76,7 @@ def _check_content(loaded: LoadedFile, target: str, plugins: list[str]) -> None:
 def _check_file(out: Any, loaded: LoadedFile, desktop: bool) -> int:
     """Check corruptions and effects; return how many checks failed."""
     failed = 0
-    corruptions = [registry.find(name) for name in loaded.corruptions]
+    corruptions = [registry.find_corruption(name) for name in loaded.corruptions]
     for cls in corruptions:
         out.print(f"[bold]{cls().id}[/] {escape(cls.summary())}")
         failed += sum(not _show(out, result) for result in conformance.run(cls))
@@ -97,7 +97,7 @@ def _find_agents(loaded: LoadedFile) -> list[str]:
     ]
     if not any(hasattr(cls, "predict") for cls in classes) and "agent" not in loaded.names:
         return []
-    return importlib.import_module("online_env.agents.checking").agents_of(loaded)
+    return importlib.import_module("online_env.agents.checking").agents_in_file(loaded)
 
 
 def _find_tasks(loaded: LoadedFile) -> list[str]:
@@ -106,7 +106,7 @@ def _find_tasks(loaded: LoadedFile) -> list[str]:
     has_phrasings = any(getattr(value, "phrasings", None) for value in module.values())
     if not has_phrasings and "task" not in loaded.names:
         return []
-    return importlib.import_module("online_env.tasks.checking").tasks_of(loaded)
+    return importlib.import_module("online_env.tasks.checking").task_names(loaded)
 
 
 def _check_task(out: Any, name: str, desktop: bool) -> int:

@@ -10,9 +10,9 @@ import click
 
 from .. import extras
 from .._apply import apply
-from ..corruption import get
+from ..corruption import make_corruption
 from ..errors import HijackError, MissingDependencyError
-from ..files import encode_png, load_image, make_folder, write_atomic
+from ..file_io import encode_png, load_image, make_folder, write_atomic
 from ..gallery import contact_sheet
 from . import hijack
 from .picture_commands import make_scene
@@ -95,7 +95,7 @@ def before_and_after(picture: Path, out: Path) -> None:
     screen, _ = load_image(picture)
     rows: list[Any] = []
     for name in VISUAL:
-        planner = get(name)
+        planner = make_corruption(name)
         scene, _ = make_scene(planner, screen, None)
         plan = planner.plan(scene, seed=3, sample="demo")
         rows.append((name, screen, apply(plan, screen)))

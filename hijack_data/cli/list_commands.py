@@ -92,7 +92,7 @@ def _changes(level: dict[str, Any]) -> str:
 @click.option("--markdown", "as_markdown", is_flag=True, help="Print the reference page.")
 def list_command(as_json: bool, as_markdown: bool) -> None:
     """List all corruptions, the paper's nine first."""
-    rows = [describe(registry.find(name)) for name in registry.names()]
+    rows = [describe(registry.find_corruption(name)) for name in registry.corruption_names()]
     if as_markdown:
         click.echo(markdown(rows), nl=False)
         return
@@ -111,7 +111,7 @@ def list_command(as_json: bool, as_markdown: bool) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def show(name: str, as_json: bool) -> None:
     """Show one corruption: its parameters, defaults, ranges and severity levels."""
-    info = describe(registry.find(name))
+    info = describe(registry.find_corruption(name))
     if as_json:
         click.echo(json.dumps(info, indent=1))
         return

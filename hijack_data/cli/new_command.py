@@ -7,7 +7,7 @@ import click
 from .. import corruption as registry
 from .. import declaration
 from ..errors import HijackError, ParameterError
-from ..files import write_atomic
+from ..file_io import write_atomic
 
 TEMPLATE = '''"""Draws a band across the screen."""
 
@@ -81,7 +81,7 @@ def _check_path(path: Path) -> None:
 
 def _check_name(name: str) -> None:
     problem = next(declaration.name_problems(name), None)
-    if problem is None and name in registry.names():
+    if problem is None and name in registry.corruption_names():
         problem = f"name {name!r} is taken; hijack list shows all that are"
     if problem is not None:
         raise ParameterError(problem)

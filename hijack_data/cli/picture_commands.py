@@ -14,10 +14,10 @@ from .._apply import apply
 from ..backends import NAMES, convert, to_numpy
 from ..composites import composite, is_bare, uses_elements
 from ..config import specs_from
-from ..corruption import Corruption, check_names, find
+from ..corruption import Corruption, check_names, find_corruption
 from ..elements import scene_from
 from ..errors import HijackError, MissingDependencyError, ParameterError, PlanError
-from ..files import encode_png, load_image, sha256_of, write_atomic
+from ..file_io import encode_png, load_image, pixel_sha256, write_atomic
 from ..plan import Plan
 from ..planner import Planner
 from ..types import Scene, UInt8Array
@@ -92,7 +92,7 @@ def _make_plan(
         return _read_plan(plan_file, name), ()
     if name is None:
         raise click.UsageError("give the NAME of a corruption, or --plan FILE")
-    cls = find(name)
+    cls = find_corruption(name)
     values = parse_settings(cls, settings)
     spec = cls(**values) if severity is None else cls.at(severity, **values)
     scene, notes = make_scene(spec, image, tree)
@@ -111,7 +111,7 @@ def _make_plan(
 
 def _read_plan(file: str, name: str | None) -> Plan:
     plan = Plan.from_json(_read(file))
-    if name is not None and plan.corruption not in (find(name)().id, name):
+    if name is not None and plan.corruption not in (find_corruption(name)().id, name):
         raise PlanError(f"{file}: a plan of {plan.corruption}, not of {name}")
     if is_bare(plan):
         raise PlanError(
@@ -221,7 +221,7 @@ def _refuse_for_folders(**options: str | None) -> None:
 def _report(
     plan: Plan, result: UInt8Array, notes: tuple[str, ...], backend: str, out: str, as_json: bool
 ) -> None:
-    sha = sha256_of(result)
+    sha = pixel_sha256(result)
     height, width = result.shape[:2]
     if as_json:
         row = {

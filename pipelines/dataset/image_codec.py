@@ -20,7 +20,7 @@ from PIL import Image
 
 from hijack_data import extras
 from hijack_data.errors import ImageTypeError, MissingDependencyError
-from hijack_data.files import FORMATS, decode_image
+from hijack_data.file_io import FORMATS, decode_image
 from hijack_data.kernels import lower
 from hijack_data.plan import Paste, Plan
 from hijack_data.png import assemble, chunk, filtered
@@ -99,7 +99,7 @@ class BaseImage:
         return _file(picture, [band(k) for k in range(self._count)])
 
     def hash_variant(self, picture: UInt8Array, rows: Rows) -> str:
-        """Return the same digest as `sha256_of(picture)`, faster; see `encode_variant`."""
+        """Return the same digest as `pixel_sha256(picture)`, faster; see `encode_variant`."""
         if not rows:
             return self.sha256
         first = min(first for first, _ in rows) // BAND
@@ -146,7 +146,7 @@ def changed_rows(plan: Plan) -> Rows | None:
 def decode(data: bytes, name: str) -> UInt8Array:
     """Decode a picture file to uint8 RGB `[H, W, 3]`.
 
-    The result is that of `hijack_data.files.decode_image`, but faster for common PNG files.
+    The result is that of `hijack_data.file_io.decode_image`, but faster for common PNG files.
 
     Raises:
         ImageError: the picture, named `name` in the message, is damaged, or its EXIF orientation

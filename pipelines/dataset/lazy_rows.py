@@ -16,9 +16,9 @@ from typing import Any, cast
 import numpy as np
 from PIL import Image
 
-from hijack_data import Corruption, apply
+from hijack_data import apply
 from hijack_data.compose import Augmentation
-from hijack_data.corruption import find
+from hijack_data.corruption import Corruption, find_corruption
 from hijack_data.errors import HijackError, ImageError, UnknownNameError
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner
@@ -234,4 +234,4 @@ def _read_recipe(recipe: str) -> tuple[str, str | None, tuple[str, ...]]:
 
 @lru_cache(maxsize=256)
 def _spec(corruption: str, params: str) -> Corruption:
-    return find(corruption)(**json.loads(params))
+    return find_corruption(corruption)(**json.loads(params))

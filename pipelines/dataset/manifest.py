@@ -10,7 +10,7 @@ from typing import Any
 
 from PIL import features
 
-from hijack_data.files import read_versioned_json, write_atomic
+from hijack_data.file_io import read_versioned_json, write_atomic
 
 from ..errors import RESUME, DatasetError
 from .shard import ShardRecord, file_sha256
@@ -71,7 +71,7 @@ def make_manifest(
     """Return the manifest as JSON data.
 
     Args:
-        parameters: see `building.settings.parameters_of`; a resumed build must have the same.
+        parameters: see `building.settings.manifest_parameters`; a resumed build must have the same.
         config: YAML of the same build, if a file can hold it.
         source: the sources as they are published, none of them an absolute path.
         shards: records in order.

@@ -133,7 +133,7 @@ def _unfilter_rows(raw: UInt8Array, width: int) -> UInt8Array | None:
         _kernel()(raw, out)
         return out
 
-    return jit.guarded(compiled, lambda: None)
+    return jit.call_with_fallback(compiled, lambda: None)
 
 
 def _unfilter_up(raw: UInt8Array) -> UInt8Array:
@@ -145,7 +145,7 @@ def _unfilter_up(raw: UInt8Array) -> UInt8Array:
     return out.reshape(len(out), -1, 3)
 
 
-@jit.lazy("the compiled PNG reader")
+@jit.compiled_on_first_use("the compiled PNG reader")
 def _kernel(numba: Any) -> Callable[[UInt8Array, UInt8Array], None]:
     """Compile `_unfilter`, or load it from Numba's cache on disk."""
     t: Any = numba.types

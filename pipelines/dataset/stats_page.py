@@ -10,7 +10,7 @@ from string import Template
 from typing import Any
 
 from hijack_data.errors import counted
-from hijack_data.gallery.embed import embed, scale_for
+from hijack_data.gallery.data_uris import embed, scale_for
 from hijack_data.gallery.markup import Html, clean, join, wrap
 from hijack_data.gallery.markup import source as gallery_source
 from hijack_data.plan import CLEAN, Plan

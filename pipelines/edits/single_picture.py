@@ -9,8 +9,8 @@ from hijack_data.plan import Effect, Plan
 from hijack_data.rng import Stream
 from hijack_data.types import Action, Box, Scene, Step, UInt8Array
 
-from ..fidelity import fidelity_of
-from ..readers.screens import RecordedTrajectory
+from ..fidelity import row_fidelity
+from ..readers.recording_facts import RecordedTrajectory
 from . import EDITS
 from .base import Edit, EditedStep, Frame, NotApplicable
 
@@ -35,7 +35,7 @@ def composite(
     step = _apply_edit(EDITS[effect.kind], effect, image, scene, stream)
     notes = (step.event, *step.notes, *plan.notes)
     shown_plan = replace(plan, ops=step.ops + plan.ops, notes=notes)
-    fidelity = fidelity_of(step.fidelity, is_drawn_over=bool(plan.ops))
+    fidelity = row_fidelity(step.fidelity, is_drawn_over=bool(plan.ops))
     return Composite(shown_plan, fidelity, step.event)
 
 
@@ -58,7 +58,7 @@ def _apply_edit(
             image=image,
             pack=pack,
             stream=stream,
-            foreign=True,
+            allow_platform_mismatch=True,
             guess=True,
         )
         try:
@@ -66,7 +66,7 @@ def _apply_edit(
         except NotApplicable as reason:
             problem = reason
             continue
-        return replace(edited, fidelity=fidelity_of(edited.fidelity, is_foreign=frame.is_foreign))
+        return replace(edited, fidelity=row_fidelity(edited.fidelity, is_foreign=frame.is_foreign))
     raise problem
 
 

@@ -17,8 +17,8 @@ from hijack_data.types import Trajectory, as_boxes, as_target
 
 from ..dataset.sample import Sample
 from ..errors import BuildError
-from ..fidelity import fidelity_of
-from ..readers.dialects import RecordedStep
+from ..fidelity import row_fidelity
+from ..readers.recorded_actions import RecordedStep
 from . import EDITS
 from .base import EditedStep, Frame, NotApplicable
 
@@ -52,13 +52,13 @@ class VariantPlanner:
         seed: 0 to 2**64 - 1.
         label_policy: the treatment of a row whose target is hidden.
         pack: the recorded pictures; `None` if no planner acts on the machine.
-        foreign: whether they may be shown on recordings of other platforms.
+        allow_platform_mismatch: whether they may be shown on recordings of other platforms.
     """
 
     seed: int
     label_policy: str
     pack: AssetPack | None
-    foreign: bool = False
+    allow_platform_mismatch: bool = False
 
     def variants(self, sample: Sample, planner: Planner) -> Iterator[Variant | None]:
         """Yield the rows of a step under a planner; `None` for one that the label policy drops.
@@ -124,7 +124,7 @@ class VariantPlanner:
         if self.label_policy not in AVOIDING:
             return planner.plan(scene, seed=self.seed, sample=sample.key, step=number)
         end = sample.step.action.end
-        return hj.plan_avoiding(
+        return hj.plugin.plan_avoiding(
             planner, scene, seed=self.seed, sample=sample.key, step=number, end=end
         )
 
@@ -152,10 +152,10 @@ class VariantPlanner:
             image=sample.image,
             pack=self.pack,
             stream=stream,
-            foreign=self.foreign,
+            allow_platform_mismatch=self.allow_platform_mismatch,
         )
         edited = edit.apply(frame, effect)
-        return replace(edited, fidelity=fidelity_of(edited.fidelity, is_foreign=frame.is_foreign))
+        return replace(edited, fidelity=row_fidelity(edited.fidelity, is_foreign=frame.is_foreign))
 
     def _edited_variant(
         self, sample: Sample, planner: Planner, plan: Plan, edit: EditedStep, number: int
@@ -167,7 +167,7 @@ class VariantPlanner:
             over = self._plan_pictures(after, planner, number)
         if over is None:
             return None
-        edit = replace(edit, fidelity=fidelity_of(edit.fidelity, is_drawn_over=bool(over.ops)))
+        edit = replace(edit, fidelity=row_fidelity(edit.fidelity, is_drawn_over=bool(over.ops)))
         notes = over.notes if plan.ops else plan.notes
         full_plan = replace(plan, ops=edit.ops + over.ops, notes=notes + edit.notes)
         hiding = full_plan if edit.response is None else replace(over, effects=())

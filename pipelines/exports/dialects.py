@@ -15,9 +15,9 @@ from typing import Any
 
 from hijack_data.actions import Scaling
 from hijack_data.actions.dialects.pyautogui_code import calls_pyautogui
-from hijack_data.actions.dialects.pyautogui_write import cannot_say, write_pyautogui
+from hijack_data.actions.dialects.pyautogui_write import unsupported_action_error, write_pyautogui
 from hijack_data.errors import UnknownNameError, suggest
-from hijack_data.labels.actions import own_action
+from hijack_data.labels.action_formats import own_action
 from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Action, Size
 
@@ -66,7 +66,7 @@ def _ui_tars(row: Mapping[str, Any], make_scaling: Callable[[Size], Scaling], di
         keys = " ".join(_keys(action, dialect))
         return f"hotkey(key='{keys}')"
     if action.keys:
-        raise cannot_say(action, dialect)
+        raise unsupported_action_error(action, dialect)
     screen = (int(row["height"]), int(row["width"]))
     return _ui_tars_pointing(action, make_scaling(screen), dialect)
 
@@ -87,7 +87,7 @@ def _ui_tars_pointing(action: Action, scaling: Scaling, dialect: str) -> str:
     if kind == "scroll" and start and action.amount:
         direction = "up" if action.amount > 0 else "down"
         return f"scroll(start_box='{start}', direction='{direction}')"
-    error = cannot_say(action, dialect)
+    error = unsupported_action_error(action, dialect)
     raise error
 
 
@@ -116,14 +116,14 @@ def _box(x: int | None, y: int | None, scaling: Scaling) -> str:
 
 def _text(action: Action, dialect: str) -> str:
     if action.text is None:
-        raise cannot_say(action, dialect)
+        raise unsupported_action_error(action, dialect)
     return action.text
 
 
 def _keys(action: Action, dialect: str) -> tuple[str, ...]:
     keys = action.keys or ()
     if not keys or not all(map(_is_plain_key, keys)):
-        raise cannot_say(action, dialect)
+        raise unsupported_action_error(action, dialect)
     return keys
 
 

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 from hijack_data.errors import ActionError, ParameterError
 from hijack_data.registry import Registry
 
-from ..building.options import Progress
+from ..building.build_options import Progress
 from ..dataset.manifest import is_lazy
 from ..dataset.opening import open_dataset
 from ..errors import BuildError

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import HijackError
-from hijack_data.files import is_full, unwritable, write_atomic
+from hijack_data.file_io import is_full, unwritable, write_atomic
 from hijack_data.locking import LockedError, lock
 
 from ..errors import BuildError

@@ -8,9 +8,9 @@ from typing import Any
 
 from hijack_data.errors import shown
 
-from ..building.rows import RowSettings
-from ..building.settings import config_of, in_order
+from ..building.row_settings import build_config, in_order
 from ..building.splits import Splits
+from ..building.step_rows import RowSettings
 from ..dataset.manifest import (
     DIGEST,
     FILE_HASHES,
@@ -108,7 +108,7 @@ def derived_fields(
     """Yield the fields of a manifest that contradict its other fields or the files next to it."""
     parameters = manifest["parameters"]
     splits = Splits(parameters.get("splits"))
-    config = manifest.get("config") if settings is None else config_of(settings, splits)
+    config = manifest.get("config") if settings is None else build_config(settings, splits)
     paths = manifest["source"]["paths"]
     again = make_manifest(parameters, config, paths, records, _rejected_counts(folder))
     if settings is not None:

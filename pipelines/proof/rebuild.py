@@ -16,7 +16,7 @@ from hijack_data.errors import counted
 from hijack_data.runs import seal
 from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, RUN, SEAL, STEPS
 
-from ..building.report import Findings
+from ..building.build_report import Findings
 from ..errors import SourceError
 from .run_checks.episode import EpisodeReplay, check_episode
 from .run_checks.journal import Journal, read_journal

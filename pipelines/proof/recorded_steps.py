@@ -8,18 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from hijack_data import Augmentation, Corruption
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.recorded_actions import SIZELESS
+from hijack_data.compose import Augmentation
+from hijack_data.corruption import Corruption
 from hijack_data.errors import ImageError, LabelError, shown
-from hijack_data.labels.actions import own_action
-from hijack_data.labels.rows import dialect_of
+from hijack_data.labels.action_formats import own_action
+from hijack_data.labels.dataset_rows import detect_dialect
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner, leaves
 from hijack_data.types import Action, Scene, Step, Trajectory, UInt8Array, as_target
 
-from ..building.rows import RowCounts, RowSettings, sample_of
 from ..building.selection import needs_boxes
 from ..building.shards import ShardTask
+from ..building.step_rows import RowCounts, RowSettings, decode_sample
 from ..dataset.columns import BASE
 from ..dataset.image_codec import BaseImage, decode
 from ..dataset.lazy_rows import picture_bytes, row_plan
@@ -27,8 +28,8 @@ from ..dataset.sample import Sample
 from ..dataset.shard import ShardRecord
 from ..edits.variants import has_effects
 from ..errors import DatasetError
-from ..readers.dialects import RecordedStep
-from ..readers.pictures import picture_name, read_picture
+from ..readers.recorded_actions import RecordedStep
+from ..readers.recorded_pictures import picture_name, read_picture
 
 OURS = "hijack_data."
 
@@ -154,7 +155,7 @@ def _picture(row: Mapping[str, Any]) -> UInt8Array:
 
 def _dialect(code: str, action: Action, size: tuple[int, int]) -> str | None:
     try:
-        return dialect_of(code, action, size)
+        return detect_dialect(code, action, size)
     except LabelError:
         return None
 
@@ -206,7 +207,7 @@ class Recordings:
             self.tally.reject(name, f"{trajectory.id}, step {step.index}", "image", error)
             return None
         self._inputs.update(hashlib.sha256(data).digest())
-        sample = sample_of(trajectory, step, data, name, self.settings, self.tally)
+        sample = decode_sample(trajectory, step, data, name, self.settings, self.tally)
         if sample is None:
             return None
         return RecordedFacts(sample, self.settings, source_name=name, tally=self.tally)

@@ -10,14 +10,14 @@ import numpy as np
 from hijack_data import apply
 from hijack_data.corruption import Corruption
 from hijack_data.errors import HijackError, shown
-from hijack_data.files import sha256_of
-from hijack_data.labels.rows import params_json
+from hijack_data.file_io import pixel_sha256
+from hijack_data.labels.dataset_rows import params_json
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner, leaves
 from hijack_data.safety import changed_pixels
 from hijack_data.types import UInt8Array
 
-from ..building.rows import MadeRow, digest_of, keeps, labels_of, lazy_plan, made_of
+from ..building.step_rows import DrawnRow, draw_rows, keeps, lazy_plan, picture_digest, row_labels
 from ..dataset.columns import BASE
 from ..dataset.image_codec import decode
 from ..dataset.lazy_rows import picture_bytes
@@ -85,7 +85,7 @@ class StepChecker:
             yield from self._missing(following)
             following = next(generated, None)
 
-    def _missing(self, generated: MadeRow) -> Iterator[str]:
+    def _missing(self, generated: DrawnRow) -> Iterator[str]:
         sample = generated.variant.sample
         place = f"{sample.trajectory.id}, step {sample.step.index}, {generated.label}"
         if place not in self.rejected:
@@ -94,17 +94,17 @@ class StepChecker:
                 " build give it"
             )
 
-    def _generate_rows(self) -> Iterator[MadeRow]:
+    def _generate_rows(self) -> Iterator[DrawnRow]:
         recorded = self.recorded
         if recorded is not None and recorded.picture:
-            yield from made_of(
+            yield from draw_rows(
                 recorded.sample, recorded.source_name, recorded.settings, recorded.tally
             )
 
     def _rank(self, row: Mapping[str, Any]) -> int:
         return self.ranks.get(row["corruption"], len(self.ranks))
 
-    def _problem(self, row: dict[str, Any], expected: MadeRow | None) -> str:
+    def _problem(self, row: dict[str, Any], expected: DrawnRow | None) -> str:
         try:
             stored = self._read_stored(row, expected)
             if self.recorded is not None:
@@ -119,18 +119,18 @@ class StepChecker:
 
     # --- A row on its own
 
-    def _read_stored(self, row: dict[str, Any], expected: MadeRow | None) -> StoredRow:
+    def _read_stored(self, row: dict[str, Any], expected: DrawnRow | None) -> StoredRow:
         if BASE in row:
             stored = self._draw_lazy_row(row, expected)
         else:
             picture = decode(picture_bytes(row["screenshot"]), "screenshot")
             stored = StoredRow(row, picture, read_plan(row, None))
-            if sha256_of(picture) != row["image_sha256"]:
+            if pixel_sha256(picture) != row["image_sha256"]:
                 raise DatasetError("screenshot does not decode to image_sha256")
         _check_plan(row, stored.picture, stored.plan)
         return stored
 
-    def _draw_lazy_row(self, row: dict[str, Any], expected: MadeRow | None) -> StoredRow:
+    def _draw_lazy_row(self, row: dict[str, Any], expected: DrawnRow | None) -> StoredRow:
         # returns a lazy row with its picture drawn
         before = self._base(row)
         plan = read_plan(row, before)
@@ -171,13 +171,13 @@ class StepChecker:
     def _digest(self, picture: UInt8Array, plan: Plan) -> str:
         """Return the SHA-256 of a lazy row's picture, reusing the hash of its step's picture."""
         if self._is_step_picture and self.recorded is not None:
-            return digest_of(self.recorded.sample.base, picture, plan)
-        return sha256_of(picture)
+            return picture_digest(self.recorded.sample.base, picture, plan)
+        return pixel_sha256(picture)
 
     # --- A row and its step
 
     def _compare(
-        self, stored: StoredRow, expected: MadeRow | None, recorded: RecordedFacts
+        self, stored: StoredRow, expected: DrawnRow | None, recorded: RecordedFacts
     ) -> None:
         row = stored.row
         if (
@@ -203,13 +203,17 @@ class StepChecker:
                 raise DatasetError(f"{name} is {shown(row[name])}, it should be {shown(value)}")
 
     def _labels(
-        self, stored: StoredRow, expected: MadeRow | None, variant: Variant, recorded: RecordedFacts
+        self,
+        stored: StoredRow,
+        expected: DrawnRow | None,
+        variant: Variant,
+        recorded: RecordedFacts,
     ) -> dict[str, Any]:
         """Return the values that the columns of a row must have."""
         row = stored.row
         plan = stored.plan
         variant = replace(variant, plan=plan)
-        labels = labels_of(variant, row["corruption"], self.seed)
+        labels = row_labels(variant, row["corruption"], self.seed)
         if recorded.picture:
             changed_count = 0
             if plan.ops:
@@ -232,7 +236,7 @@ class StepChecker:
         return labels
 
     def _check_picture(
-        self, stored: StoredRow, expected: MadeRow | None, recorded: RecordedFacts
+        self, stored: StoredRow, expected: DrawnRow | None, recorded: RecordedFacts
     ) -> None:
         plan = stored.plan
         if BASE not in stored.row:

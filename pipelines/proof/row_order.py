@@ -5,11 +5,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from hijack_data import Corruption
 from hijack_data.errors import shown
 from hijack_data.plan import CLEAN
+from hijack_data.plugin import Corruption
 
-from ..building.rows import RowSettings
+from ..building.step_rows import RowSettings
 from ..dataset.shard import ShardRecord
 from ..edits.variants import has_effects
 

@@ -16,12 +16,12 @@ from hijack_data.pack import VARIABLE, AssetPack
 from hijack_data.paths import PathLike
 from hijack_data.plan import CLEAN
 
-from ..building.loaded import require
-from ..building.report import Findings
-from ..building.rows import RowSettings
-from ..building.settings import has_detector, settings_from
+from ..building.build_report import Findings
+from ..building.loaded_files import check_loaded
+from ..building.row_settings import has_detector, settings_from
 from ..building.shards import ShardTask, shard_tasks
 from ..building.splits import Splits
+from ..building.step_rows import RowSettings
 from ..dataset.manifest import read_manifest
 from ..dataset.opening import shard_rows
 from ..dataset.shard import ShardRecord
@@ -98,7 +98,7 @@ def verify(
     path = Path(folder)
     manifest = read_manifest(path)
     parameters = manifest["parameters"]
-    require(parameters, os.fspath(folder))
+    check_loaded(parameters, os.fspath(folder))
     report = VerifyReport(os.fspath(folder))
     settings = settings_from(parameters, os.fspath(folder))
     records = shard_records(manifest, path)
@@ -209,7 +209,7 @@ class _Check:
             raise extras.missing(
                 "finding the elements of the source's pictures needs opencv", "vision"
             )
-        sources = Sources.again(source, parameters)
+        sources = Sources.reopen(source, parameters)
         splits = Splits(parameters.get("splits"))
         rejected: list[Rejected] = []
         yield from shard_tasks(

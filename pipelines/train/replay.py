@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias, get_args
 import torch
 
 from hijack_data.errors import UnknownNameError, suggest
-from hijack_data.files import replace_atomic
+from hijack_data.file_io import replace_atomic
 from hijack_data.params import Parameter
 from hijack_data.rng import Stream, as_seed
 

@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from hijack_data import extras
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 
 SUMMARY = "summary.json"
 TABLE = "table.md"

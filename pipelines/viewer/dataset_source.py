@@ -16,7 +16,7 @@ from ..dataset.opening import Dataset, open_row
 from ..dataset.row_reader import RowReader
 from ..errors import DatasetError
 from ..readers.fields import FieldError
-from ..readers.files import inside
+from ..readers.safe_files import inside
 from .index import Index
 from .source import INSERTED, Detail, Fields, action_points, action_text, display_text, tidy
 

@@ -11,7 +11,7 @@ from PIL import Image
 
 import hijack_data as hj
 from hijack_data.errors import ImageTypeError
-from hijack_data.files import decode_image, sha256_of
+from hijack_data.file_io import decode_image, pixel_sha256
 from pipelines.dataset.image_codec import HEAD, LEVEL, BaseImage, changed_rows, deflate, encode
 
 
@@ -29,7 +29,7 @@ def test_what_is_encoded_decodes_to_the_same_pixels(
 def test_an_array_that_is_a_view_encodes_like_its_copy() -> None:
     image = np.random.default_rng(1).integers(0, 256, (30, 40, 3), dtype=np.uint8)[::2, ::-1]
     assert encode(image) == encode(image.copy())
-    assert sha256_of(image) == sha256_of(image.copy())
+    assert pixel_sha256(image) == pixel_sha256(image.copy())
 
 
 def test_pillow_sees_a_plain_rgb_png() -> None:
@@ -61,8 +61,8 @@ def test_a_part_encoded_again_is_the_whole_encoded_again(
         rows.append((first, end))
     base = BaseImage(before)
     assert base.encode_variant(after, rows) == encode(after)
-    assert base.hash_variant(after, rows) == sha256_of(after)
-    assert (base.png, base.sha256) == (encode(before), sha256_of(before))
+    assert base.hash_variant(after, rows) == pixel_sha256(after)
+    assert (base.png, base.sha256) == (encode(before), pixel_sha256(before))
 
 
 @pytest.mark.parametrize("name", ["pop_ups", "marks", "subtitle"])
@@ -75,7 +75,7 @@ def test_a_plan_changes_no_row_but_those_it_touches(name: str, size: tuple[int, 
         "subtitle": {"font_size": 9, "padding": 5},
     }
     for sample in range(5):
-        plan = hj.get(name, **small[name]).plan(hj.Scene(size), seed=1, sample=sample)
+        plan = hj.make_corruption(name, **small[name]).plan(hj.Scene(size), seed=1, sample=sample)
         rows = changed_rows(plan)
         assert rows
         inside = np.zeros(size[0], bool)

@@ -13,7 +13,7 @@ from isal import isal_zlib
 from PIL import ExifTags, Image
 
 from hijack_data.errors import ImageError
-from hijack_data.files import decode_image
+from hijack_data.file_io import decode_image
 from hijack_data.kernels.cpu import jit
 from pipelines.dataset import png_decoder
 from pipelines.dataset.image_codec import decode, encode
@@ -21,7 +21,7 @@ from pipelines.dataset.image_codec import decode, encode
 
 @pytest.fixture(autouse=True)
 def compiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jit._state, "forgone", jit.START)
+    monkeypatch.setattr(jit._state, "forgone", jit.NUMBA_LOADING_MS)
 
 
 def chunk(name: bytes, body: bytes) -> bytes:
@@ -94,7 +94,7 @@ def test_the_first_pictures_are_left_to_pillow_until_numba_has_paid_for_itself(
     pytest.importorskip("numba")
     data = png_file(30, 20, filtered(30, 20, 3, 0, [4, 1]))
     monkeypatch.setattr(
-        jit._state, "forgone", jit.START - 2.5 * png_decoder.SAVED_MS_PER_PIXEL * 30 * 20
+        jit._state, "forgone", jit.NUMBA_LOADING_MS - 2.5 * png_decoder.SAVED_MS_PER_PIXEL * 30 * 20
     )
     found = [png_decoder.decode_png(data, isal_zlib) is not None for _ in range(5)]
     assert found == [False, False, False, True, True]

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 import hijack_data as hj
-import pipelines.building.rows
+import pipelines.building.step_rows
 from pipelines import build, verify
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -162,7 +162,7 @@ def test_ctrl_c(workers: int, whole: Any, config: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     script = (
         "import sys\nfrom pipelines import cli\n"
-        "from pipelines.building.options import BuildOptions\n"
+        "from pipelines.building.build_options import BuildOptions\n"
         "BuildOptions.__init__.__kwdefaults__['rows_per_shard'] = 1\n"
         "if __name__ == '__main__':\n    cli.build(sys.argv[1:])\n"
     )
@@ -206,13 +206,13 @@ def test_ctrl_c(workers: int, whole: Any, config: Path, tmp_path: Path) -> None:
 def test_several_corruptions_of_one_screenshot_decode_it_once(
     recording: Any, small: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real, calls = pipelines.building.rows.decode, []
+    real, calls = pipelines.building.step_rows.decode, []
 
     def counted(data: bytes, name: str) -> Any:
         calls.append(name)
         return real(data, name)
 
-    monkeypatch.setattr(pipelines.building.rows, "decode", counted)
+    monkeypatch.setattr(pipelines.building.step_rows, "decode", counted)
     for output in ("materialised", "lazy"):
         calls.clear()
         planners = {**small, "more": hj.Marks(number=2), "most": hj.Marks(number=3)}

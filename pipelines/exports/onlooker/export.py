@@ -10,7 +10,7 @@ from typing import Any
 
 from hijack_data.errors import ActionError, ParameterError
 
-from ...building.options import Progress
+from ...building.build_options import Progress
 from ...dataset.manifest import is_lazy
 from ...dataset.opening import Dataset, open_dataset, shard_rows
 from ...errors import BuildError

@@ -6,16 +6,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
+from hijack_data.actions.allowed import REINIT
 from hijack_data.errors import HijackError
 from hijack_data.plan import CLEAN, Effect, Plan
 from hijack_data.planner import Planner
-from hijack_data.runs.run_log import EPISODE, REINIT, RUN, STEPS, VERSION, digest_of
-from hijack_data.runs.run_planners import params_of, read_back, written
+from hijack_data.runs.run_log import EPISODE, RUN, STEPS, VERSION, digest_of
+from hijack_data.runs.run_planners import planner_params
 from hijack_data.types import Scene, Size
 
 from ...readers import fields
 from ...readers.fields import FieldError, FieldTypeError
-from ...readers.files import lines, parse_file
+from ...readers.safe_files import lines, parse_file
 from . import field_checks
 from .journal import Journal, privileged_input_problems
 from .observation import ReplayedObservation, ReplayInputs, answer_points, check_observation
@@ -118,7 +119,7 @@ def _planner(record: Mapping[str, Any], journal: Journal) -> tuple[Planner | Non
 def _agrees(record: Mapping[str, Any], planner: Planner | None, is_stated: bool) -> Iterator[str]:
     """Yield the differences of the planner between the record and the configuration."""
     if is_stated:
-        params = json.loads(json.dumps(params_of(planner), default=repr))
+        params = json.loads(json.dumps(planner_params(planner), default=repr))
         if record.get("params") != params:
             yield "params are not those of the corruption"
         recorded = record.get("planner")

@@ -26,8 +26,8 @@ from hijack_data.runs.run_log import (
     SIGNATURE,
     STEPS,
     TEXTS,
-    row_slug_of,
-    slug_of,
+    episode_slug,
+    row_slug,
 )
 
 from ...readers import fields
@@ -179,9 +179,9 @@ def expected_id(record: Mapping[str, Any]) -> str:
     agent = str(record.get("agent"))
     attempt = record.get("attempt", 0)
     if ROW not in record:
-        return slug_of(task, label, seed, agent, attempt)
+        return episode_slug(task, label, seed, agent, attempt)
     variant = str(record.get("task_seed"))
-    return row_slug_of(task, variant, label, seed, agent)
+    return row_slug(task, variant, label, seed, agent)
 
 
 # run.json and sessions.jsonl

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import HijackError
-from hijack_data.files import read_regular
+from hijack_data.file_io import read_regular
 from hijack_data.planner import Planner
 from hijack_data.runs.run_head import check_head
 from hijack_data.runs.run_log import (
@@ -24,13 +24,13 @@ from hijack_data.runs.run_log import (
     SESSIONS,
     VERSION,
     digest_of,
-    digest_of_file,
+    file_digest,
 )
-from hijack_data.runs.run_planners import planners_of
+from hijack_data.runs.run_planners import read_planners
 
 from ...readers import fields
 from ...readers.fields import FieldError, FieldTypeError
-from ...readers.files import parse, parse_file
+from ...readers.safe_files import parse, parse_file
 from . import field_checks
 from .field_checks import first_attempt_id
 from .library import Library
@@ -129,7 +129,7 @@ class Journal:
         yield from self._missing_episodes()
 
     def _broken_links(self) -> Iterator[str]:
-        before = digest_of_file(self.folder / RUN)
+        before = file_digest(self.folder / RUN)
         name = RUN
         pairs = zip(self.lines, self.records, strict=True)
         for number, (line, record) in enumerate(pairs, 1):
@@ -141,7 +141,7 @@ class Journal:
             if self.lacks_episodes:
                 continue
             path = f"{EPISODES}/{record.get('id')}/{EPISODE}"
-            if record.get("episode_sha256") != digest_of_file(self.folder / path):
+            if record.get("episode_sha256") != file_digest(self.folder / path):
                 yield f"{RECORDS}: {line_name}: {path} is not what it was (episode_sha256)"
 
     def _record_problems(self, record: Mapping[str, Any]) -> Iterator[str]:
@@ -256,7 +256,7 @@ def _read_head(journal: Journal) -> None:
     journal.exists = True
     journal.sessions = list(_sessions(journal.folder / SESSIONS))
     if "corruptions" in journal.config:
-        journal.planners = planners_of(journal.config["corruptions"])
+        journal.planners = read_planners(journal.config["corruptions"])
 
 
 def _sessions(path: Path) -> Iterator[Mapping[str, Any]]:

@@ -12,8 +12,8 @@ from typing import Any
 
 from hijack_data.errors import HijackError, shown
 from hijack_data.registry import is_ours
-from hijack_data.runs.given import LIBRARY_AGENTS
-from hijack_data.runs.run_log import slug_of
+from hijack_data.runs.privileged_inputs import LIBRARY_AGENTS
+from hijack_data.runs.run_log import episode_slug
 
 PACKAGE = "agenthijack"
 _TASKS = "online_env.tasks"
@@ -69,7 +69,7 @@ class Library:
                 if fields is None:
                     return None
                 ids += [
-                    slug_of(fields["task"], label, seed, str(agent), 0)
+                    episode_slug(fields["task"], label, seed, str(agent), 0)
                     for label in labels
                     for agent in config.get("agents", ())
                 ]

@@ -5,20 +5,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hijack_data import Corruption, apply
+from hijack_data import apply
 from hijack_data.actions import count_points
-from hijack_data.actions.allowed import read_action
+from hijack_data.actions.agent_actions import read_action
 from hijack_data.compose import Sequence
-from hijack_data.corruption import get
+from hijack_data.corruption import Corruption, make_corruption
 from hijack_data.errors import ActionError
-from hijack_data.files import sha256_of
+from hijack_data.file_io import pixel_sha256
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner
 from hijack_data.types import Scene, Size, UInt8Array, as_boxes
 
 from ...dataset.image_codec import decode
 from ...readers import fields
-from ...readers.files import inside
+from ...readers.safe_files import inside
 
 NOT_A_STRING = (
     "an action must be a string"  # the log has the `repr` of an answer that was not a string
@@ -130,15 +130,15 @@ def _picture_problems(
     agent_digest = line.get("seen_sha256")
     problems: list[str] = []
     picture = apply(plan, clean) if plan.ops else clean
-    if sha256_of(picture) != agent_digest:
+    if pixel_sha256(picture) != agent_digest:
         problems.append(f"{name}: disturbed again it is not what the agent saw (seen_sha256)")
-    elif sha256_of(clean) != line.get("image_sha256"):
+    elif pixel_sha256(clean) != line.get("image_sha256"):
         problems.append(f"{name}: is not what was on the screen (image_sha256)")
     if (stored is not None) != bool(plan.ops):
         problems.append(
             f"seen is {fields.shown(stored)}, and the plan has {len(plan.ops)} operations"
         )
-    if stored is not None and sha256_of(_read_picture(folder, str(stored))) != agent_digest:
+    if stored is not None and pixel_sha256(_read_picture(folder, str(stored))) != agent_digest:
         problems.append(f"{stored}: is not what the agent saw (seen_sha256)")
     return problems
 
@@ -196,7 +196,7 @@ def _planner_in(logged: Plan) -> Planner | None:
 
 
 def _corruption(name: str, params: object) -> Corruption:
-    return get(name, **fields.mapping(params, f"plan.params.{name}"))
+    return make_corruption(name, **fields.mapping(params, f"plan.params.{name}"))
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
 from hijack_data.errors import ParameterError
-from hijack_data.files import make_folder, unwritable
+from hijack_data.file_io import make_folder, unwritable
 from hijack_data.rng import Stream
 
 from ..errors import TrainError

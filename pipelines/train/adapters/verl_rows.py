@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import ParameterError
-from hijack_data.files import make_folder, replace_atomic
+from hijack_data.file_io import make_folder, replace_atomic
 
 from ...dataset.columns import Kind, arrow_schema, pyarrow
 from ..split import check_split

@@ -9,7 +9,7 @@ from typing import Any
 
 from hijack_data import extras
 from hijack_data.errors import ParameterError, UnknownNameError, suggest
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 
 from ..errors import TrainError
 from .chat_rows import ChatRow, check_rows, read_rows

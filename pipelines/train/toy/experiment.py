@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import torch
 
 import hijack_data as hj
-from hijack_data.files import make_folder, read_versioned_json, replace_atomic, write_atomic
+from hijack_data.file_io import make_folder, read_versioned_json, replace_atomic, write_atomic
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
 

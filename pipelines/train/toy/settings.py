@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hijack_data.config.build import Builder
+from hijack_data.config.corruption_settings import check
 from hijack_data.config.files import read_config
-from hijack_data.config.spec import check
-from hijack_data.config.tree import (
+from hijack_data.config.nodes import (
     ConfigNode,
     MappingNode,
     Position,

@@ -11,7 +11,7 @@ from hijack_data.types import Size, UInt8Array
 from ...dataset.image_codec import decode
 from ...errors import DatasetError
 from ...readers.fields import FieldError, listed, mapping, objects
-from ...readers.files import inside, lines, parse_file, size_of
+from ...readers.safe_files import image_size, inside, lines, parse_file
 from ..source import Fields, display_text
 from .action_strokes import parse_strokes
 from .listing import number
@@ -204,7 +204,7 @@ def _step(
     }
     size: Size | None = None
     try:
-        size = size_of(picture_file(episode.home, line, False))
+        size = image_size(picture_file(episode.home, line, False))
         step["size"] = [size[1], size[0]]
     except FieldError as error:
         step["lost"] = episode.broken.get(place) or str(error)

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import HijackError, ParameterError
-from hijack_data.files import write_atomic
-from hijack_data.gallery.embed import embed, scale_for
+from hijack_data.file_io import write_atomic
+from hijack_data.gallery.data_uris import embed, scale_for
 from hijack_data.gallery.markup import Html, script_json, source_hash
 from hijack_data.runs.own_files import refuse_own_file
 

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import shown
-from hijack_data.files import read_regular
-from hijack_data.runs.given import given_of, given_words
+from hijack_data.file_io import read_regular
+from hijack_data.runs.privileged_inputs import describe_privileged_inputs, read_privileged_inputs
 from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, RUN, VERSION, digest_of
 
 from ...errors import DatasetError
 from ...readers.fields import FieldError, mapping
-from ...readers.files import parse, parse_file
+from ...readers.safe_files import parse, parse_file
 
 SUCCESS = "success"
 PARTIAL = "partial"
@@ -192,12 +192,12 @@ def _tokens(usage: Mapping[str, Any]) -> int | None:
 
 
 def _privileged_inputs(record: Mapping[str, Any]) -> str:
-    inputs = given_of(record)
-    return given_words(inputs) if inputs else ""
+    inputs = read_privileged_inputs(record)
+    return describe_privileged_inputs(inputs) if inputs else ""
 
 
 def _counts(record: Mapping[str, Any]) -> bool:
-    """Return whether the report counts an episode: the rule of `online_env.bench.scores`."""
+    """Return whether the report counts an episode: the rule of `online_env.results.scores`."""
     if record.get("status") != "error":
         return record.get("status") == "ok"
     cause = record.get("cause", "agent")

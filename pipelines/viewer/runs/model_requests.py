@@ -12,7 +12,7 @@ from typing import Any, cast
 from hijack_data.runs.run_log import REQUESTS
 
 from ...readers.fields import FieldError, listed
-from ...readers.files import inside, lines
+from ...readers.safe_files import inside, lines
 
 CHECK = "check"  # of the first screens, before the agent acts
 SUMMARY = "summarise"  # the paper's d_t: what happened since the turn before

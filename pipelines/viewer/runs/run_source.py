@@ -15,7 +15,7 @@ from ...errors import DatasetError
 from ...proof.run_checks.episode import EpisodeReplay, check_episode
 from ...proof.run_checks.journal import Journal
 from ...readers.fields import FieldError, mapping
-from ...readers.files import parse, parse_file
+from ...readers.safe_files import parse, parse_file
 from .entry_columns import columns
 from .episode import EpisodeLines, episode_data, picture_file, read_lines, read_picture
 from .listing import EpisodeEntry, read_listing

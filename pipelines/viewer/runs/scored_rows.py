@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import HijackError
-from hijack_data.files import sha256_of
+from hijack_data.file_io import pixel_sha256
 from hijack_data.runs.run_log import ROW
 from hijack_data.types import UInt8Array
 
@@ -99,7 +99,7 @@ class ScoredRows:
         """
         pixels = self._require().picture(self._row(record), before)
         digest = record.get("image_sha256")
-        if not before and isinstance(digest, str) and sha256_of(pixels) != digest:
+        if not before and isinstance(digest, str) and pixel_sha256(pixels) != digest:
             raise DatasetError(
                 f"row {record.get(ROW)}: this is not the picture that the agent was shown"
                 " (image_sha256); the dataset is another one"

@@ -7,10 +7,10 @@ import sys
 import pytest
 
 from hijack_data.config.files import read_config
-from hijack_data.config.tree import Problems, plain
+from hijack_data.config.nodes import Problems, plain
 from hijack_data.config.yaml_reader import read_yaml
 from hijack_data.errors import UnknownNameError
-from online_env.tasks import sets
+from online_env.tasks import task_sets
 from pipelines.train.errors import LeakError
 from pipelines.train.split import check_split, members, split_side
 
@@ -21,8 +21,8 @@ def osworld():
 
 
 def test_the_suite_s_split_is_the_suite_s():
-    assert members("suite/training") == tuple(sets.members("training"))
-    assert members("suite/held_out") == tuple(sets.members("held_out"))
+    assert members("suite/training") == tuple(task_sets.members("training"))
+    assert members("suite/held_out") == tuple(task_sets.members("held_out"))
 
 
 def test_osworld_s_split_follows_its_rule():

@@ -62,7 +62,7 @@ def test_the_expert_solves_all_under_all(label):
 
 
 def test_all_nine_are_shipped():
-    assert {planner.label for planner in CORRUPTIONS.values()} == set(hj.names())
+    assert {planner.label for planner in CORRUPTIONS.values()} == set(hj.corruption_names())
 
 
 def test_pictures_are_those_of_the_library():
