@@ -73,7 +73,7 @@ CODE_WITHOUT_ONLINE = {
     "from online_env.desktops import http; http.HttpDesktop('http://127.0.0.1:9').close()": WORKS,
     "from pipelines import build, open_dataset, verify": WORKS,
     "import pathlib; from hijack_data.cli import demo_command;"
-    " assert demo_command.nine(pathlib.Path('nine.png')) is False": WORKS,
+    " assert demo_command.corrupt_live_desktop(pathlib.Path('nine.png')) is False": WORKS,
 }
 SAYS_AND_GOES_ON = "hf, and goes on"
 CORE_ALONE = {

@@ -26,7 +26,7 @@ from .help_pages import page_for
 from .options import WholeSummaries
 from .summaries import SECTIONS, SUMMARIES
 
-FULL = 3  # exit code
+DISK_FULL = 3  # exit code
 # Where each command is defined. The commands of the other packages are listed here as text, not as
 # imports.
 COMMANDS = {
@@ -97,9 +97,9 @@ class LazyGroup(WholeSummaries):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands by section, each with its whole summary."""
         sections = {title: list(lines) for title, lines in SECTIONS.items()}
-        others = [name for name in COMMANDS if name not in SUMMARIES]
-        if others:
-            sections["Others"] = others
+        unlisted = [name for name in COMMANDS if name not in SUMMARIES]
+        if unlisted:
+            sections["Others"] = unlisted
         wide = max(map(len, COMMANDS))
         for title, names in sections.items():
             with formatter.section(title):
@@ -108,12 +108,12 @@ class LazyGroup(WholeSummaries):
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Complete the names of commands, and the options that come before the command."""
-        found = [
+        completions = [
             CompletionItem(name, help=self.summary(ctx, name))
             for name in COMMANDS
             if name.startswith(incomplete)
         ]
-        return found + click.Command.shell_complete(self, ctx, incomplete)
+        return completions + click.Command.shell_complete(self, ctx, incomplete)
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """Find the command.
@@ -161,14 +161,15 @@ def main(argv: list[str] | None = None) -> None:
 
     Raises:
         ModuleNotFoundError: a module is missing that no extra installs.
+        OSError: the system failed in a way that no message of the library explains.
     """
     code: object = 0
-    _print_anything()
+    _escape_unprintable()
     try:
         with _plugin_warnings():
             code = hijack.main(args=argv, prog_name="hijack", standalone_mode=False)
     except StorageError as error:
-        fail(str(error), FULL)
+        fail(str(error), DISK_FULL)
     except HijackError as error:
         fail(str(error))
     except ModuleNotFoundError as error:
@@ -193,11 +194,11 @@ def main(argv: list[str] | None = None) -> None:
         if error.errno != errno.ENOSPC or error.filename is not None:
             raise
         sys.stdout = io.StringIO()  # what is left in the old one is not tried again
-        fail(f"the output cannot be written ({error.strerror}); free some space", FULL)
+        fail(f"the output cannot be written ({error.strerror}); free some space", DISK_FULL)
     sys.exit(code if isinstance(code, int) else 0)
 
 
-def _print_anything() -> None:
+def _escape_unprintable() -> None:
     """Print characters that the terminal cannot show as Python escapes.
 
     Texts of agents, models and recordings are printed too, and must never end a run with an
@@ -212,13 +213,13 @@ def _print_anything() -> None:
 def _plugin_warnings() -> Generator[None]:
     """Print warnings about plug-ins as messages, so that no filter makes errors of them."""
     with warnings.catch_warnings():
-        others = warnings.showwarning
+        show_other = warnings.showwarning
 
-        def show(message: Warning | str, category: type[Warning], *rest: Any) -> None:
+        def show(message: Warning | str, category: type[Warning], *arguments: Any) -> None:
             if issubclass(category, PluginWarning):
                 click.echo(printable(f"hijack: warning: {message}"), err=True)
             else:
-                others(message, category, *rest)
+                show_other(message, category, *arguments)
 
         warnings.showwarning = show
         warnings.simplefilter("always", PluginWarning)

@@ -49,20 +49,29 @@ def check(target: str, desktop: bool, timeout: float) -> None:
     failed = 0
     if target.endswith(SUFFIX):
         loaded = run_file(target)
-        agents = _agents_of(loaded)
+        agents = _find_agents(loaded)
         failed = _check_file(out, loaded, desktop)
-        tasks = _tasks_of(loaded)
-        if not loaded.names and not agents and not tasks:
-            raise PluginError(
-                f"{target}: registers nothing, and has no class with predict(instruction, obs)"
-            )
+        tasks = _find_tasks(loaded)
+        _check_content(loaded, target, [*agents, *tasks])
         failed += sum(_check_task(out, name, desktop) for name in tasks)
     else:
         agents = [target]
     failed += sum(_check_agent(out, name, timeout) for name in agents)
     if failed:
         out.print(f"{failed} checks failed")
-        raise SystemExit(1)
+        sys.exit(1)
+
+
+def _check_content(loaded: LoadedFile, target: str, plugins: list[str]) -> None:
+    """Check that a file holds something to check.
+
+    Raises:
+        PluginError: it registers nothing, and has neither agents nor tasks.
+    """
+    if not loaded.names and not plugins:
+        raise PluginError(
+            f"{target}: registers nothing, and has no class with predict(instruction, obs)"
+        )
 
 
 def _check_file(out: Any, loaded: LoadedFile, desktop: bool) -> int:
@@ -75,28 +84,28 @@ def _check_file(out: Any, loaded: LoadedFile, desktop: bool) -> int:
     for kind in loaded.effects:
         effects: Any = importlib.import_module("online_env.effects.checking")
         out.print(f"[bold]effect {kind}[/] {escape(effects.summary(kind))}")
-        found = effects.check(kind, effects.params_for(kind, corruptions), desktop)
-        failed += sum(not _show(out, result) for result in found)
+        results = effects.check(kind, effects.params_for(kind, corruptions), desktop)
+        failed += sum(not _show(out, result) for result in results)
     return failed
 
 
-def _agents_of(loaded: LoadedFile) -> list[str]:
+def _find_agents(loaded: LoadedFile) -> list[str]:
     """Return the agents of a file; a file without agents imports nothing."""
-    own = [
+    classes = [
         value
         for value in vars(sys.modules[loaded.module]).values()
         if isinstance(value, type) and value.__module__ == loaded.module
     ]
-    if not any(hasattr(cls, "predict") for cls in own) and "agent" not in loaded.names:
+    if not any(hasattr(cls, "predict") for cls in classes) and "agent" not in loaded.names:
         return []
     return importlib.import_module("online_env.agents.checking").agents_in_file(loaded)
 
 
-def _tasks_of(loaded: LoadedFile) -> list[str]:
+def _find_tasks(loaded: LoadedFile) -> list[str]:
     """Return the tasks of a file; a file without tasks imports nothing."""
     module = vars(sys.modules[loaded.module])
-    named = any(getattr(value, "phrasings", None) for value in module.values())
-    if not named and "task" not in loaded.names:
+    has_phrasings = any(getattr(value, "phrasings", None) for value in module.values())
+    if not has_phrasings and "task" not in loaded.names:
         return []
     return importlib.import_module("online_env.tasks.checking").task_names(loaded)
 
@@ -142,7 +151,7 @@ def doctor(as_json: bool) -> None:
     """List what is installed, what is missing, and the commands that add it."""
     rows, remedy = list(_doctor_rows()), doctor_rows.extras_remedy()
     if as_json:
-        click.echo(json.dumps({"found": [_plain(row) for row in rows], "remedy": remedy}))
+        click.echo(json.dumps({"found": [_row_data(row) for row in rows], "remedy": remedy}))
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
     for column in ("", "what", "for", "found"):
@@ -159,8 +168,8 @@ def _doctor_rows() -> Iterator[DoctorRow]:
     core = ", ".join(
         f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "pillow", "pyyaml")
     )
-    found = f"Python {platform.python_version()}, {core}"
-    yield doctor_rows.OK, "core", "plans and NumPy pictures", found
+    versions = f"Python {platform.python_version()}, {core}"
+    yield doctor_rows.OK, "core", "plans and NumPy pictures", versions
     yield from doctor_rows.extra_rows()
     yield _gpu()
     yield from plugin_rows()
@@ -177,10 +186,10 @@ def _shadow_rows() -> Iterator[DoctorRow]:
             yield BROKEN, name, "import", escape(problem)
 
 
-def _plain(row: DoctorRow) -> dict[str, Any]:
+def _row_data(row: DoctorRow) -> dict[str, Any]:
     """Return a row without markup, for `--json`."""
-    mark, what, purpose, found = (Text.from_markup(cell).plain for cell in row)
-    return {"ok": mark == "ok", "what": what, "for": purpose, "found": found}
+    mark, component, purpose, state = (Text.from_markup(cell).plain for cell in row)
+    return {"ok": mark == "ok", "what": component, "for": purpose, "found": state}
 
 
 def _gpu() -> tuple[str, str, str, str]:

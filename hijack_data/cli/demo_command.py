@@ -1,6 +1,7 @@
 """`hijack demo`: the main tasks of the library, on recordings that come with the package."""
 
 import importlib
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -56,23 +57,23 @@ def demo(out: Path, desktop: bool) -> None:
     Parts that need an extra that is not installed are left out, with the command that adds it.
     """
     screens = [recordings() / "images" / name for name in SCREENS]
-    made = [out / "before_after.png", out / "gallery.html"]
+    outputs = [out / "before_after.png", out / "gallery.html"]
     make_folder(out)
-    command("apply", screens[1], "pop_ups", "-o", out / "pop_ups.png", "--seed", 3)
-    before_and_after(screens[0], made[0])
-    command("gallery", *screens, "-o", made[1])
+    run_command("apply", screens[1], "pop_ups", "-o", out / "pop_ups.png", "--seed", 3)
+    before_and_after(screens[0], outputs[0])
+    run_command("gallery", *screens, "-o", outputs[1])
     if dataset(out / "dataset"):
-        made.append(out / "dataset")
-    failed = desktop and nine(out / "nine.png")
+        outputs.append(out / "dataset")
+    failed = desktop and corrupt_live_desktop(out / "nine.png")
     if desktop and (out / "nine.png").exists():
-        made.append(out / "nine.png")
-    names = [str(path) for path in made]
+        outputs.append(out / "nine.png")
+    names = [str(path) for path in outputs]
     click.echo(f"\nLook at {', '.join(names[:-1])} and {names[-1]}.")
     if failed:
-        raise SystemExit(1)
+        sys.exit(1)
 
 
-def command(*words: object) -> None:
+def run_command(*words: object) -> None:
     """Print a `hijack` command, then run it.
 
     Raises:
@@ -105,7 +106,8 @@ def before_and_after(picture: Path, out: Path) -> None:
 def dataset(folder: Path) -> bool:
     """Build a dataset, verify it, and load it with `datasets` alone, as any user would.
 
-    Returns whether the dataset could be built, which needs the extra `hf`.
+    Returns:
+        Whether the dataset could be built, which needs the extra `hf`.
     """
     try:
         datasets = extras.load("datasets", "the dataset of the demo", "hf")
@@ -113,8 +115,8 @@ def dataset(folder: Path) -> bool:
     except MissingDependencyError as error:
         click.echo(f"dataset: left out ({error})")
         return False
-    command("build", recordings(), "--out", folder, "--seed", 7, "--resume")
-    command("verify", folder)
+    run_command("build", recordings(), "--out", folder, "--seed", 7, "--resume")
+    run_command("verify", folder)
     datasets.disable_progress_bars()
     rows: Sequence[Any] = datasets.load_dataset(str(folder), split="train")
     second = rows[1]
@@ -125,10 +127,13 @@ def dataset(folder: Path) -> bool:
     return True
 
 
-def nine(picture: Path) -> bool:
+def corrupt_live_desktop(picture: Path) -> bool:
     """Corrupt a live desktop in all nine ways; show each before and after, with its probe.
 
-    Returns whether a probe was false; on a machine that cannot run a desktop it prints why.
+    On a machine that cannot run a desktop it prints why.
+
+    Returns:
+        Whether a probe was false.
     """
     # These modules belong to another package of the distribution, on which this one does not
     # depend.
@@ -142,14 +147,14 @@ def nine(picture: Path) -> bool:
     except (HijackError, OSError) as error:
         click.echo(f"live desktop: not here ({error}); in a clone `make desktop` adds it")
         return False
-    shown: list[Any] = []
+    results: list[Any] = []
     click.echo("\nOn a live desktop, what the probe of each corruption sees:")
     with desktop:
-        for one in showcase.show_nine(desktop):
-            mark = "" if one.ok else "PROBE FALSE: "
-            click.echo(f"  {one.name:17} {mark}{one.saw}")
-            shown.append(one)
+        for result in showcase.show_nine(desktop):
+            mark = "" if result.ok else "PROBE FALSE: "
+            click.echo(f"  {result.name:17} {mark}{result.saw}")
+            results.append(result)
     sheet: Any = showcase.sheet
-    write_atomic(picture, encode_png(sheet(shown)))
+    write_atomic(picture, encode_png(sheet(results)))
     click.echo(f"{picture}: all nine, before and after")
-    return not all(one.ok for one in shown)
+    return not all(result.ok for result in results)

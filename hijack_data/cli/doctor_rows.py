@@ -35,11 +35,11 @@ LACKING = "[yellow]--[/]"
 
 def extra_rows() -> Iterator[tuple[str, str, str, str]]:
     """Yield a row for each extra that the package declares: mark, name, purpose, modules."""
-    for extra, modules in _declared().items():
-        lost = extras.lacking(modules)
+    for extra, modules in _extras().items():
+        missing = extras.lacking(modules)
         purpose = PURPOSES.get(extra, "")
-        if lost:
-            yield LACKING, extra, purpose, f"missing: {', '.join(lost)}"
+        if missing:
+            yield LACKING, extra, purpose, f"missing: {', '.join(missing)}"
         else:
             yield OK, extra, purpose, ", ".join(modules)
 
@@ -48,13 +48,13 @@ def extras_remedy() -> str:
     """Return how to add the extras that are missing, or `""` if a user lacks none."""
     if not extras.extras():
         return "the package is not installed, so its extras are not known: pip install -e ."
-    lost: list[str] = []
-    for name, modules in _declared().items():
+    missing: list[str] = []
+    for name, modules in _extras().items():
         if name not in (*extras.WIDE, *extras.APART) and extras.lacking(modules):
-            lost.append(name)
-    if not lost:
+            missing.append(name)
+    if not missing:
         return ""
-    return f"to add what is missing: {extras.remedy(*lost)}"
+    return f"to add what is missing: {extras.remedy(*missing)}"
 
 
 def desktop_row() -> tuple[str, str, str, str]:
@@ -65,17 +65,17 @@ def desktop_row() -> tuple[str, str, str, str]:
         return LACKING, "desktop", purpose, f"needs Linux; {instead}"
     # This module belongs to another package of the distribution, on which this one does not depend.
     doctor: Any = importlib.import_module("online_env.embedded.doctor")
-    lost = [check for check in doctor.diagnose() if check.required and not check.ok]
-    if not lost:
+    failed = [check for check in doctor.diagnose() if check.required and not check.ok]
+    if not failed:
         return OK, "desktop", purpose, "ready: hijack desktop up"
-    more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
+    suffix = f", and {len(failed) - 1} more" if len(failed) > 1 else ""
     advice = "hijack desktop doctor says how to fix this"
-    return LACKING, "desktop", purpose, f"lacks {lost[0].name}{more}: {advice}"
+    return LACKING, "desktop", purpose, f"lacks {failed[0].name}{suffix}: {advice}"
 
 
-def _declared() -> dict[str, tuple[str, ...]]:
+def _extras() -> dict[str, tuple[str, ...]]:
     """Return all extras except `all`, those with a listed purpose first."""
-    found = dict(extras.extras())
-    found.pop("all", None)
-    known = {name: found[name] for name in PURPOSES if name in found}
-    return known | found
+    declared = dict(extras.extras())
+    declared.pop("all", None)
+    described = {name: declared[name] for name in PURPOSES if name in declared}
+    return described | declared

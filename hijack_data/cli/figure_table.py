@@ -60,15 +60,15 @@ class FigureTable:
     def _parts(self, widths: Sequence[int], room: int) -> list[list[int]]:
         """Return the places of the columns in each of the tables."""
         parts: list[list[int]] = [[]]
-        used = widths[0]
+        width = widths[0]
         for block in self._blocks:
             places = [place for place in block if self._has_figures(place)]
-            needed = sum(_GAP + widths[place] for place in places)
-            if parts[-1] and used + needed > room:
+            block_width = sum(_GAP + widths[place] for place in places)
+            if parts[-1] and width + block_width > room:
                 parts.append([])
-                used = widths[0]
+                width = widths[0]
             parts[-1] += places
-            used += needed
+            width += block_width
         return parts
 
     def _has_figures(self, place: int) -> bool:

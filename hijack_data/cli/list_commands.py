@@ -124,7 +124,7 @@ def show(name: str, as_json: bool) -> None:
     out.print(f"{category}; acts on the {info['scope']}, {info['acts']}\n")
     table = _table("parameter", "default", "accepts", "meaning")
     for row in info["parameters"]:
-        cells = (row["name"], _shown(row["default"]), row["accepts"], row["doc"])
+        cells = (row["name"], _default_text(row["default"]), row["accepts"], row["doc"])
         table.add_row(*map(escape, cells))
     out.print(table)
     for level, changes in enumerate(info["severities"], 1):
@@ -136,7 +136,7 @@ def _table(*columns: str) -> Table:
     return Table(*columns, box=None, header_style="bold", pad_edge=False)
 
 
-def _shown(default: Any) -> str:
+def _default_text(default: Any) -> str:
     """Return a default in one line."""
     if not isinstance(default, str):
         return json.dumps(default)

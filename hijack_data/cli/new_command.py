@@ -64,15 +64,19 @@ def corruption(name: str, out: str | None) -> None:
     """Write a corruption of your own, such as: hijack new corruption dust."""
     _check_name(name)
     path = Path(out or f"{name}.py")
-    if path.suffix != ".py":
-        raise click.UsageError(f"-o {str(path)!r}: name the file *.py")
-    if path.exists():
-        raise HijackError(f"{path}: exists already; choose another file with -o")
+    _check_path(path)
     cls = "".join(part.capitalize() for part in name.split("_"))
     write_atomic(path, TEMPLATE.format(name=name, cls=cls))
     click.echo(f"{path}: {cls}, which draws a band; edit it, then run:")
     click.echo(f"  hijack check {path}")
     click.echo(f"  hijack --load {path} apply screen.png {name} -o out.png")
+
+
+def _check_path(path: Path) -> None:
+    if path.suffix != ".py":
+        raise click.UsageError(f"-o {str(path)!r}: name the file *.py")
+    if path.exists():
+        raise HijackError(f"{path}: exists already; choose another file with -o")
 
 
 def _check_name(name: str) -> None:

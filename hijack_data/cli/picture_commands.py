@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from ..planner import Planner
 from ..types import Scene, UInt8Array
 from .completion import complete
 from .options import BriefCommand, seed_option
-from .picture_folders import apply_below, find_pictures
+from .picture_folders import apply_to_folder, find_pictures
 
 
 def parse_settings(cls: type[Corruption], settings: tuple[str, ...]) -> dict[str, Any]:
@@ -74,7 +75,7 @@ def _read(path: str) -> bytes:
         raise HijackError(f"{path}: cannot be read ({error.strerror or error})") from None
 
 
-def _planned(
+def _make_plan(
     image: UInt8Array,
     name: str | None,
     plan_file: str | None,
@@ -100,13 +101,13 @@ def _planned(
     if not is_bare(plan):
         return plan, notes
     try:
-        made = composite(plan, image, scene, seed=key["seed"], sample=key["sample"])
+        composited = composite(plan, image, scene, seed=key["seed"], sample=key["sample"])
     except HijackError as error:
         if not notes:
             raise
         raise HijackError(f"{error}; {notes[-1]}") from None
     advice = "a live desktop shows its own, see `hijack desktop corrupt`"
-    return made.plan, (*notes, f"fidelity: {made.fidelity}; {advice}")
+    return composited.plan, (*notes, f"fidelity: {composited.fidelity}; {advice}")
 
 
 def _read_plan(file: str, name: str | None) -> Plan:
@@ -186,25 +187,31 @@ def apply_command(
     sample = options.pop("sample")
 
     def corrupt(image: str, out: str, sample: str) -> tuple[Plan, UInt8Array, tuple[str, ...]]:
-        given: dict[str, Any] = {**options, "sample": sample}
+        arguments: dict[str, Any] = {**options, "sample": sample}
         pixels, notes = load_image(image)
-        plan, more = _planned(pixels, name, given.pop("plan_file"), given.pop("settings"), **given)
+        plan, plan_notes = _make_plan(
+            pixels, name, arguments.pop("plan_file"), arguments.pop("settings"), **arguments
+        )
         result = to_numpy(apply(plan, convert(pixels, backend)))
         write_atomic(out, encode_png(result))
-        return plan, result, (*notes, *more, *plan.notes)
+        return plan, result, (*notes, *plan_notes, *plan.notes)
 
     if Path(image).is_dir():
         _refuse_for_folders(sample=sample, save_plan=save_plan, tree=options["tree"])
-        apply_below(Path(image), Path(out), corrupt, as_json)
+        apply_to_folder(Path(image), Path(out), corrupt, as_json)
         return
-    if Path(out).suffix.lower() != ".png":
-        raise click.UsageError(
-            f"-o {out!r}: only .png keeps the exact pixels; name the output *.png"
-        )
+    _check_output(out)
     plan, result, notes = corrupt(image, out, "0" if sample is None else sample)
     if save_plan is not None:
         write_atomic(save_plan, plan.to_json() + "\n")
     _report(plan, result, notes, backend, out, as_json)
+
+
+def _check_output(out: str) -> None:
+    if Path(out).suffix.lower() != ".png":
+        raise click.UsageError(
+            f"-o {out!r}: only .png keeps the exact pixels; name the output *.png"
+        )
 
 
 def _refuse_for_folders(**options: str | None) -> None:
@@ -256,11 +263,11 @@ def gallery(
     page = make_page(find_pictures(images), seed=seed, planners=planners, detect=detect)
     if page.pictures:
         write_atomic(out, page.html)
-        many = f"{page.pictures} picture{'s' if page.pictures > 1 else ''}"
-        click.echo(f"{out}: {many}, {len(page.html) / 2**20:.1f} MiB")
+        pictures = f"{page.pictures} picture{'s' if page.pictures > 1 else ''}"
+        click.echo(f"{out}: {pictures}, {len(page.html) / 2**20:.1f} MiB")
     else:
         click.echo(f"{out}: not written, no picture can be read", err=True)
     for problem in page.problems:
         click.echo(f"  problem: {problem}", err=True)
     if page.problems:
-        raise SystemExit(1)
+        sys.exit(1)

@@ -22,32 +22,33 @@ Corrupt = Callable[[str, str, str], tuple[Plan, UInt8Array, tuple[str, ...]]]
 def find_pictures(paths: Iterable[str]) -> list[str]:
     """Return the given files, and the pictures below each given folder.
 
-    Raises `ImageError` for a folder without any picture.
+    Raises:
+        ImageError: a folder holds no picture.
     """
-    found: list[str] = []
+    pictures: list[str] = []
     for path in paths:
         folder = Path(path)
         if folder.is_dir():
-            found += [str(file) for file in below(folder)]
+            pictures += [str(file) for file in list_pictures(folder)]
         else:
-            found.append(path)
-    return found
+            pictures.append(path)
+    return pictures
 
 
-def below(folder: Path) -> list[Path]:
+def list_pictures(folder: Path) -> list[Path]:
     """Return the pictures below a folder, in the order of their names.
 
     Raises:
         ImageError: the folder holds no picture.
     """
-    named = [path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES]
-    found = sorted(path for path in named if path.is_file())
-    if not found:
+    candidates = [path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES]
+    pictures = sorted(path for path in candidates if path.is_file())
+    if not pictures:
         raise ImageError(f"{folder}: holds no picture ({'/'.join(FORMATS)})")
-    return found
+    return pictures
 
 
-def apply_below(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) -> None:
+def apply_to_folder(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) -> None:
     """Corrupt every picture below a folder, each into a PNG of the same name below `out`.
 
     The path of a picture inside the folder is its sample id, so each picture gets its own plan. A
@@ -59,8 +60,8 @@ def apply_below(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) -> Non
     """
     if out.resolve().is_relative_to(folder.resolve()):
         raise click.UsageError(f"-o {out}: lies in {folder}; choose a folder outside it")
-    names = _named([file.relative_to(folder) for file in below(folder)])
-    done: list[dict[str, Any]] = []
+    names = _output_names([file.relative_to(folder) for file in list_pictures(folder)])
+    results: list[dict[str, Any]] = []
     problems: list[str] = []
     for name, target in names.items():
         source = folder / name
@@ -82,30 +83,30 @@ def apply_below(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) -> Non
             "digest": plan.digest(),
             "notes": list(notes),
         }
-        done.append(row)
-    _report(out, done, problems, as_json)
+        results.append(row)
+    _report(out, results, problems, as_json)
 
 
-def _named(names: list[Path]) -> dict[Path, Path]:
+def _output_names(names: list[Path]) -> dict[Path, Path]:
     """Return the `.png` name of each result; if it is taken, the old suffix stays before `.png`."""
     counts = Counter(name.with_suffix(".png") for name in names)
     return {name: _target(name, counts) for name in names}
 
 
 def _target(name: Path, counts: Counter[Path]) -> Path:
-    plain = name.with_suffix(".png")
-    if plain == name or counts[plain] == 1:
-        return plain
+    png_name = name.with_suffix(".png")
+    if png_name == name or counts[png_name] == 1:
+        return png_name
     return name.with_name(f"{name.name}.png")
 
 
-def _report(out: Path, done: list[dict[str, Any]], problems: list[str], as_json: bool) -> None:
+def _report(out: Path, results: list[dict[str, Any]], problems: list[str], as_json: bool) -> None:
     if as_json:
-        click.echo(json.dumps({"out": str(out), "pictures": done, "problems": problems}))
+        click.echo(json.dumps({"out": str(out), "pictures": results, "problems": problems}))
     else:
-        click.echo(f"{out}: {counted(len(done), 'picture')}")
+        click.echo(f"{out}: {counted(len(results), 'picture')}")
         notes = Counter[str]()
-        for row in done:
+        for row in results:
             notes.update(row["notes"])
         for note, count in notes.items():
             repeated = f" ({count} pictures)" if count > 1 else ""

@@ -19,8 +19,8 @@ BROKEN = "[red]broken[/]"
 def plugin_rows() -> Iterator[PluginLine]:
     """Yield rows of state, name, origin, and either the registered names or the problem."""
     for state, *texts in (*_plugins(), *_files()):
-        what, where, found = map(escape, texts)
-        yield state, what, where, found
+        name, origin, details = map(escape, texts)
+        yield state, name, origin, details
 
 
 def _plugins() -> Iterator[PluginLine]:
@@ -40,11 +40,11 @@ def _plugins() -> Iterator[PluginLine]:
 
 
 def _plugin(kinds: str, plugin: Plugin) -> PluginLine:
-    what = f"{kinds} {plugin.name}"
-    where = f"{plugin.package} {plugin.version}"
+    name = f"{kinds} {plugin.name}"
+    origin = f"{plugin.package} {plugin.version}"
     if plugin.problem:
-        return BROKEN, what, where, f"{plugin.problem}; fix it, or remove it: {plugin.cure}"
-    return OK, what, where, ", ".join(plugin.names) or plugin.module
+        return BROKEN, name, origin, f"{plugin.problem}; fix it, or remove it: {plugin.cure}"
+    return OK, name, origin, ", ".join(plugin.names) or plugin.module
 
 
 def _files() -> Iterator[PluginLine]:

@@ -1,4 +1,4 @@
-"""A rich console on which texts of others cannot control the terminal."""
+"""A rich console that escapes control characters, so that printed texts cannot use them."""
 
 from collections.abc import Iterable
 

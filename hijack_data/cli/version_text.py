@@ -36,18 +36,18 @@ def lines() -> Iterator[str]:
     yield f"hijack {__version__}"
     python = f"{platform.python_implementation()} {platform.python_version()}"
     yield f"  {python}, {platform.system()} {platform.release()}, {platform.machine()}"
-    found: list[str] = []
+    packages: list[str] = []
     for name in PACKAGES:
         try:
-            found.append(f"{name} {importlib.metadata.version(name)}")
+            packages.append(f"{name} {importlib.metadata.version(name)}")
         except importlib.metadata.PackageNotFoundError:
             continue
-    yield f"  {', '.join(found)}"
+    yield f"  {', '.join(packages)}"
 
 
-def show_version(context: click.Context, _option: click.Parameter, wanted: bool) -> None:
+def show_version(context: click.Context, _option: click.Parameter, is_requested: bool) -> None:
     """Print the version and the environment, then exit; the callback of `--version`."""
-    if not wanted or context.resilient_parsing:
+    if not is_requested or context.resilient_parsing:
         return
     for line in lines():
         click.echo(line)

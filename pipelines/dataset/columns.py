@@ -96,12 +96,17 @@ REPEATED = ("plan", "params")
 
 
 def pyarrow() -> Any:
-    """Return the module `pyarrow`, with `pyarrow.parquet` loaded."""
+    """Return the module `pyarrow`, with `pyarrow.parquet` loaded.
+
+    Raises:
+        MissingDependencyError: pyarrow is not installed.
+    """
     try:
         import pyarrow as pa
         import pyarrow.parquet
     except ImportError:
-        raise extras.missing("datasets need pyarrow", "hf") from None
+        error = extras.missing("datasets need pyarrow", "hf")
+        raise error from None
     return pa
 
 

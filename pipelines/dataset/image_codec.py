@@ -26,7 +26,7 @@ from hijack_data.plan import Paste, Plan
 from hijack_data.png import assemble, chunk, filtered
 from hijack_data.types import UInt8Array
 
-from .png_decoder import read
+from .png_decoder import decode_png
 
 LEVEL = 2
 BAND = 24  # rows; bands of 16 to 64 rows make files of the same size, within 1 %
@@ -61,8 +61,8 @@ class BaseImage:
 
     def __init__(self, image: UInt8Array) -> None:
         if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
-            found = f"{image.dtype} {list(image.shape)}"
-            raise ImageTypeError(f"a picture must be uint8 [H, W, 3], got {found}")
+            description = f"{image.dtype} {list(image.shape)}"
+            raise ImageTypeError(f"a picture must be uint8 [H, W, 3], got {description}")
         self.image: UInt8Array = np.ascontiguousarray(image)
         self._count = -(-len(image) // BAND)
         self._bands: dict[int, _Band] = {}  # the bands compressed so far
@@ -88,13 +88,13 @@ class BaseImage:
 
         `picture`, uint8 `[H, W, 3]`, may differ from this picture in `rows` (first, end) only.
         """
-        changed: set[int] = set()
+        changed_bands: set[int] = set()
         for first, end in rows:
             last = min(end, len(picture) - 1)
-            changed.update(range(first // BAND, last // BAND + 1))
+            changed_bands.update(range(first // BAND, last // BAND + 1))
 
         def band(k: int) -> _Band:
-            return _band(picture, k) if k in changed else self._band(k)
+            return _band(picture, k) if k in changed_bands else self._band(k)
 
         return _file(picture, [band(k) for k in range(self._count)])
 
@@ -154,7 +154,7 @@ def decode(data: bytes, name: str) -> UInt8Array:
             turned picture.
     """
     try:
-        image = read(data, _isal())
+        image = decode_png(data, _isal())
     except MissingDependencyError:
         image = None
     return decode_image(data, name)[0] if image is None else image

@@ -49,39 +49,40 @@ def stored_plan(
     path = _path(planner, row, key)
     recipe = _recipe(plan.corruption, None if key == trajectory else key, path)
     try:
-        found = _derived(recipe, row, plan.size)
+        derived = _plan_from_recipe(recipe, row, plan.size)
     # A plan of several corruptions, or of a plug-in's planner: no recipe can express it.
     except HijackError:
         return plan.to_json()
-    return recipe if found == plan else plan.to_json()
+    return recipe if derived == plan else plan.to_json()
 
 
 def row_plan(row: Mapping[str, Any], size: Size) -> Plan:
     """Return the plan of a row.
 
     Args:
-        row: the row as stored. A damaged plan is a `PlanError`.
+        row: the row as stored.
         size: (height, width) of its picture before the corruption.
 
     Raises:
         DatasetError: the recipe cannot be used here, or gives a different plan than in the build.
+        PlanError: the stored plan is damaged.
     """
     text = cast("str", row["plan"])
     if not _is_recipe(text):
         return Plan.from_json(text)
     try:
-        plan = _derived(text, row, size)
+        plan = _plan_from_recipe(text, row, size)
     except (HijackError, ValueError, KeyError, TypeError) as error:
         reason = f"its plan cannot be made from its recipe {text!r} ({error})"
         if isinstance(error, UnknownNameError):
             reason += "; hijack --load FILE.py, if manifest.json names a file"
         raise DatasetError(f"row {row['id']}: {reason}") from None
-    here = plan.digest()
-    if here != row["plan_digest"]:
-        built = str(row["plan_digest"])[:12]
+    digest = plan.digest()
+    if digest != row["plan_digest"]:
+        built_digest = str(row["plan_digest"])[:12]
         raise DatasetError(
-            f"row {row['id']}: its recipe gives another plan here ({here[:12]}) than where"
-            f" it was built ({built}); install the version that"
+            f"row {row['id']}: its recipe gives another plan here ({digest[:12]}) than where"
+            f" it was built ({built_digest}); install the version that"
             " manifest.json names, or build again"
         )
     return plan
@@ -121,34 +122,34 @@ def render(batch: dict[str, Any]) -> dict[str, Any]:
     """
     if BASE not in batch:
         return batch
-    missing = [name for name in NEEDED if name not in batch]
+    missing = [name for name in RENDER_COLUMNS if name not in batch]
     if missing:
         raise DatasetError(
             f"render needs the column(s) {', '.join(missing)}; select columns after it, not before"
         )
     if isinstance(batch["id"], str):
-        return _rendered(batch)
+        return _render_row(batch)
     columns = cast("Mapping[str, Sequence[Any]]", batch)
-    done: list[Row] = []
+    rendered: list[Row] = []
     for values in zip(*columns.values(), strict=True):
         row = dict(zip(columns, values, strict=True))
-        done.append(_rendered(row))
-    if not done:
+        rendered.append(_render_row(row))
+    if not rendered:
         return batch
-    return {name: [row[name] for row in done] for name in done[0]}
+    return {name: [row[name] for row in rendered] for name in rendered[0]}
 
 
-NEEDED = ("id", "trajectory_id", "step", "seed", "params", "plan", "plan_digest")
+RENDER_COLUMNS = ("id", "trajectory_id", "step", "seed", "params", "plan", "plan_digest")
 
 
 def materialised_row(row: Mapping[str, Any], screenshot: Any, plan: Plan) -> Row:
     """Return a lazy row as a materialised one, with `screenshot`."""
-    named: Row = {}
+    columns: Row = {}
     for name, value in row.items():
-        named["screenshot" if name == BASE else name] = value
-    named["screenshot"] = screenshot
-    named["plan"] = plan.to_json()
-    return named
+        columns["screenshot" if name == BASE else name] = value
+    columns["screenshot"] = screenshot
+    columns["plan"] = plan.to_json()
+    return columns
 
 
 def picture_bytes(stored: Mapping[str, Any]) -> bytes:
@@ -169,7 +170,7 @@ def decode_column(row: Mapping[str, Any], column: str) -> UInt8Array:
         raise DatasetError(f"row {row['id']}: its picture is damaged ({error})") from None
 
 
-def _rendered(row: Mapping[str, Any]) -> Row:
+def _render_row(row: Mapping[str, Any]) -> Row:
     base: object = row[BASE]
     pixels = None
     if isinstance(base, Image.Image):  # decoded by `datasets`
@@ -182,10 +183,10 @@ def _path(planner: Planner | None, row: Mapping[str, Any], sample: str) -> tuple
     """Return the path through combinators to the corruption that planned for a row."""
     key: int | str = sample
     while isinstance(planner, Augmentation):
-        found = planner.chosen(seed=int(row["seed"]), sample=key, step=int(row["step"]))
-        if found is None:
+        choice = planner.chosen(seed=int(row["seed"]), sample=key, step=int(row["step"]))
+        if choice is None:
             break
-        planner, key = found
+        planner, key = choice
     return key.path if isinstance(key, Branch) else ()
 
 
@@ -205,8 +206,8 @@ def _is_recipe(text: str) -> bool:
     return f'"format":"{FORMAT}"' in text[-60:]
 
 
-def _derived(recipe: str, row: Mapping[str, Any], size: Size) -> Plan:
-    corruption, sample, path = _read(recipe)
+def _plan_from_recipe(recipe: str, row: Mapping[str, Any], size: Size) -> Plan:
+    corruption, sample, path = _read_recipe(recipe)
     if corruption == CLEAN:
         return Plan.clean(size)
     spec = _spec(corruption, cast("str", row["params"]))
@@ -219,7 +220,7 @@ def _derived(recipe: str, row: Mapping[str, Any], size: Size) -> Plan:
 
 
 @lru_cache(maxsize=256)
-def _read(recipe: str) -> tuple[str, str | None, tuple[str, ...]]:
+def _read_recipe(recipe: str) -> tuple[str, str | None, tuple[str, ...]]:
     # returns the corruption, the key of the draws (if any), and the path through combinators
     data = json.loads(recipe)
     version = data["version"]

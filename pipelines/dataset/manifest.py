@@ -29,7 +29,7 @@ OUTPUTS = ("materialised", LAZY)
 FILES = ("README.md", "config.yaml", "quarantine.jsonl")
 FILE_HASHES = "files"
 DIGEST = "digest"
-# The count of pictures with transparent pixels, of which older manifests know nothing.
+# The count of pictures with transparent pixels, absent where it is 0.
 TRANSPARENT = "transparent"
 # The libraries that, in addition to our own code, decide the bytes of a row.
 LIBRARIES = ("agenthijack", "numpy", "pillow", "pyarrow", "isal")
@@ -53,13 +53,14 @@ def total_counts(shards: Iterable[ShardRecord]) -> dict[str, Any]:
         rows.update(shard.counts["rows"])
         dropped.update(shard.counts["dropped"])
         transparent += shard.counts.get(TRANSPARENT, 0)
-        for label, found in shard.counts["not_applicable"].items():
-            reasons.setdefault(label, Counter()).update(found)
+        for label, shard_reasons in shard.counts["not_applicable"].items():
+            reasons.setdefault(label, Counter()).update(shard_reasons)
     return {
         "rows": dict(rows),
         "dropped": dict(dropped),
         "not_applicable": {
-            label: dict(sorted(found.items())) for label, found in sorted(reasons.items())
+            label: dict(sorted(shard_reasons.items()))
+            for label, shard_reasons in sorted(reasons.items())
         },
         **({TRANSPARENT: transparent} if transparent else {}),
     }
@@ -105,15 +106,15 @@ def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
     The hashes of the files next to it and of its own content are added.
     """
     files = {name: file_sha256(folder / name) for name in FILES if (folder / name).is_file()}
-    whole = {**manifest, FILE_HASHES: files}
-    whole[DIGEST] = manifest_digest(whole)
-    write_atomic(folder / MANIFEST, json.dumps(whole, indent=1, ensure_ascii=False) + "\n")
+    content = {**manifest, FILE_HASHES: files}
+    content[DIGEST] = manifest_digest(content)
+    write_atomic(folder / MANIFEST, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
 
 
 def manifest_digest(manifest: Mapping[str, Any]) -> str:
     """Return the SHA-256 of the content of a manifest, excluding the digest itself."""
-    said = {key: value for key, value in manifest.items() if key != DIGEST}
-    text = json.dumps(said, sort_keys=True, separators=(",", ":"))
+    content = {key: value for key, value in manifest.items() if key != DIGEST}
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -55,7 +55,9 @@ class Dataset:
     def pixels(self, index: int) -> tuple[dict[str, Any], UInt8Array]:
         """Return row `index` and its screenshot as uint8 RGB `[H, W, 3]`.
 
-        Raises `IndexError` for a number out of range, and `DatasetError` for a damaged row.
+        Raises:
+            IndexError: there is no such row.
+            DatasetError: the row is damaged.
         """
         row = self.reader[index]
         return open_row(row)
@@ -64,7 +66,8 @@ class Dataset:
 def open_dataset(folder: str | os.PathLike[str]) -> Dataset:
     """Open a dataset that `build` made.
 
-    Raises `DatasetError` if the folder is not a dataset, or an unfinished one.
+    Raises:
+        DatasetError: the folder is not a dataset, or an unfinished one.
     """
     path = Path(folder)
     return Dataset(path, read_manifest(path))

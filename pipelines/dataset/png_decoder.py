@@ -1,10 +1,10 @@
 """Read PNG files of screenshots: ISA-L inflates them, Numba (extra `fast`) undoes their filters.
 
 Only common, undamaged files are read here: 8 bits, RGB or RGBA, one frame, not interlaced, no EXIF,
-every checksum right. `read` returns `None` for any other file, which Pillow then reads or explains.
-The pixels are the same as Pillow's, in a third of its time (and half of OpenCV's); transparency is
-dropped, as in Pillow's conversion to RGB. The first pictures of a process are left to Pillow, until
-what Numba would have saved is more than it takes to load.
+every checksum right. `decode_png` returns `None` for any other file, which Pillow then reads or
+explains. The pixels are the same as Pillow's, in a third of its time (and half of OpenCV's);
+transparency is dropped, as in Pillow's conversion to RGB. The first pictures of a process are left
+to Pillow, until what Numba would have saved is more than it takes to load.
 """
 
 import struct
@@ -24,7 +24,7 @@ Chunk: TypeAlias = tuple[bytes, memoryview]  # name and body
 
 NONE, SUB, _, AVERAGE, PAETH = range(5)
 CHANNELS = {2: 3, 6: 4}  # by colour type (PNG specification, IHDR)
-SAVES = 28 / (1080 * 1920)  # milliseconds a pixel, of Pillow's time
+SAVED_MS_PER_PIXEL = 28 / (1080 * 1920)  # milliseconds a pixel, of Pillow's time
 ANIMATION = b"acTL"
 UPRIGHT = 1
 # Chunks that may hold an orientation: one of their own, as macOS writes it, or texts.
@@ -35,28 +35,32 @@ XMP = b"XML:com.adobe.xmp\0"
 PLAIN = b"\0\0"
 
 
-def read(data: bytes, zlib: Any) -> UInt8Array | None:
-    """Return the pixels of a PNG file, uint8 RGB `[H, W, 3]`.
+def decode_png(data: bytes, zlib: Any) -> UInt8Array | None:
+    """Return the pixels of a PNG file.
 
-    Returns `None` for a file that this reader does not support. `zlib` is the module
-    `isal.isal_zlib`.
+    Args:
+        data: the bytes of the file.
+        zlib: the module `isal.isal_zlib`.
+
+    Returns:
+        uint8 RGB `[H, W, 3]`, or `None` for a file that this decoder does not support.
     """
     chunks = _chunks(data, zlib.crc32)
     if chunks is None or len(chunks[0][1]) != 13:
         return None
     if any(_may_turn(name, body) for name, body in chunks):
         return None
-    width, height, depth, colour, *rest = struct.unpack(">II5B", chunks[0][1])
-    if depth != 8 or colour not in CHANNELS or rest != [0, 0, 0]:
+    width, height, depth, colour, *methods = struct.unpack(">II5B", chunks[0][1])
+    if depth != 8 or colour not in CHANNELS or methods != [0, 0, 0]:
         return None
     if not 0 < width * height <= PICTURE_PIXELS:
         return None
     line = 1 + CHANNELS[colour] * width
     packed = b"".join(body for name, body in chunks if name == b"IDAT")
-    raw = _inflated(packed, height * line, zlib)
+    raw = _inflate(packed, height * line, zlib)
     if raw is None:
         return None
-    return _unfiltered(raw.reshape(height, line), width)
+    return _unfilter_rows(raw.reshape(height, line), width)
 
 
 def _chunks(data: bytes, crc32: Callable[..., int]) -> list[Chunk] | None:
@@ -65,7 +69,7 @@ def _chunks(data: bytes, crc32: Callable[..., int]) -> list[Chunk] | None:
     if data[:at] != SIGNATURE or data[at + 4 : at + 8] != b"IHDR":
         return None
     view = memoryview(data)
-    found: list[Chunk] = []
+    chunks: list[Chunk] = []
     while at + 12 <= len(data):
         (size,) = cast("tuple[int]", struct.unpack_from(">I", data, at))
         end = at + 12 + size
@@ -75,9 +79,9 @@ def _chunks(data: bytes, crc32: Callable[..., int]) -> list[Chunk] | None:
             return None
         if crc32(body, crc32(name)) != int.from_bytes(data[end - 4 : end], "big"):
             return None
-        found.append((name, body))
+        chunks.append((name, body))
         if name == b"IEND":
-            return found
+            return chunks
         at = end
     return None
 
@@ -106,7 +110,7 @@ def _orientation(data: bytes) -> object:
         return None
 
 
-def _inflated(packed: bytes, length: int, zlib: Any) -> UInt8Array | None:
+def _inflate(packed: bytes, length: int, zlib: Any) -> UInt8Array | None:
     unpack = zlib.decompressobj()
     try:
         raw = unpack.decompress(packed, length + 1)
@@ -117,11 +121,11 @@ def _inflated(packed: bytes, length: int, zlib: Any) -> UInt8Array | None:
     return np.frombuffer(raw, np.uint8)
 
 
-def _unfiltered(raw: UInt8Array, width: int) -> UInt8Array | None:
+def _unfilter_rows(raw: UInt8Array, width: int) -> UInt8Array | None:
     kinds = raw[:, 0]
     if raw.shape[1] == 1 + 3 * width and (kinds == UP).all():
-        return _summed(raw)
-    if kinds.max() > PAETH or not jit.worthwhile(SAVES * len(raw) * width):
+        return _unfilter_up(raw)
+    if kinds.max() > PAETH or not jit.worthwhile(SAVED_MS_PER_PIXEL * len(raw) * width):
         return None
     out = np.empty((len(raw), width, 3), np.uint8)
 
@@ -132,7 +136,7 @@ def _unfiltered(raw: UInt8Array, width: int) -> UInt8Array | None:
     return jit.call_with_fallback(compiled, lambda: None)
 
 
-def _summed(raw: UInt8Array) -> UInt8Array:
+def _unfilter_up(raw: UInt8Array) -> UInt8Array:
     """Undo filter Up in every row with NumPy, which is enough for our own files."""
     out = np.empty((raw.shape[0], raw.shape[1] - 1), np.uint8)
     out[0] = raw[0, 1:]
@@ -164,43 +168,43 @@ def _unfilter(raw: UInt8Array, out: UInt8Array) -> None:
         to_corner = abs(to_left + to_up)
         to_left = abs(to_left)
         to_up = abs(to_up)
-        other = up if to_up <= to_corner else corner
-        return left if to_left <= to_up and to_left <= to_corner else other
+        up_or_corner = up if to_up <= to_corner else corner
+        return left if to_left <= to_up and to_left <= to_corner else up_or_corner
 
     height, width, _ = out.shape
     first = np.zeros((width, 3), np.uint8)
     for y in range(height):
         kind = raw[y, 0]
-        now = out[y]
+        row = out[y]
         up = out[y - 1] if y else first
         line = raw[y, 1:].reshape(width, (raw.shape[1] - 1) // width)
         r = g = b = r1 = g1 = b1 = np.int32(0)  # the pixel to the left, and the one above it
         if kind == 0:
             for x in range(width):
-                now[x, 0] = line[x, 0]
-                now[x, 1] = line[x, 1]
-                now[x, 2] = line[x, 2]
+                row[x, 0] = line[x, 0]
+                row[x, 1] = line[x, 1]
+                row[x, 2] = line[x, 2]
         elif kind == 1:
             for x in range(width):
                 r = (r + line[x, 0]) & 255
                 g = (g + line[x, 1]) & 255
                 b = (b + line[x, 2]) & 255
-                now[x, 0] = r
-                now[x, 1] = g
-                now[x, 2] = b
+                row[x, 0] = r
+                row[x, 1] = g
+                row[x, 2] = b
         elif kind == 2:
             for x in range(width):
-                now[x, 0] = line[x, 0] + up[x, 0]
-                now[x, 1] = line[x, 1] + up[x, 1]
-                now[x, 2] = line[x, 2] + up[x, 2]
+                row[x, 0] = line[x, 0] + up[x, 0]
+                row[x, 1] = line[x, 1] + up[x, 1]
+                row[x, 2] = line[x, 2] + up[x, 2]
         elif kind == 3:
             for x in range(width):
                 r = (((r + up[x, 0]) >> 1) + line[x, 0]) & 255
                 g = (((g + up[x, 1]) >> 1) + line[x, 1]) & 255
                 b = (((b + up[x, 2]) >> 1) + line[x, 2]) & 255
-                now[x, 0] = r
-                now[x, 1] = g
-                now[x, 2] = b
+                row[x, 0] = r
+                row[x, 1] = g
+                row[x, 2] = b
         else:
             for x in range(width):
                 r2 = np.int32(up[x, 0])
@@ -209,9 +213,9 @@ def _unfilter(raw: UInt8Array, out: UInt8Array) -> None:
                 r = (line[x, 0] + paeth(r, r2, r1)) & np.int32(255)
                 g = (line[x, 1] + paeth(g, g2, g1)) & np.int32(255)
                 b = (line[x, 2] + paeth(b, b2, b1)) & np.int32(255)
-                now[x, 0] = r
-                now[x, 1] = g
-                now[x, 2] = b
+                row[x, 0] = r
+                row[x, 1] = g
+                row[x, 2] = b
                 r1 = r2
                 g1 = g2
                 b1 = b2

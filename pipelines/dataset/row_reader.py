@@ -100,30 +100,30 @@ class RowReader:
 
     def _group(self, file: int, offset: int) -> tuple[Any, int]:
         # returns the row group of a row, and the index of the row in that group
-        opened = self._file(file)
-        group = bisect_right(opened.ends, offset)
-        if group == len(opened.ends):
+        open_file = self._file(file)
+        group = bisect_right(open_file.ends, offset)
+        if group == len(open_file.ends):
             raise DatasetError(
                 f"{self.files[file]}: holds fewer rows than the manifest says; hijack verify says"
                 " more"
             )
         table = self._groups.get((file, group))
         if table is None:
-            table = opened.parquet.read_row_group(group, self.columns, use_threads=False)
+            table = open_file.parquet.read_row_group(group, self.columns, use_threads=False)
             self._groups.put((file, group), table, 1)
-        return table, offset - _start(opened.ends, group)
+        return table, offset - _start(open_file.ends, group)
 
     def _file(self, file: int) -> _OpenFile:
         """Return an open file; one that leaves the cache is closed with its last reference."""
-        opened = self._open.get(file)
-        if opened is None:
+        open_file = self._open.get(file)
+        if open_file is None:
             shared = [f"{BASE}.bytes"] if self.lazy else None
             parquet = pyarrow().parquet.ParquetFile(self.files[file], read_dictionary=shared)
             meta = parquet.metadata
             rows = (meta.row_group(k).num_rows for k in range(meta.num_row_groups))
-            opened = _OpenFile(parquet, list(accumulate(rows)))
-            self._open.put(file, opened, 1)
-        return opened
+            open_file = _OpenFile(parquet, list(accumulate(rows)))
+            self._open.put(file, open_file, 1)
+        return open_file
 
 
 def _start(ends: list[int], place: int) -> int:

@@ -35,4 +35,4 @@ class Sample:
 
 def step_position(trajectory: Trajectory, step: Step) -> int:
     """Return the number of steps of `trajectory` before `step`."""
-    return next(i for i, other in enumerate(trajectory) if other.index == step.index)
+    return next(i for i, candidate in enumerate(trajectory) if candidate.index == step.index)

@@ -44,7 +44,11 @@ class ShardRecord:
 
 
 def record_from(data: dict[str, Any]) -> ShardRecord:
-    """Read a record that `to_data` made; missing or unknown fields are a `TypeError`."""
+    """Read a record that `to_data` made.
+
+    Raises:
+        TypeError: a field is missing or unknown.
+    """
     rejected = cast("list[dict[str, str]]", data.get("rejected", []))
     return ShardRecord(**{**data, "rejected": tuple(rejected)})
 

@@ -19,7 +19,7 @@ from .manifest import is_lazy, read_manifest
 # Bins of the visible share of the target; the first is "hidden", the last "all of it".
 EDGES = (0.0, 0.25, 0.5, 0.75, 1.0)
 BINS = ("none", "under 25 %", "25 to 50 %", "50 to 75 %", "75 to 100 %", "all of it")
-READ = (
+COLUMNS_READ = (
     "corruption",
     "source",
     "fidelity",
@@ -49,7 +49,7 @@ class LabelStats:
         inserted: number of rows that an event added.
         visible: rows by the visible share of the target, in the order of `BINS`; rows without a
             target are not counted.
-        changed: share of the pixels that changed, 0..1, of each row.
+        changed_shares: share of the pixels that changed, 0..1, of each row.
     """
 
     rows: int = 0
@@ -60,7 +60,7 @@ class LabelStats:
     reminders: int = 0
     inserted: int = 0
     visible: list[int] = field(default_factory=lambda: [0] * len(BINS))
-    changed: "array[float]" = field(default_factory=lambda: array("f"))
+    changed_shares: "array[float]" = field(default_factory=lambda: array("f"))
 
     def add(self, row: dict[str, Any]) -> None:
         """Count a row."""
@@ -73,7 +73,7 @@ class LabelStats:
         self.reminders += row["reminder"] is not None
         self.inserted += row["inserted"]
         pixels = max(1, row["width"] * row["height"])
-        self.changed.append(row["changed_pixels"] / pixels)
+        self.changed_shares.append(row["changed_pixels"] / pixels)
         if row["target_visible"] is not None:
             self.visible[_bin(row["target_visible"])] += 1
 
@@ -82,8 +82,8 @@ class LabelStats:
         low = 0
         middle = 0
         high = 0
-        if self.changed:
-            low, middle, high = map(float, np.quantile(self.changed, (0, 0.5, 1)))
+        if self.changed_shares:
+            low, middle, high = map(float, np.quantile(self.changed_shares, (0, 0.5, 1)))
         return {
             "rows": self.rows,
             "fidelity": dict(sorted(self.fidelity.items())),
@@ -114,7 +114,7 @@ class Stats:
     @property
     def rows(self) -> int:
         """All rows."""
-        return sum(found.rows for found in self.labels.values())
+        return sum(label_stats.rows for label_stats in self.labels.values())
 
     def to_data(self) -> dict[str, Any]:
         """JSON data."""
@@ -127,7 +127,9 @@ class Stats:
             "steps": self.steps,
             "shards": self.shards,
             "bytes": self.bytes,
-            "corruptions": {label: found.to_data() for label, found in self.labels.items()},
+            "corruptions": {
+                label: label_stats.to_data() for label, label_stats in self.labels.items()
+            },
             "dropped": counts["dropped"],
             "not_applicable": counts["not_applicable"],
             "rejected": counts["rejected"],
@@ -140,13 +142,13 @@ class Stats:
             f" {self.trajectories} trajectories, {self.bytes / 1e6:.1f} MB in"
             f" {counted(self.shards, 'file')}"
         ]
-        for label, found in self.labels.items():
-            for event, count in sorted(found.event.items()):
+        for label, label_stats in self.labels.items():
+            for event, count in sorted(label_stats.event.items()):
                 text.append(f"{label}: {counted(count, 'row')}: {event}")
-            if found.inserted:
-                text.append(f"{label}: {counted(found.inserted, 'step')} inserted")
-            if found.reminders:
-                text.append(f"{label}: {counted(found.reminders, 'row')} with a reminder")
+            if label_stats.inserted:
+                text.append(f"{label}: {counted(label_stats.inserted, 'step')} inserted")
+            if label_stats.reminders:
+                text.append(f"{label}: {counted(label_stats.reminders, 'row')} with a reminder")
         for label, count in self.counts["dropped"].items():
             text.append(f"{label}: {count} dropped, their target does not show")
         for label, reasons in self.counts["not_applicable"].items():
@@ -163,28 +165,31 @@ class Stats:
         from hijack_data.cli.figure_table import FigureTable
 
         rows: list[list[str]] = []
-        shown: list[list[str]] = []
-        for label, found in self.labels.items():
-            data = found.to_data()
-            listed = [_listed(data[name]) for name in ("severity", "fidelity", "source")]
-            rows.append([label, str(found.rows), changed_text(data), *listed])
-            shown.append([label, *map(str, found.visible), str(data["without_target"])])
-        head, *more = map(escape, self.lines())
+        visible_rows: list[list[str]] = []
+        for label, label_stats in self.labels.items():
+            data = label_stats.to_data()
+            listed = [_counts_text(data[name]) for name in ("severity", "fidelity", "source")]
+            rows.append([label, str(label_stats.rows), changed_text(data), *listed])
+            visible_rows.append(
+                [label, *map(str, label_stats.visible), str(data["without_target"])]
+            )
+        head, *remarks = map(escape, self.lines())
         names = ("rows", "changed", "severity", "fidelity", "source")
         return [
             head,
             "",
             FigureTable("corruption", names, rows),
             "",
-            FigureTable("target shows", (*BINS, "no target"), shown),
-            *more,
+            FigureTable("target shows", (*BINS, "no target"), visible_rows),
+            *remarks,
         ]
 
 
 def stats(folder: str | os.PathLike[str]) -> Stats:
     """Count the rows of a dataset, without reading a picture.
 
-    A folder that is not a dataset, or an unfinished one, is a `DatasetError`.
+    Raises:
+        DatasetError: the folder is not a dataset, or an unfinished one, or a file cannot be read.
     """
     path = Path(folder)
     manifest = read_manifest(path)
@@ -207,8 +212,8 @@ def stats(folder: str | os.PathLike[str]) -> Stats:
 
 def changed_text(data: dict[str, Any]) -> str:
     """Return the changed share of the pictures as text: the median, the least and the largest."""
-    changed = data["changed"]
-    low, middle, high = (100 * changed[name] for name in ("min", "median", "max"))
+    shares = data["changed"]
+    low, middle, high = (100 * shares[name] for name in ("min", "median", "max"))
     return f"{middle:.1f} % ({low:.1f} to {high:.1f})"
 
 
@@ -224,13 +229,13 @@ def _rows(file: Path) -> Iterator[dict[str, Any]]:
     pa = pyarrow()
     try:
         with pa.parquet.ParquetFile(file) as parquet:
-            for batch in parquet.iter_batches(BATCH, columns=list(READ)):
+            for batch in parquet.iter_batches(BATCH, columns=list(COLUMNS_READ)):
                 yield from batch.to_pylist()
     except (pa.ArrowException, OSError, KeyError) as error:
         raise DatasetError(f"{file}: cannot be read ({error}); hijack verify says more") from None
 
 
-def _listed(counts: dict[str, int]) -> str:
+def _counts_text(counts: dict[str, int]) -> str:
     if len(counts) == 1:
         return next(iter(counts))
     return ", ".join(f"{name} {count}" for name, count in counts.items())

@@ -33,63 +33,70 @@ class RowLinks:
 
     row: int
     clean: int | None
-    seen: float | None = None
+    visible: float | None = None
 
 
-def page(folder: str | os.PathLike[str], found: Stats) -> str:
+def page(folder: str | os.PathLike[str], stats: Stats) -> str:
     """Return the page of a dataset as HTML that makes no network requests.
 
-    The same dataset gives the same bytes. Raises `DatasetError` if a row to be shown is damaged.
+    The same dataset gives the same bytes.
+
+    Args:
+        folder: the dataset.
+        stats: its figures, from `stats.stats`.
+
+    Raises:
+        DatasetError: a row to be shown is damaged.
     """
     rows = open_dataset(folder)
-    lines = [_line(label, stats) for label, stats in found.labels.items()]
+    lines = [_line(label, label_stats) for label, label_stats in stats.labels.items()]
     names = enumerate((*BINS, NO_TARGET))
     legend = [Html(f'<span class="k{k}">{name}</span>') for k, name in names]
-    places = _places(rows, found)
-    sections = [_section(rows, label, chosen) for label, chosen in places.items()]
+    places = _places(rows, stats)
+    sections = [_section(rows, label, label_places) for label, label_places in places.items()]
     return _fill(
         "stats.html",
         title=f"Dataset {Path(os.path.abspath(folder)).name}",
         style=Html(gallery_source("page.css") + _source("stats.css")),
-        figures=_figures(found),
+        figures=_figures(stats),
         rows=join(lines),
         legend=join(legend),
-        left=_left_out(found),
+        left=_left_out(stats),
         sections=join(sections),
         content=rows.fingerprint[:16],
     )
 
 
-def _figures(found: Stats) -> Html:
+def _figures(stats: Stats) -> Html:
     """Return the cards with the main figures of the dataset."""
-    rejected = sum(found.counts["rejected"].values())
-    files = counted(found.shards, "file")
-    trajectories = counted(found.trajectories, "trajectory", "trajectories")
+    rejected = sum(stats.counts["rejected"].values())
+    files = counted(stats.shards, "file")
+    trajectories = counted(stats.trajectories, "trajectory", "trajectories")
     figures = [
-        _number(counted(found.rows, "row"), f"{found.output}, {files}"),
-        _number(counted(found.steps, "step"), f"of {trajectories}"),
-        _number(f"{found.bytes / 1e6:,.1f} MB", "on disk"),
+        _number(counted(stats.rows, "row"), f"{stats.output}, {files}"),
+        _number(counted(stats.steps, "step"), f"of {trajectories}"),
+        _number(f"{stats.bytes / 1e6:,.1f} MB", "on disk"),
         _number(counted(rejected, "input"), "rejected"),
     ]
     return join(figures)
 
 
-def _number(much: str, what: str) -> Html:
-    return Html(f"<li><strong>{_escaped(much)}</strong><span>{_escaped(what)}</span></li>")
+def _number(figure: str, caption: str) -> Html:
+    return Html(f"<li><strong>{_escape(figure)}</strong><span>{_escape(caption)}</span></li>")
 
 
-def _line(label: str, found: LabelStats) -> Html:
-    if not found.rows:
-        name = _escaped(label)
+def _line(label: str, label_stats: LabelStats) -> Html:
+    if not label_stats.rows:
+        name = _escape(label)
         return Html(f'<tr><td class="no">{name}</td><td class="no" colspan="6">no rows</td></tr>')
-    data = found.to_data()
+    data = label_stats.to_data()
     levels: dict[str, int] = {}
     for level, count in data["severity"].items():
         levels["no level" if level == "None" else f"level {level}"] = count
-    changed = _changed(label, data)
-    listed = (_listed(levels), _listed(data["fidelity"]), _listed(data["source"]))
-    cells = wrap("td", [label, f"{found.rows:,}", changed, *listed])
-    bars = _bars([*found.visible, data["without_target"]])
+    changed_share = _changed_share(label, data)
+    listed = (_counts_text(levels), _counts_text(data["fidelity"]), _counts_text(data["source"]))
+    cells = wrap("td", [label, f"{label_stats.rows:,}", changed_share, *listed])
+    bars = _bars([*label_stats.visible, data["without_target"]])
     return Html(f'<tr>{cells}<td><div class="shows">{bars}</div></td></tr>')
 
 
@@ -103,7 +110,7 @@ def _bars(shares: list[int]) -> str:
     return text
 
 
-def _changed(label: str, data: dict[str, Any]) -> str:
+def _changed_share(label: str, data: dict[str, Any]) -> str:
     if label == CLEAN:
         return "\u2013"
     if data["changed"]["min"] == 1:
@@ -111,7 +118,7 @@ def _changed(label: str, data: dict[str, Any]) -> str:
     return changed_text(data)
 
 
-def _listed(counts: dict[str, int]) -> str:
+def _counts_text(counts: dict[str, int]) -> str:
     if list(counts) == ["no level"]:
         return "\u2013"
     if len(counts) == 1:
@@ -119,12 +126,12 @@ def _listed(counts: dict[str, int]) -> str:
     return ", ".join(f"{name}: {count:,}" for name, count in counts.items())
 
 
-def _left_out(found: Stats) -> Html:
+def _left_out(stats: Stats) -> Html:
     """Return a card for each corruption with events, and one for each with steps without a row."""
     cards: list[Html] = []
-    for label, stats in found.labels.items():
-        cards += _card(f"{label}: what happened", _events(stats))
-        cards += _card(f"{label}: steps without a row", _reasons(found, label))
+    for label, label_stats in stats.labels.items():
+        cards += _card(f"{label}: what happened", _events(label_stats))
+        cards += _card(f"{label}: steps without a row", _reasons(stats, label))
     return join(cards)
 
 
@@ -132,7 +139,7 @@ def _card(title: str, texts: list[str]) -> list[Html]:
     if not texts:
         return []
     items = wrap("li", texts)
-    return [Html(f'<li class="tile"><h3>{_escaped(title)}</h3><ul>{items}</ul></li>')]
+    return [Html(f'<li class="tile"><h3>{_escape(title)}</h3><ul>{items}</ul></li>')]
 
 
 def _events(stats: LabelStats) -> list[str]:
@@ -146,42 +153,42 @@ def _events(stats: LabelStats) -> list[str]:
     return events
 
 
-def _reasons(found: Stats, label: str) -> list[str]:
+def _reasons(stats: Stats, label: str) -> list[str]:
     notes: list[str] = []
-    for reason, count in found.counts["not_applicable"].get(label, {}).items():
+    for reason, count in stats.counts["not_applicable"].get(label, {}).items():
         notes.append(f"{counted(count, 'step')}: {reason}")
-    dropped = found.counts["dropped"].get(label, 0)
+    dropped = stats.counts["dropped"].get(label, 0)
     if dropped:
         notes.append(f"{counted(dropped, 'row')} dropped: the target does not show")
     return notes
 
 
-def _places(rows: Dataset, found: Stats) -> dict[str, list[RowLinks]]:
+def _places(rows: Dataset, stats: Stats) -> dict[str, list[RowLinks]]:
     """Choose rows of each corruption: the one with the least visible target, and others spread."""
     spread: dict[str, list[int]] = {}
-    for label, stats in found.labels.items():
-        if label != CLEAN and stats.rows:
-            spread[label] = [stats.rows * k // PAIRS for k in range(PAIRS)]
-    seen = dict.fromkeys(spread, 0)
+    for label, label_stats in stats.labels.items():
+        if label != CLEAN and label_stats.rows:
+            spread[label] = [label_stats.rows * k // PAIRS for k in range(PAIRS)]
+    rows_passed = dict.fromkeys(spread, 0)
     places: dict[str, dict[int, RowLinks]] = {label: {} for label in spread}
     hidden: dict[str, tuple[int, RowLinks]] = {}
-    for label, place in _indexed(rows):
-        number = seen[label]
-        seen[label] += 1
+    for label, place in _index_rows(rows):
+        number = rows_passed[label]
+        rows_passed[label] += 1
         if number in spread[label]:
             places[label][number] = place
-        least = hidden[label][1].seen if label in hidden else 1.0
-        if place.seen is not None and least is not None and place.seen < least:
+        least = hidden[label][1].visible if label in hidden else 1.0
+        if place.visible is not None and least is not None and place.visible < least:
             hidden[label] = number, place
     for label, (number, place) in hidden.items():
-        chosen = places[label]
-        if number not in chosen:
-            chosen.pop(max(chosen))
-        places[label] = {number: place, **chosen}
-    return {label: list(chosen.values()) for label, chosen in places.items()}
+        label_places = places[label]
+        if number not in label_places:
+            label_places.pop(max(label_places))
+        places[label] = {number: place, **label_places}
+    return {label: list(label_places.values()) for label, label_places in places.items()}
 
 
-def _indexed(rows: Dataset) -> Iterator[tuple[str, RowLinks]]:
+def _index_rows(rows: Dataset) -> Iterator[tuple[str, RowLinks]]:
     """Yield the label and the links of each corrupted row."""
     columns = ["trajectory_id", "step", "corruption", "target_visible"]
     number = 0
@@ -201,7 +208,7 @@ def _indexed(rows: Dataset) -> Iterator[tuple[str, RowLinks]]:
 
 def _section(rows: Dataset, label: str, places: list[RowLinks]) -> Html:
     pairs = join([_pair(rows, place) for place in places])
-    heading = f'<div class="heading"><h2>{_escaped(label)}</h2></div>'
+    heading = f'<div class="heading"><h2>{_escape(label)}</h2></div>'
     return Html(f'<section>{heading}<div class="cards">{pairs}</div></section>')
 
 
@@ -214,8 +221,8 @@ def _pair(rows: Dataset, place: RowLinks) -> Html:
     scale = scale_for(largest, WIDTH)
     figures = [_figure(picture, scale, name, row["id"]) for name, picture in pictures.items()]
     resized = before is not None and before.shape != after.shape
-    name = _escaped(row["id"])
-    title = _escaped(row["instruction"] or row["id"])
+    name = _escape(row["id"])
+    title = _escape(row["instruction"] or row["id"])
     facts = wrap("li", _facts(row, resized))
     head = f'<div class="head"><h3>{title}</h3>{_badge(row["target_visible"])}</div>'
     text = f'<p class="id">{name}</p><ul class="facts">{facts}</ul>'
@@ -227,22 +234,22 @@ def _width(size: tuple[int, int]) -> int:
     return size[1]
 
 
-def _badge(seen: float | None) -> str:
+def _badge(share: float | None) -> str:
     """Return a mark for a target that is not wholly visible."""
-    if seen is None or seen >= 1:
+    if share is None or share >= 1:
         return ""
-    kind = "hidden" if seen < VISIBLE else "partly"
-    return f'<span class="chip {kind}">{100 * seen:.0f} % shows</span>'
+    kind = "hidden" if share < VISIBLE else "partly"
+    return f'<span class="chip {kind}">{100 * share:.0f} % shows</span>'
 
 
 def _facts(row: Mapping[str, Any], resized: bool) -> list[str]:
-    changed = f"all pixels, resized to {row['width']}\u00d7{row['height']}"
+    change = f"all pixels, resized to {row['width']}\u00d7{row['height']}"
     if not resized:
-        changed = f"{counted(row['changed_pixels'], 'pixel')} changed"
-    seen = row["target_visible"]
-    if seen is not None:
-        changed += f", {100 * seen:.0f} % of the target shows"
-    facts = [changed]
+        change = f"{counted(row['changed_pixels'], 'pixel')} changed"
+    share = row["target_visible"]
+    if share is not None:
+        change += f", {100 * share:.0f} % of the target shows"
+    facts = [change]
     if row["event"]:
         facts.append(f"{row['fidelity']}: {row['event']}")
     action = row["action_code"] or row["action"]["type"]
@@ -260,23 +267,23 @@ def _before(rows: Dataset, place: RowLinks) -> UInt8Array | None:
 
 
 def _figure(picture: UInt8Array, scale: float, caption: str, name: str) -> Html:
-    shown = embed(picture, scale)
-    size = f'width="{shown.size[1]}" height="{shown.size[0]}"'
-    alt = _escaped(f"{name}: {caption}")
+    image = embed(picture, scale)
+    size = f'width="{image.size[1]}" height="{image.size[0]}"'
+    alt = _escape(f"{name}: {caption}")
     return Html(
-        f'<figure><img src="{shown.uri}" {size}'
+        f'<figure><img src="{image.uri}" {size}'
         f' alt="{alt}"><figcaption>{caption}</figcaption></figure>'
     )
 
 
-def _escaped(text: str) -> str:
+def _escape(text: str) -> str:
     return html.escape(clean(text))
 
 
 def _fill(template: str, **values: str) -> str:
     safe: dict[str, str] = {}
     for name, value in values.items():
-        safe[name] = value if isinstance(value, Html) else _escaped(value)
+        safe[name] = value if isinstance(value, Html) else _escape(value)
     return Template(_source(template)).substitute(safe)
 
 

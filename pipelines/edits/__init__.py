@@ -30,7 +30,7 @@ def _problems(edit: Any, _: str) -> Iterator[str]:
         yield "it does not define apply"
 
 
-def _made(edit: type[Edit]) -> Edit:
+def _instantiate(edit: type[Edit]) -> Edit:
     return edit()
 
 
@@ -47,7 +47,7 @@ EDITS = Registry[Edit](
     },
     own_name="kind",
     problems=_problems,
-    prepare=_made,
+    prepare=_instantiate,
     related=("corruptions",),
 )
 

@@ -30,31 +30,31 @@ from .open_menus import menu_state
 
 KINDS = ("menu", "dialog")
 # Elements above this share of the screen are working areas, where a click opens nothing.
-LARGEST = 0.02
+MAX_ELEMENT_SHARE = 0.02
 # The application names under which menus of the panel and of the bare desktop are recorded.
 PANEL = "desktop"
 # The largest distance in pixels of a menu, or of a button's bubble, from the element that opened
 # it.
-TOUCH = 8
+MAX_OPENER_GAP_PX = 8
 # Pixels by which the sides of an element may differ from those of the element that opened a
 # picture; the heights of panels vary more.
-ALIKE = 1
-ALIKE_PANEL = 4
+SIDE_TOLERANCE_PX = 1
+PANEL_SIDE_TOLERANCE_PX = 4
 # On another desktop, an element may be this many times smaller or larger than the element that
 # opened a picture.
-SMALLER = 2.0
-LARGER = 1.5
+MAX_SHRINK = 2.0
+MAX_GROWTH = 1.5
 # It stands in the bar of a window that fills the screen: within this share of the height from the
 # top, beyond this share of the width, or as far from the left as it was, within so many pixels.
-BARS = 0.12
-RIGHT = 0.9
-NEAR = 24
+BAR_SHARE = 0.12
+RIGHT_SHARE = 0.9
+MAX_OFFSET_PX = 24
 # The least contrast, in levels of grey, of the letters of an element that can be clicked; disabled
 # elements have less.
-CONTRAST = 100
+MIN_CONTRAST = 100
 # Words in the names of elements that refer to a file or a site of the recorded machine.
-NAMES = re.compile(r"[\w-]+\.[a-z]{1,5}\b")
-OF_A_PAGE = ("Not secure", "Bookmark this tab")
+FILE_NAME = re.compile(r"[\w-]+\.[a-z]{1,5}\b")
+PAGE_MARKS = ("Not secure", "Bookmark this tab")
 
 
 @dataclass(frozen=True)
@@ -99,9 +99,9 @@ class TouchEdit(Edit):
             ops=(Paste(asset.recipe(), ((x, y),)),),
             fidelity="composited",
             response=asset.recover.moved(x, y),
-            boxes=[_moved(target.box, x, y) for target in asset.targets],
+            boxes=[_move_box(target.box, x, y) for target in asset.targets],
             notes=(f"the element at {list(element)} was clicked",),
-            shown="menu" if _touches_opener(asset) else "dialog",
+            detail="menu" if _touches_opener(asset) else "dialog",
         )
 
     def assumed_apps(self, pack: AssetPack, stream: Stream) -> Iterator[tuple[str, ...]]:
@@ -109,7 +109,7 @@ class TouchEdit(Edit):
         return recorded_apps(pack, KINDS, stream)
 
 
-def _moved(box: Box, x: int, y: int) -> Box:
+def _move_box(box: Box, x: int, y: int) -> Box:
     return box[0] + x, box[1] + y, box[2] + x, box[3] + y
 
 
@@ -191,7 +191,7 @@ def _candidates(frame: Frame, effect: Effect) -> Iterator[Box]:
             continue
         if effect.params["without_app"] and _in_bar(box, frame.scene.size):
             continue
-        is_large = (x2 - x1) * (y2 - y1) > LARGEST * width * height
+        is_large = (x2 - x1) * (y2 - y1) > MAX_ELEMENT_SHARE * width * height
         if not is_large and _stands_out(box, frame):
             yield box
 
@@ -215,7 +215,7 @@ def _stands_out(box: Box, frame: Frame) -> bool:
     if not levels.size:
         return False
     contrast = float(levels.max() - levels.min())
-    return contrast >= CONTRAST
+    return contrast >= MIN_CONTRAST
 
 
 def _in_bar(box: Box, size: Size) -> bool:
@@ -242,8 +242,8 @@ def _is_shown(asset: Asset, frame: Frame) -> bool:
 
 def _names_a_document(asset: Asset) -> bool:
     """Return whether a picture names a document or a page, which is not that of the recording."""
-    listed = any(NAMES.search(target.name) for target in asset.targets)
-    return listed or asset.made_by.endswith(OF_A_PAGE)
+    listed = any(FILE_NAME.search(target.name) for target in asset.targets)
+    return listed or asset.made_by.endswith(PAGE_MARKS)
 
 
 def _belongs_to_recording(asset: Asset, frame: Frame) -> bool:
@@ -264,33 +264,38 @@ def _opens(element: Box, asset: Asset, frame: Frame) -> bool:
     if frame.is_foreign:
         return _is_similar(element, opener) and _in_window_bar(element, asset, frame)
     if normalize_app(asset.app) == PANEL:
-        return _is_alike(element, opener, ALIKE_PANEL) and _in_bar(element, frame.scene.size)
-    return _is_alike(element, opener, ALIKE)
+        return _is_alike(element, opener, PANEL_SIDE_TOLERANCE_PX) and _in_bar(
+            element, frame.scene.size
+        )
+    return _is_alike(element, opener, SIDE_TOLERANCE_PX)
 
 
-def _is_alike(element: Box, opener: Box, most: int) -> bool:
+def _is_alike(element: Box, opener: Box, tolerance: int) -> bool:
     """Return whether the sides of two boxes differ by at most `most` pixels."""
     pairs = zip(_sides(element), _sides(opener), strict=True)
-    return all(abs(one - other) <= most for one, other in pairs)
+    return all(abs(side - opener_side) <= tolerance for side, opener_side in pairs)
 
 
 def _is_similar(element: Box, opener: Box) -> bool:
     """Return whether an element, by its size, could be the opener on another desktop."""
     pairs = zip(_sides(element), _sides(opener), strict=True)
-    return all(other <= SMALLER * one and one <= LARGER * other for one, other in pairs)
+    return all(
+        opener_side <= MAX_SHRINK * side and side <= MAX_GROWTH * opener_side
+        for side, opener_side in pairs
+    )
 
 
 def _in_window_bar(element: Box, asset: Asset, frame: Frame) -> bool:
     """Return whether an element is where the opener would be in a window that fills the screen."""
     height, width = frame.scene.size
-    if element[3] > BARS * height:
+    if element[3] > BAR_SHARE * height:
         return False
     if _is_right(asset):
-        return element[2] >= RIGHT * width
+        return element[2] >= RIGHT_SHARE * width
     menus = [menu for menu in frame.pack.pictures("menu", asset.app) if _opener(menu) is not None]
     left = min(_opened_at(menu) for menu in menus or [asset])
     expected = _opened_at(asset) - left
-    return abs(element[0] - expected) <= NEAR
+    return abs(element[0] - expected) <= MAX_OFFSET_PX
 
 
 def _opened_at(asset: Asset) -> int:
@@ -332,7 +337,7 @@ def _touches_opener(asset: Asset) -> bool:
     box = _opener(asset)
     if box is None:
         return asset.kind == "menu"
-    return abs(box[3]) <= TOUCH or abs(box[1] - asset.size[0]) <= TOUCH
+    return abs(box[3]) <= MAX_OPENER_GAP_PX or abs(box[1] - asset.size[0]) <= MAX_OPENER_GAP_PX
 
 
 def _offset(asset: Asset, element: Box) -> Point:
@@ -344,12 +349,12 @@ def _offset(asset: Asset, element: Box) -> Point:
     box = _opener(asset)
     if box is None:
         return 0, element[3]
-    right = -box[0]
+    dx = -box[0]
     if _is_right(asset):
-        right += _sides(element)[0] - _sides(box)[0]
-    is_above = box[1] >= asset.size[0] - TOUCH
+        dx += _sides(element)[0] - _sides(box)[0]
+    is_above = box[1] >= asset.size[0] - MAX_OPENER_GAP_PX
     row = element[1] - box[1] if is_above else element[3] - box[3]
-    return right, row
+    return dx, row
 
 
 def _opener(asset: Asset) -> Box | None:

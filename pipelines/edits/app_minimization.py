@@ -49,18 +49,18 @@ class MinimiseEdit(Edit):
         frame.check_desktop()
         if _is_bare(frame):
             raise NotApplicable("no window is open on this screen that could be minimised")
-        allowed = replace(frame, pack=_allowed(frame))
-        what = "desktop with its windows minimised"
-        shown = whole_screen(allowed, "desktop", what, screen_layout.desktop)
-        recover = shown.asset.recover
+        allowed = replace(frame, pack=_allowed_desktops(frame))
+        description = "desktop with its windows minimised"
+        screen = whole_screen(allowed, "desktop", description, screen_layout.desktop)
+        recover = screen.asset.recover
         if recover is None:
-            raise NotApplicable(f"nothing was recorded that undoes {shown.asset.id}")
+            raise NotApplicable(f"nothing was recorded that undoes {screen.asset.id}")
         return self.make_step(
-            ops=shown.ops,
-            fidelity=shown.fidelity,
-            response=shown.mapped(recover),
-            boxes=shown.boxes,
-            notes=shown.notes,
+            ops=screen.ops,
+            fidelity=screen.fidelity,
+            response=screen.mapped(recover),
+            boxes=screen.boxes,
+            notes=screen.notes,
         )
 
     def assumed_apps(self, pack: AssetPack, stream: Stream) -> Iterator[tuple[str, ...]]:
@@ -75,7 +75,7 @@ def _is_bare(frame: Frame) -> bool:
     return bool(elements) and not any(first <= (box[1] + box[3]) // 2 < end for box in elements)
 
 
-def _allowed(frame: Frame) -> AssetPack:
+def _allowed_desktops(frame: Frame) -> AssetPack:
     """Return the pack without the desktops whose window must not be brought back.
 
     Raises:
@@ -93,7 +93,7 @@ def _allowed(frame: Frame) -> AssetPack:
         raise NotApplicable(
             f"the recording does not say whose window would be minimised; {NAME_APPS}"
         )
-    kept = tuple(
+    assets = tuple(
         asset for asset in frame.pack.assets if asset.kind != "desktop" or asset in allowed
     )
-    return replace(frame.pack, assets=kept)
+    return replace(frame.pack, assets=assets)

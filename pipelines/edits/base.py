@@ -121,9 +121,9 @@ class Frame:
         """
         if self.facts.screen is None:
             raise NotApplicable(NO_SCREEN)
-        other = NO_DESKTOP.get(self.facts.screen)
-        if other is not None:
-            raise NotApplicable(other)
+        no_desktop = NO_DESKTOP.get(self.facts.screen)
+        if no_desktop is not None:
+            raise NotApplicable(no_desktop)
         if not self.is_foreign or self.allow_platform_mismatch:
             return
         if self.platform is None:
@@ -207,7 +207,7 @@ class Edit(ABC):
 
     @abstractmethod
     def apply(self, frame: Frame, effect: Effect) -> EditedStep:
-        """Return the step after the event; see `made`.
+        """Return the step after the event; see `make_step`.
 
         Args:
             frame: the step at which the event happens.
@@ -232,7 +232,7 @@ class Edit(ABC):
         response: RecordedAction | None = None,
         boxes: Sequence[Box] = (),
         notes: Sequence[str] = (),
-        shown: str = "",
+        detail: str = "",
     ) -> EditedStep:
         """Return a step of this event.
 
@@ -242,11 +242,11 @@ class Edit(ABC):
             response: what undoes the event, for the answer `"undo"`.
             boxes: what can be clicked.
             notes: remarks for the reader of the plan.
-            shown: the text for `{}` in `event`.
+            detail: the text for `{}` in `event`.
         """
         return EditedStep(
             ops=tuple(ops),
-            event=self.event.format(shown),
+            event=self.event.format(detail),
             fidelity=fidelity,
             response=WAIT if self.answer == "wait" else response,
             inserted=self.inserted,

@@ -14,7 +14,7 @@ from hijack_data.types import Box, Point, Size, size_text
 from .screen_layout import ScreenLayout, bar, panel
 
 # The least width of a strip of plain background that is repeated around a page.
-STRIP = 16
+MIN_STRIP_PX = 16
 
 
 def error_page(
@@ -24,25 +24,25 @@ def error_page(
 
     For each look, the pages recorded on the screen of the nearest height are used.
     """
-    whole = [page for page in pack.pictures("error_page") if page.size[1] == page.screen[1]]
-    whole.sort(key=lambda page: abs(page.screen[0] - size[0]))
+    full_width = [page for page in pack.pictures("error_page") if page.size[1] == page.screen[1]]
+    full_width.sort(key=lambda page: abs(page.screen[0] - size[0]))
     nearest: dict[str, int] = {}
-    found: list[ScreenLayout] = []
-    for page in whole:
+    layouts: list[ScreenLayout] = []
+    for page in full_width:
         height = page.screen[0]
         if nearest.get(page.look, height) != height:
             continue
         layout = _window(pack, page, size)
         if layout:
             nearest[page.look] = height
-            found.append(layout)
-    return stream.choice(found) if found else None
+            layouts.append(layout)
+    return stream.choice(layouts) if layouts else None
 
 
 def _window(pack: AssetPack, page: Asset, size: Size) -> ScreenLayout | None:
     """Return a recorded window on a screen of this size; `None` if its parts do not fit."""
-    view = _view_of(pack, page)
-    panel_asset = _panel_of(pack, page)
+    view = _find_view(pack, page)
+    panel_asset = _find_panel(pack, page)
     if view is None or panel_asset is None:
         return None
     height, width = size
@@ -51,7 +51,7 @@ def _window(pack: AssetPack, page: Asset, size: Size) -> ScreenLayout | None:
     title_bar = bar(page, (0, title), 2, width, 0)
     tool_bars = bar(page, (title, top), 1, width, title)
     room = (height - panel_asset.size[0] - top, width)
-    content = fitted(view, room, (0, top)) if min(room) > 0 else None
+    content = fit_page(view, room, (0, top)) if min(room) > 0 else None
     under = panel(panel_asset, size)
     if title_bar is None or tool_bars is None or content is None or under is None:
         return None
@@ -69,7 +69,7 @@ def _window(pack: AssetPack, page: Asset, size: Size) -> ScreenLayout | None:
     )
 
 
-def _view_of(pack: AssetPack, page: Asset) -> Asset | None:
+def _find_view(pack: AssetPack, page: Asset) -> Asset | None:
     """Return the picture of the page alone that was recorded with a window."""
     for view in pack.pictures("error_view", screen=page.screen):
         if view.look != page.look or view.size[1] != page.size[1]:
@@ -79,13 +79,13 @@ def _view_of(pack: AssetPack, page: Asset) -> Asset | None:
     return None
 
 
-def _panel_of(pack: AssetPack, page: Asset) -> Asset | None:
+def _find_panel(pack: AssetPack, page: Asset) -> Asset | None:
     """Return the panel that was recorded below a window: one of its buttons names the page."""
-    for found in pack.pictures("panel", app=page.app):
-        if found.recover is not None or found.look != page.look:
+    for candidate in pack.pictures("panel", app=page.app):
+        if candidate.recover is not None or candidate.look != page.look:
             continue
-        if _address(found) == _address(page):
-            return found
+        if _address(candidate) == _address(page):
+            return candidate
     return None
 
 
@@ -97,14 +97,14 @@ def _address(asset: Asset) -> str:
 def _on_page(page: Asset, top: int, width: int) -> list[Box]:
     """Return the clickable elements of the page itself, whose content stays in the middle."""
     cut = max(0, (page.size[1] - width) // 2)
-    added = max(0, (width - page.size[1]) // 2)
-    dx = added - cut
+    margin = max(0, (width - page.size[1]) // 2)
+    dx = margin - cut
     boxes = [target.box for target in page.targets if target.box[1] >= top]
     return [(x1 + dx, y1, x2 + dx, y2) for x1, y1, x2, y2 in boxes]
 
 
 @lru_cache(maxsize=256)
-def fitted(asset: Asset, size: Size, at: Point = (0, 0)) -> tuple[Paste, ...] | None:
+def fit_page(asset: Asset, size: Size, at: Point = (0, 0)) -> tuple[Paste, ...] | None:
     """Return the operations that fit a recorded page to `size`: cropped, or with more background.
 
     The content of a page is at the top, in the middle of the window; only plain background is
@@ -134,7 +134,7 @@ def fitted(asset: Asset, size: Size, at: Point = (0, 0)) -> tuple[Paste, ...] | 
     # the edge next to the continued background must itself be background
     is_framed = content.left > 0 and content.right < w
     strip = min(h - content.bottom, height)
-    if strip < min(STRIP, height) or not (is_framed or w >= width):
+    if strip < min(MIN_STRIP_PX, height) or not (is_framed or w >= width):
         return None
     across = min(w, width)
     tile = asset.recipe((0, h - strip, across, h))

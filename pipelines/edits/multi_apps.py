@@ -20,7 +20,7 @@ from hijack_data.types import Box, BoxArray, Point, Scene, Size, as_boxes, clip_
 from .base import NAME_APPS, Edit, EditedStep, Frame, NotApplicable, between_bars
 
 # Pixels kept free around the target.
-MARGIN = 8
+TARGET_MARGIN_PX = 8
 # Places tried along each side of a space beside the target.
 GRID = 5
 # Actions that have the same meaning wherever the window is. Other actions are at a place, or go to
@@ -43,7 +43,7 @@ class _Placement:
     covered: int
 
     @property
-    def badness(self) -> tuple[int, int]:
+    def sort_key(self) -> tuple[int, int]:
         """The sort key, the lower the better: covered elements first, then the smaller window."""
         height, width = self.asset.size
         return self.covered, -height * width
@@ -65,11 +65,11 @@ class LaunchAppEdit(Edit):
             NotApplicable: the event cannot be shown realistically; the message is the reason.
         """
         frame.check_desktop()
-        scene = _aimed(frame)
+        scene = _with_action_target(frame)
         _check_step(frame, scene)
         first = str(effect.params["app"])
-        wanted = [first, *(str(name) for name in effect.params.get("then", ()))]
-        windows = list(_windows(frame, wanted))
+        names = [first, *(str(name) for name in effect.params.get("then", ()))]
+        windows = list(_windows(frame, names))
         if not windows:
             raise NotApplicable(
                 "no window of an application that the recording does not use was recorded"
@@ -77,10 +77,10 @@ class LaunchAppEdit(Edit):
         for name, assets in windows:
             best = _best(_placements(assets, scene))
             if best:
-                return self._pasted(frame.stream.choice(best), _notes(frame, name, first))
+                return self._paste_window(frame.stream.choice(best), _notes(frame, name, first))
         raise NotApplicable("no room beside the target")
 
-    def _pasted(self, place: _Placement, notes: Iterator[str]) -> EditedStep:
+    def _paste_window(self, place: _Placement, notes: Iterator[str]) -> EditedStep:
         x, y = place.corner
         height, width = place.asset.size
         return self.make_step(
@@ -109,14 +109,14 @@ def _check_step(frame: Frame, scene: Scene) -> None:
         )
 
 
-def _notes(frame: Frame, name: str, wanted: str) -> Iterator[str]:
-    if name != wanted:
-        yield f"a window of {name} was recorded, and none of {wanted} that fits"
+def _notes(frame: Frame, name: str, planned: str) -> Iterator[str]:
+    if name != planned:
+        yield f"a window of {name} was recorded, and none of {planned} that fits"
     if not frame.apps:
         yield "which applications the recording uses is not known"
 
 
-def _aimed(frame: Frame) -> Scene:
+def _with_action_target(frame: Frame) -> Scene:
     """Return the scene with the whole path of the action as its target.
 
     The path of a drag is visible from its start to its end.
@@ -133,22 +133,22 @@ def _aimed(frame: Frame) -> Scene:
     return replace(frame.scene, target=(min(left), min(top), max(right), max(bottom)))
 
 
-def _windows(frame: Frame, wanted: Sequence[str]) -> Iterator[tuple[str, list[Asset]]]:
+def _windows(frame: Frame, names: Sequence[str]) -> Iterator[tuple[str, list[Asset]]]:
     """Yield recorded windows by application, those that the plan names first.
 
     A window that may be the recording's own is never used, nor is one of a program that the
     instruction names: the task may be done in it. A screenshot without a recording is assumed to
     show a browser.
     """
-    found: dict[str, list[Asset]] = {}
+    windows_by_app: dict[str, list[Asset]] = {}
     for asset in frame.pack.pictures("window"):
-        found.setdefault(normalize_app(asset.app), []).append(asset)
-    for name in dict.fromkeys([*wanted, *found]):
-        if name in found and not _may_be_own(name, frame):
-            yield name, found[name]
+        windows_by_app.setdefault(normalize_app(asset.app), []).append(asset)
+    for name in dict.fromkeys([*names, *windows_by_app]):
+        if name in windows_by_app and not _belongs_to_recording(name, frame):
+            yield name, windows_by_app[name]
 
 
-def _may_be_own(name: str, frame: Frame) -> bool:
+def _belongs_to_recording(name: str, frame: Frame) -> bool:
     if is_mentioned(name, frame.trajectory.instruction):
         return True
     if not frame.apps:
@@ -158,19 +158,19 @@ def _may_be_own(name: str, frame: Frame) -> bool:
 
 def _best(places: Iterator[_Placement]) -> list[_Placement]:
     """Return all placements with the best sort key."""
-    found = list(places)
-    least = min((place.badness for place in found), default=None)
-    return [place for place in found if place.badness == least]
+    placements = list(places)
+    least = min((place.sort_key for place in placements), default=None)
+    return [place for place in placements if place.sort_key == least]
 
 
 def _placements(windows: Sequence[Asset], scene: Scene) -> Iterator[_Placement]:
     """Yield where each window can stand."""
-    others = [box for box in scene.obstacles.tolist() if tuple(box) != scene.target]
-    boxes = as_boxes(others)
+    obstacles = [box for box in scene.obstacles.tolist() if tuple(box) != scene.target]
+    boxes = as_boxes(obstacles)
     for asset in windows:
         height, width = asset.size
         for x, y in sorted(_corners(asset.size, scene, boxes)):
-            covered = _covered((x, y, x + width, y + height), boxes)
+            covered = _count_covered((x, y, x + width, y + height), boxes)
             yield _Placement(asset, (x, y), covered)
 
 
@@ -178,18 +178,18 @@ def _corners(window: Size, scene: Scene, boxes: BoxArray) -> set[Point]:
     """Return corners to try: spread over each space beside the target, and in the free place."""
     target = as_boxes([scene.target] if scene.target else [])
     free = largest_free_rectangle(scene.size, np.concatenate([boxes, target]))
-    found: set[Point] = set()
+    corners: set[Point] = set()
     for space in _beside(scene):
-        found |= _within(window, space, GRID)
-        found |= _within(window, _common(space, free), 2)
-    return found
+        corners |= _within(window, space, GRID)
+        corners |= _within(window, _intersection(space, free), 2)
+    return corners
 
 
-def _common(one: Box, other: Box) -> Box:
-    left = max(one[0], other[0])
-    top = max(one[1], other[1])
-    right = min(one[2], other[2])
-    bottom = min(one[3], other[3])
+def _intersection(first: Box, second: Box) -> Box:
+    left = max(first[0], second[0])
+    top = max(first[1], second[1])
+    right = min(first[2], second[2])
+    bottom = min(first[3], second[3])
     return left, top, right, bottom
 
 
@@ -218,15 +218,15 @@ def _beside(scene: Scene) -> list[Box]:
         return [area]
     x1, y1, x2, y2 = clip_boxes(as_boxes([scene.target]), scene.size)[0].tolist()
     sides = [
-        (0, 0, x1 - MARGIN, height),
-        (x2 + MARGIN, 0, width, height),
-        (0, 0, width, y1 - MARGIN),
-        (0, y2 + MARGIN, width, height),
+        (0, 0, x1 - TARGET_MARGIN_PX, height),
+        (x2 + TARGET_MARGIN_PX, 0, width, height),
+        (0, 0, width, y1 - TARGET_MARGIN_PX),
+        (0, y2 + TARGET_MARGIN_PX, width, height),
     ]
-    return [_common(side, area) for side in sides]
+    return [_intersection(side, area) for side in sides]
 
 
-def _covered(window: Box, boxes: BoxArray) -> int:
+def _count_covered(window: Box, boxes: BoxArray) -> int:
     """Return how many elements are covered by half or more."""
     areas = (boxes[:, 2:] - boxes[:, :2]).astype(np.int64).prod(axis=1)
     covered = 2 * intersection_area(window, boxes) >= np.maximum(areas, 1)

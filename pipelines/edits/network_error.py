@@ -21,9 +21,9 @@ NO_BROWSER = (
     "the recording names no browser among its applications: a missing network would not show"
 )
 # Browsers for which the recorded error page fits; `browser` stands for any.
-RECORDED = frozenset({"chrome", "browser"})
+RECORDED_BROWSERS = frozenset({"chrome", "browser"})
 # The least width of a free part of a panel.
-FREE = 16
+MIN_FREE_WIDTH_PX = 16
 
 
 class FirewallEdit(Edit):
@@ -45,12 +45,12 @@ class FirewallEdit(Edit):
             note = f"{asset.id} was cut or continued to the size of the page"
             return self.make_step(ops=page, fidelity="composited", notes=(note,))
         _check_browser(frame)
-        shown = whole_screen(frame, "error_page", "browser with an error page", error_page)
+        screen = whole_screen(frame, "error_page", "browser with an error page", error_page)
         return self.make_step(
-            ops=tuple(_with_panels(shown.ops, shown.asset, frame.pack)),
-            fidelity=shown.fidelity,
-            boxes=shown.boxes,
-            notes=shown.notes,
+            ops=tuple(_with_panels(screen.ops, screen.asset, frame.pack)),
+            fidelity=screen.fidelity,
+            boxes=screen.boxes,
+            notes=screen.notes,
         )
 
     def assumed_apps(self, pack: AssetPack, stream: Stream) -> Iterator[tuple[str, ...]]:
@@ -70,33 +70,34 @@ def _with_panels(ops: Sequence[Op], window: Asset, pack: AssetPack) -> Iterator[
         if below is None:
             continue
         x, y = op.at[0]
-        for part, corners in _emptied(below, window):
+        for part, corners in _clear_buttons(below, window):
             places = tuple((x + left, y + top) for left, top in corners)
             yield Paste(below.recipe(part), places)
 
 
-def _emptied(below: Asset, window: Asset) -> Iterator[tuple[Box, list[Point]]]:
+def _clear_buttons(below: Asset, window: Asset) -> Iterator[tuple[Box, list[Point]]]:
     """Yield free parts of a panel, and the places at which they cover the buttons of other windows.
 
-    Raises `NotApplicable` if the panel has no free part.
+    Raises:
+        NotApplicable: the panel has no free part.
     """
     buttons = window_buttons(below)
     title = _title(window)
-    others = [
+    other_boxes = [
         button.box for button in buttons if title is None or not button.name.startswith(title)
     ]
-    if not others:
+    if not other_boxes:
         return
     free = _free_part(below, [button.box for button in buttons])
     start, top, end, bottom = free
     width = end - start
-    for left, _, right, _ in others:
-        whole = list(range(left, right - width + 1, width))
-        if whole:
-            yield free, [(x, top) for x in whole]
-        rest = left + len(whole) * width
-        if rest < right:
-            yield (start, top, start + right - rest, bottom), [(rest, top)]
+    for left, _, right, _ in other_boxes:
+        columns = list(range(left, right - width + 1, width))
+        if columns:
+            yield free, [(x, top) for x in columns]
+        last_column = left + len(columns) * width
+        if last_column < right:
+            yield (start, top, start + right - last_column, bottom), [(last_column, top)]
 
 
 def _title(window: Asset) -> str | None:
@@ -117,7 +118,7 @@ def _free_part(below: Asset, buttons: list[Box]) -> Box:
     boxes = [target.box for target in below.targets]
     rights = [box[0] for box in boxes if box[0] >= start and box[1] >= top]
     end = min(rights, default=below.size[1])
-    if end - start < FREE:
+    if end - start < MIN_FREE_WIDTH_PX:
         raise NotApplicable(
             "the recorded panel lists other windows than the browser's, and has no free part"
         )
@@ -143,7 +144,7 @@ def _check_page(frame: Frame) -> None:
         NotApplicable: it looks otherwise.
     """
     browsers = sorted(filter(is_browser, frame.apps))
-    if browsers and not RECORDED.intersection(browsers):
+    if browsers and not RECORDED_BROWSERS.intersection(browsers):
         raise NotApplicable(
             f"the recorded error page is Chromium's, and the recording shows {', '.join(browsers)}"
         )

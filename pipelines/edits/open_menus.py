@@ -17,11 +17,11 @@ CLOSING = frozenset({"type", "scroll", "drag", "double_click", "triple_click"})
 CLOSING_KEYS = frozenset({"esc", "escape", "enter", "return", "ctrl", "control"})
 ESCAPE = frozenset({"esc", "escape"})
 # Pixels by which the sides of a menu's items may differ.
-ALIKE = 2
+SIDE_TOLERANCE_PX = 2
 # The least items of a menu; fewer elements may be something else.
-ITEMS = 3
+MIN_ITEMS = 3
 # Items that cannot be clicked leave gaps of at most this many heights of an item.
-GAP = 1.5
+MAX_GAP_HEIGHTS = 1.5
 
 
 def menu_state(frame: Frame) -> State:
@@ -71,30 +71,33 @@ def _keys(action: Action) -> set[str]:
 
 
 def _columns(boxes: Sequence[Box]) -> Iterator[list[Box]]:
-    """Yield columns of at least `ITEMS` similar boxes, one below the other."""
-    left = list(boxes)
-    while left:
-        first = left[0]
-        same = [box for box in left if _is_below(box, first)]
-        left = [box for box in left if box not in same]
-        same.sort(key=lambda box: box[1])
-        yield from _runs(same)
+    """Yield columns of at least `MIN_ITEMS` similar boxes, one below the other."""
+    remaining = list(boxes)
+    while remaining:
+        first = remaining[0]
+        column = [box for box in remaining if _is_below(box, first)]
+        remaining = [box for box in remaining if box not in column]
+        column.sort(key=lambda box: box[1])
+        yield from _runs(column)
 
 
-def _is_below(one: Box, other: Box) -> bool:
+def _is_below(first: Box, second: Box) -> bool:
     """Return whether two boxes begin and end at the same columns."""
-    return abs(one[0] - other[0]) <= ALIKE and abs(one[2] - other[2]) <= ALIKE
+    return (
+        abs(first[0] - second[0]) <= SIDE_TOLERANCE_PX
+        and abs(first[2] - second[2]) <= SIDE_TOLERANCE_PX
+    )
 
 
 def _runs(column: Sequence[Box]) -> Iterator[list[Box]]:
     run: list[Box] = []
     for box in column:
         if run and not _follows(run[-1], box):
-            if len(run) >= ITEMS:
+            if len(run) >= MIN_ITEMS:
                 yield run
             run = []
         run.append(box)
-    if len(run) >= ITEMS:
+    if len(run) >= MIN_ITEMS:
         yield run
 
 
@@ -102,23 +105,26 @@ def _follows(above: Box, below: Box) -> bool:
     height = above[3] - above[1]
     difference = below[3] - below[1] - height
     gap = below[1] - above[3]
-    return abs(difference) <= ALIKE and -ALIKE <= gap <= GAP * height
+    return (
+        abs(difference) <= SIDE_TOLERANCE_PX
+        and -SIDE_TOLERANCE_PX <= gap <= MAX_GAP_HEIGHTS * height
+    )
 
 
 def _covers_others(column: Sequence[Box], elements: Sequence[Box]) -> bool:
-    others = [box for box in elements if box not in column]
+    outside = [box for box in elements if box not in column]
     for item in column:
-        for box in others:
+        for box in outside:
             if _overlap(item, box) and not _holds(item, box):
                 return True
     return False
 
 
-def _overlap(one: Box, other: Box) -> bool:
+def _overlap(first: Box, second: Box) -> bool:
     """Return whether two boxes share more than an edge."""
-    width = min(one[2], other[2]) - max(one[0], other[0])
-    height = min(one[3], other[3]) - max(one[1], other[1])
-    return width > ALIKE and height > ALIKE
+    width = min(first[2], second[2]) - max(first[0], second[0])
+    height = min(first[3], second[3]) - max(first[1], second[1])
+    return width > SIDE_TOLERANCE_PX and height > SIDE_TOLERANCE_PX
 
 
 def _holds(outer: Box, inner: Box) -> bool:

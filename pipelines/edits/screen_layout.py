@@ -23,16 +23,16 @@ RowRange: TypeAlias = tuple[int, int]
 Span: TypeAlias = tuple[int, int]
 
 # At least this many equal columns are a plain stretch of a bar.
-PLAIN = 8
+MIN_STRETCH_PX = 8
 # The tip of the pointer may cover this many columns of a stretch.
-POINTER = 12
+POINTER_WIDTH_PX = 12
 # Rows at the top of a panel that are its edge.
-EDGE = 1
+PANEL_EDGE_PX = 1
 # How xfdesktop places icons of 48 pixels.
-SLOT = 103.2  # side of a slot
-MARGIN = 34  # least margin at both ends together
-INSIDE_X = 7  # where in its slot the box of an icon begins
-INSIDE_Y = 6
+ICON_SLOT_PX = 103.2  # side of a slot
+MIN_ICON_MARGIN_PX = 34  # least margin at both ends together
+ICON_OFFSET_X_PX = 7  # where in its slot the box of an icon begins
+ICON_OFFSET_Y_PX = 6
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def lock_screen(
         ops=(_middle(below, size), Paste(dialog.recipe(), ((x, y),))),
         asset=dialog,
         mapped=partial(RecordedAction.moved, dx=x, dy=y),
-        boxes=tuple(_moved(target.box, x, y) for target in dialog.targets),
+        boxes=tuple(_move_box(target.box, x, y) for target in dialog.targets),
         notes=_notes(size, below, dialog),
     )
 
@@ -135,16 +135,16 @@ def desktop(
     wallpapers = _wallpapers(pack, size)
     if not wallpapers:
         return None
-    whole = [asset for asset in pack.pictures("desktop") if asset.size == asset.screen]
-    recorded = [asset for asset in whole if asset.recover]
-    own = [asset for asset in recorded if asset.app in apps]
-    found = _first_panel(own or recorded, size, stream)
-    if found is None:
+    full_screens = [asset for asset in pack.pictures("desktop") if asset.size == asset.screen]
+    recorded = [asset for asset in full_screens if asset.recover]
+    preferred = [asset for asset in recorded if asset.app in apps]
+    first = _first_panel(preferred or recorded, size, stream)
+    if first is None:
         return None
     below = stream.choice(wallpapers)
-    asset, panel_bar = found
+    asset, panel_bar = first
     top = _panel_top(asset)
-    height = top + EDGE + panel_bar.dy
+    height = top + PANEL_EDGE_PX + panel_bar.dy
     icons = list(_icons(pack.pictures("icon"), (height, size[1])))
     on_panel = [target.box for target in asset.targets if target.box[1] >= top]
     return ScreenLayout(
@@ -158,12 +158,12 @@ def desktop(
 
 def _first_panel(assets: Sequence[Asset], size: Size, stream: Stream) -> tuple[Asset, Bar] | None:
     """Draw recorded desktops until the panel of one fits."""
-    left = list(assets)
-    while left:
-        asset = left.pop(stream.integer(0, len(left) - 1))
-        found = panel(asset, size)
-        if found:
-            return asset, found
+    remaining = list(assets)
+    while remaining:
+        asset = remaining.pop(stream.integer(0, len(remaining) - 1))
+        panel_bar = panel(asset, size)
+        if panel_bar:
+            return asset, panel_bar
     return None
 
 
@@ -184,7 +184,7 @@ def _panel_top(asset: Asset) -> int:
     """
     end = asset.size[0]
     tops = [target.box[1] for target in asset.targets if target.box[3] == end]
-    return min(tops) - EDGE if tops else end
+    return min(tops) - PANEL_EDGE_PX if tops else end
 
 
 @lru_cache(maxsize=512)
@@ -199,26 +199,27 @@ def bar(asset: Asset, rows: RowRange, gaps: int, width: int, y: int) -> Bar | No
         width: in pixels.
         y: of the screenshot.
 
-    Returns `None` if there are no such stretches, or the pieces would overlap.
+    Returns:
+        `None` if there are no such stretches, or the pieces would overlap.
     """
-    whole = asset.size[1]
-    plain = _longest(_plain(asset, rows), gaps)
-    if len(plain) < gaps:
+    recorded_width = asset.size[1]
+    stretches = _longest(_plain(asset, rows), gaps)
+    if len(stretches) < gaps:
         return None
-    pieces = _pieces(plain, whole)
-    moves = _moves(gaps, width - whole)
-    placed = [_shifted(piece, move) for piece, move in zip(pieces, moves, strict=True)]
-    spaces = [(left[1], right[0]) for left, right in pairwise(placed)]
+    pieces = _pieces(stretches, recorded_width)
+    moves = _moves(gaps, width - recorded_width)
+    spans = [_shift(piece, move) for piece, move in zip(pieces, moves, strict=True)]
+    spaces = [(left[1], right[0]) for left, right in pairwise(spans)]
     if any(_length(space) < 0 for space in spaces):
         return None
     ops: list[Paste] = []
-    for stretch, space in zip(plain, spaces, strict=True):
+    for stretch, space in zip(stretches, spaces, strict=True):
         if _length(space):
             ops.append(_fill(asset, rows, stretch.tile, space, y))
-    for piece, place in zip(pieces, placed, strict=True):
+    for piece, place in zip(pieces, spans, strict=True):
         if _length(piece) > 0:
             ops.append(Paste(_part(asset, piece, rows), ((place[0], y),)))
-    middles = [(start + end) // 2 for start, end in (stretch.span for stretch in plain)]
+    middles = [(start + end) // 2 for start, end in (stretch.span for stretch in stretches)]
     return Bar(ops=tuple(ops), cuts=(0, *middles), moves=moves, dy=y - rows[0])
 
 
@@ -228,10 +229,10 @@ def _longest(stretches: Sequence[Stretch], count: int) -> list[Stretch]:
     return sorted(by_length[-count:], key=lambda stretch: stretch.span)
 
 
-def _pieces(plain: Sequence[Stretch], whole: int) -> list[Span]:
+def _pieces(stretches: Sequence[Stretch], width: int) -> list[Span]:
     """Return the columns before, between and after plain stretches."""
-    starts = [0, *(stretch.span[1] for stretch in plain)]
-    ends = [*(stretch.span[0] for stretch in plain), whole]
+    starts = [0, *(stretch.span[1] for stretch in stretches)]
+    ends = [*(stretch.span[0] for stretch in stretches), width]
     return list(zip(starts, ends, strict=True))
 
 
@@ -242,7 +243,7 @@ def _moves(gaps: int, longer: int) -> tuple[int, ...]:
     return 0, longer // 2, longer
 
 
-def _shifted(span: Span, by: int) -> Span:
+def _shift(span: Span, by: int) -> Span:
     return span[0] + by, span[1] + by
 
 
@@ -282,20 +283,20 @@ def _plain(asset: Asset, rows: RowRange) -> tuple[Stretch, ...]:
 
 
 def _alike(part: UInt8Array) -> list[Span]:
-    """Return the runs of at least `PLAIN` equal columns."""
-    same = (part[:, 1:] == part[:, :-1]).all(axis=(0, 2))
-    padded = np.concatenate([[False], same, [False]])
+    """Return the runs of at least `MIN_STRETCH_PX` equal columns."""
+    equals_next = (part[:, 1:] == part[:, :-1]).all(axis=(0, 2))
+    padded = np.concatenate([[False], equals_next, [False]])
     edges = np.flatnonzero(np.diff(padded.astype(np.int8)))
     runs = [(int(start), int(end) + 1) for start, end in edges.reshape(-1, 2)]
-    return [run for run in runs if _length(run) >= PLAIN]
+    return [run for run in runs if _length(run) >= MIN_STRETCH_PX]
 
 
 def _continues(last: Stretch, run: Span, part: UInt8Array) -> bool:
     """Return whether a run is of the same colours as the stretch before it, and close to it."""
-    if run[0] - last.span[1] > POINTER:
+    if run[0] - last.span[1] > POINTER_WIDTH_PX:
         return False
-    same = part[:, run[0]] == part[:, last.tile[0]]
-    return bool(same.all())
+    equal_pixels = part[:, run[0]] == part[:, last.tile[0]]
+    return bool(equal_pixels.all())
 
 
 def _length(span: Span) -> int:
@@ -327,23 +328,23 @@ def _icons(icons: Sequence[Asset], area: Size) -> Iterator[tuple[Paste, Box]]:
     ordered = sorted(icons, key=lambda icon: icon.box[1])
     for icon, row in zip(ordered, rows, strict=False):
         box = icon.targets[0].box
-        x = int(left + INSIDE_X) - box[0]
-        y = int(top + row + INSIDE_Y) - box[1]
-        yield Paste(icon.recipe(), ((x, y),)), _moved(box, x, y)
+        x = int(left + ICON_OFFSET_X_PX) - box[0]
+        y = int(top + row + ICON_OFFSET_Y_PX) - box[1]
+        yield Paste(icon.recipe(), ((x, y),)), _move_box(box, x, y)
 
 
 def _slots(length: int) -> tuple[list[float], float]:
     """Return where the slots of a row or column begin after the margin, and the margin."""
-    count = max(int((length - MARGIN) / SLOT), 1)
-    free = length - count * SLOT
+    count = max(int((length - MIN_ICON_MARGIN_PX) / ICON_SLOT_PX), 1)
+    free = length - count * ICON_SLOT_PX
     gaps = count - 1
-    space = int((free - MARGIN) / gaps) if gaps else 0
-    starts = [number * (SLOT + space) for number in range(count)]
+    space = int((free - MIN_ICON_MARGIN_PX) / gaps) if gaps else 0
+    starts = [number * (ICON_SLOT_PX + space) for number in range(count)]
     margin = (free - gaps * space) / 2
     return starts, margin
 
 
-def _moved(box: Box, x: int, y: int) -> Box:
+def _move_box(box: Box, x: int, y: int) -> Box:
     left, top, right, bottom = box
     return left + x, top + y, right + x, bottom + y
 

@@ -32,21 +32,21 @@ def composite(
     if effect.kind not in EDITS:
         raise NotApplicable(f"no edit shows the effect {effect.kind!r} on a picture")
     stream = Stream(seed, f"edit-{effect.kind}-v1", sample, 0)
-    step = _edited(EDITS[effect.kind], effect, image, scene, stream)
+    step = _apply_edit(EDITS[effect.kind], effect, image, scene, stream)
     notes = (step.event, *step.notes, *plan.notes)
-    whole = replace(plan, ops=step.ops + plan.ops, notes=notes)
+    shown_plan = replace(plan, ops=step.ops + plan.ops, notes=notes)
     fidelity = row_fidelity(step.fidelity, is_drawn_over=bool(plan.ops))
-    return Composite(whole, fidelity, step.event)
+    return Composite(shown_plan, fidelity, step.event)
 
 
-def _edited(
+def _apply_edit(
     edit: Edit, effect: Effect, image: UInt8Array, scene: Scene, stream: Stream
 ) -> EditedStep:
     """Return the edit under the first assumption about the applications that allows it."""
     pack = AssetPack.load()
     step = Step(0, "", Action("wait"), elements=tuple(_elements(scene)))
     problem = NotApplicable("nothing of it was recorded")
-    for apps in _assumed(edit, scene, pack, stream):
+    for apps in _assumed_apps(edit, scene, pack, stream):
         trajectory = RecordedTrajectory(
             "picture", "picture", "", (step,), apps=apps, screen="desktop"
         )
@@ -62,11 +62,11 @@ def _edited(
             guess=True,
         )
         try:
-            made = edit.apply(frame, effect)
+            edited = edit.apply(frame, effect)
         except NotApplicable as reason:
             problem = reason
             continue
-        return replace(made, fidelity=row_fidelity(made.fidelity, is_foreign=frame.is_foreign))
+        return replace(edited, fidelity=row_fidelity(edited.fidelity, is_foreign=frame.is_foreign))
     raise problem
 
 
@@ -74,7 +74,7 @@ def _elements(scene: Scene) -> Iterator[Box]:
     yield from map(tuple, scene.boxes.tolist())
 
 
-def _assumed(
+def _assumed_apps(
     edit: Edit, scene: Scene, pack: AssetPack, stream: Stream
 ) -> Iterator[tuple[str, ...]]:
     """Yield the applications that the screenshot may show: the known ones, if there are any."""

@@ -65,18 +65,21 @@ class VariantPlanner:
 
         A step at which the planner does not act yields nothing.
 
-        Passes on `NotApplicable` (an effect cannot be shown realistically), `HijackError` (the
-        picture cannot be corrupted) and `BuildError` (an effect that no edit shows).
+        Raises:
+            NotApplicable: an effect cannot be shown realistically.
+            BuildError: the plan has an effect that no edit shows, or that the planner does not
+                declare.
+            HijackError: the picture cannot be corrupted.
         """
         numbers = step_numbers(sample.trajectory, sample.position, planner)
         if not is_due(planner, numbers):
             return
         if not has_effects(planner):
-            yield self._plain(sample, planner, numbers[-1])
+            yield self._picture_variant(sample, planner, numbers[-1])
             return
-        first = self._first(sample, planner, numbers)
+        first = self._first_plan(sample, planner, numbers)
         if not first.effects:
-            yield self._plain(sample, planner, numbers[-1])
+            yield self._picture_variant(sample, planner, numbers[-1])
             return
         yield from self._with_effects(sample, planner, first, numbers[-1])
 
@@ -88,7 +91,9 @@ class VariantPlanner:
         Raises:
             NotApplicable: the event cannot be shown realistically; the message is the reason.
         """
-        edits = [(self._edit(sample, first, effect, number), effect) for effect in first.effects]
+        edits = [
+            (self._apply_edit(sample, first, effect, number), effect) for effect in first.effects
+        ]
         changing = [edit for edit, _ in edits if not edit.inserted]
         if len(changing) > 1:
             raise NotApplicable(
@@ -97,23 +102,23 @@ class VariantPlanner:
         edits.sort(key=lambda pair: not pair[0].inserted)
         for edit, effect in edits:
             plan = replace(first, effects=(effect,))
-            yield self._edited(sample, planner, plan, edit, number)
+            yield self._edited_variant(sample, planner, plan, edit, number)
         if not changing and first.ops:
-            yield self._plain(sample, planner, number)
+            yield self._picture_variant(sample, planner, number)
 
-    def _first(self, sample: Sample, planner: Planner, numbers: list[int]) -> Plan:
+    def _first_plan(self, sample: Sample, planner: Planner, numbers: list[int]) -> Plan:
         """Return the plan of a step; that of the first step includes effects before the episode."""
         plans = [
             planner.plan(sample.scene, seed=self.seed, sample=sample.key, step=number)
             for number in numbers
         ]
-        now = plans[-1]
+        plan = plans[-1]
         for before in plans[:-1]:
             if before.effects:  # pictures are corrupted from the first step on, not before it
-                now = _joined(replace(before, ops=()), now)
-        return now
+                plan = _join_plans(replace(before, ops=()), plan)
+        return plan
 
-    def _plan(self, sample: Sample, planner: Planner, number: int) -> Plan | None:
+    def _plan_pictures(self, sample: Sample, planner: Planner, number: int) -> Plan | None:
         """Return a plan for pictures under the label policy, or `None` if it drops the row."""
         scene = sample.scene
         if self.label_policy not in AVOIDING:
@@ -123,8 +128,8 @@ class VariantPlanner:
             planner, scene, seed=self.seed, sample=sample.key, step=number, end=end
         )
 
-    def _plain(self, sample: Sample, planner: Planner, number: int) -> Variant | None:
-        plan = self._plan(sample, planner, number)
+    def _picture_variant(self, sample: Sample, planner: Planner, number: int) -> Variant | None:
+        plan = self._plan_pictures(sample, planner, number)
         if plan is None:
             return None
         _check_declared(plan, planner)
@@ -132,7 +137,7 @@ class VariantPlanner:
             plan = replace(plan, effects=())
         return Variant(sample, plan, plan)
 
-    def _edit(self, sample: Sample, plan: Plan, effect: Effect, number: int) -> EditedStep:
+    def _apply_edit(self, sample: Sample, plan: Plan, effect: Effect, number: int) -> EditedStep:
         if effect.kind not in EDITS or self.pack is None:
             raise BuildError(
                 f"{plan.corruption} gave a plan with the effect {effect.kind!r}, which no edit"
@@ -149,24 +154,24 @@ class VariantPlanner:
             stream=stream,
             allow_platform_mismatch=self.allow_platform_mismatch,
         )
-        made = edit.apply(frame, effect)
-        return replace(made, fidelity=row_fidelity(made.fidelity, is_foreign=frame.is_foreign))
+        edited = edit.apply(frame, effect)
+        return replace(edited, fidelity=row_fidelity(edited.fidelity, is_foreign=frame.is_foreign))
 
-    def _edited(
+    def _edited_variant(
         self, sample: Sample, planner: Planner, plan: Plan, edit: EditedStep, number: int
     ) -> Variant | None:
         """Return the row of an edit, with the picture operations of `plan` drawn over it."""
-        changed = step_after(sample, edit)
+        after = step_after(sample, edit)
         over: Plan | None = replace(plan, ops=(), effects=())
         if plan.ops:
-            over = self._plan(changed, planner, number)
+            over = self._plan_pictures(after, planner, number)
         if over is None:
             return None
         edit = replace(edit, fidelity=row_fidelity(edit.fidelity, is_drawn_over=bool(over.ops)))
         notes = over.notes if plan.ops else plan.notes
-        whole = replace(plan, ops=edit.ops + over.ops, notes=notes + edit.notes)
-        hiding = whole if edit.response is None else replace(over, effects=())
-        return Variant(changed, whole, hiding, edit)
+        full_plan = replace(plan, ops=edit.ops + over.ops, notes=notes + edit.notes)
+        hiding = full_plan if edit.response is None else replace(over, effects=())
+        return Variant(after, full_plan, hiding, edit)
 
 
 def _check_declared(plan: Plan, planner: Planner) -> None:
@@ -183,14 +188,14 @@ def _check_declared(plan: Plan, planner: Planner) -> None:
         )
 
 
-def _joined(before: Plan, now: Plan) -> Plan:
+def _join_plans(before: Plan, first: Plan) -> Plan:
     """Return the plan of the first step joined with the effects before the episode."""
-    if not now.ops and not now.effects:
+    if not first.ops and not first.effects:
         return before
-    new = tuple(effect for effect in now.effects if effect not in before.effects)
-    if before.corruption == now.corruption:
-        return replace(now, effects=before.effects + new)
-    return before.then(replace(now, effects=new))
+    new = tuple(effect for effect in first.effects if effect not in before.effects)
+    if before.corruption == first.corruption:
+        return replace(first, effects=before.effects + new)
+    return before.then(replace(first, effects=new))
 
 
 def step_after(sample: Sample, edit: EditedStep) -> Sample:
@@ -203,11 +208,11 @@ def step_after(sample: Sample, edit: EditedStep) -> Sample:
     action = edit.response.action
     box = edit.response.target_box
     target = as_target(box or action.point)
-    changed = RecordedStep(
+    recorded = RecordedStep(
         step.index, step.image, action, write_pyautogui(action), box, edit.boxes, step.id
     )
     scene = replace(scene, boxes=as_boxes(edit.boxes), target=target)
-    return replace(sample, step=changed, scene=scene)
+    return replace(sample, step=recorded, scene=scene)
 
 
 def has_effects(planner: Planner) -> bool:

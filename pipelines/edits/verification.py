@@ -26,7 +26,7 @@ class LockEdit(Edit):
 
     def apply(self, frame: Frame, effect: Effect) -> EditedStep:
         """Return the locked screen; see `Edit.apply`."""
-        shown = whole_screen(frame, "lock_screen", "lock screen", screen_layout.lock_screen)
+        screen = whole_screen(frame, "lock_screen", "lock screen", screen_layout.lock_screen)
         return self.make_step(
-            ops=shown.ops, fidelity=shown.fidelity, boxes=shown.boxes, notes=shown.notes
+            ops=screen.ops, fidelity=screen.fidelity, boxes=screen.boxes, notes=screen.notes
         )

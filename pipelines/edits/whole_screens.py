@@ -12,12 +12,12 @@ from hijack_data.rng import Stream
 from hijack_data.types import Box, Fidelity, Size, size_text
 
 from .base import Frame, NotApplicable
-from .browser_pages import fitted
+from .browser_pages import fit_page
 from .screen_layout import ScreenLayout
 
 # The sides of two screens of the same shape may differ by this share after scaling: 1366x768 is not
 # quite 16:9.
-SHAPE = 0.01
+SHAPE_TOLERANCE = 0.01
 
 LayOut: TypeAlias = Callable[[AssetPack, Size, Stream, frozenset[str]], ScreenLayout | None]
 
@@ -44,7 +44,7 @@ class ShownAsset:
 
 
 def whole_screen(
-    frame: Frame, kind: str, what: str, lay_out: LayOut, apps: frozenset[str] = frozenset()
+    frame: Frame, kind: str, description: str, lay_out: LayOut, apps: frozenset[str] = frozenset()
 ) -> ShownAsset:
     """Return a recorded screen that fills the screenshot, one of `apps` if there is any.
 
@@ -56,7 +56,7 @@ def whole_screen(
     Args:
         frame: the step.
         kind: of the pictures to take.
-        what: names it in the reason why it cannot be shown.
+        description: names it in the reason why it cannot be shown.
         lay_out: lays out such a screen from recorded parts if none of that size was recorded.
         apps: applications to prefer.
 
@@ -68,29 +68,29 @@ def whole_screen(
     pack = frame.pack
     recorded = [asset for asset in pack.pictures(kind, screen=size) if asset.size == size]
     if recorded:
-        own = [asset for asset in recorded if asset.app in apps]
-        return _shown([frame.stream.choice(own or recorded)], size)
-    made = lay_out(pack, size, frame.stream, apps)
-    if made is not None:
+        same_app = [asset for asset in recorded if asset.app in apps]
+        return _show_layers([frame.stream.choice(same_app or recorded)], size)
+    laid_out = lay_out(pack, size, frame.stream, apps)
+    if laid_out is not None:
         return ShownAsset(
-            asset=made.asset,
-            ops=made.ops,
+            asset=laid_out.asset,
+            ops=laid_out.ops,
             fidelity="composited",
-            mapped=made.mapped,
-            boxes=made.boxes,
-            notes=made.notes,
+            mapped=laid_out.mapped,
+            boxes=laid_out.boxes,
+            notes=laid_out.notes,
         )
     large = [asset for asset in pack.pictures(kind) if _fits(asset.screen, size)]
     layers = [_layers(pack, asset) for asset in large]
-    fitting = _nearest([found for found in layers if found])
+    fitting = _nearest([candidate for candidate in layers if candidate])
     if not fitting:
         raise NotApplicable(
-            f"no {what} was recorded on a screen of this size, and what was recorded cannot be laid"
-            f" out on it; `hijack desktop record --assets DIR --only {kind} --sizes"
+            f"no {description} was recorded on a screen of this size, and what was recorded"
+            f" cannot be laid out on it; `hijack desktop record --assets DIR --only {kind} --sizes"
             f" {size_text(size)}` records one"
         )
-    preferred = [found for found in fitting if found[-1].app in apps]
-    return _shown(frame.stream.choice(preferred or fitting), size)
+    preferred = [candidate for candidate in fitting if candidate[-1].app in apps]
+    return _show_layers(frame.stream.choice(preferred or fitting), size)
 
 
 def _layers(pack: AssetPack, asset: Asset) -> list[Asset]:
@@ -99,40 +99,40 @@ def _layers(pack: AssetPack, asset: Asset) -> list[Asset]:
         return [asset]
     if asset.size[1] != asset.screen[1]:
         return []
-    there = pack.pictures("desktop", screen=asset.screen)
-    desktops = [below for below in there if below.size == below.screen]
+    recorded = pack.pictures("desktop", screen=asset.screen)
+    desktops = [below for below in recorded if below.size == below.screen]
     if not desktops:
         return []
-    own = [below for below in desktops if below.app == asset.app]
-    below = (own or desktops)[0]
+    preferred = [below for below in desktops if below.app == asset.app]
+    below = (preferred or desktops)[0]
     return [below, asset]
 
 
-def _shown(layers: list[Asset], size: Size) -> ShownAsset:
+def _show_layers(layers: list[Asset], size: Size) -> ShownAsset:
     asset = layers[-1]
     ops: tuple[Op, ...] = tuple(Paste(layer.recipe(), (layer.box[:2],)) for layer in layers)
     coords = CoordMap(observation=asset.screen, screen=size)
     notes = [f"{asset.id} stands on {layer.id}" for layer in layers[:-1]]
     if asset.screen != size:
         ops = (Resample(asset.screen), *ops, Resample(size))
-        was = size_text(asset.screen)
-        now = size_text(size)
-        notes.append(f"{asset.id} was scaled from {was} to {now}")
+        recorded_size = size_text(asset.screen)
+        new_size = size_text(size)
+        notes.append(f"{asset.id} was scaled from {recorded_size} to {new_size}")
     return ShownAsset(
         asset=asset,
         ops=ops,
         fidelity="composited" if notes else "recorded",
-        mapped=partial(_mapped, asset, coords),
+        mapped=partial(_map_action, asset, coords),
         boxes=_targets(asset, coords),
         notes=tuple(notes),
     )
 
 
-def _mapped(asset: Asset, coords: CoordMap, recorded: RecordedAction) -> RecordedAction:
+def _map_action(asset: Asset, coords: CoordMap, recorded: RecordedAction) -> RecordedAction:
     """Map an action on a recorded screen to the screenshot."""
-    there = recorded.moved(*asset.box[:2])
-    box = None if there.target_box is None else _boxes(coords, [there.target_box])[0]
-    return RecordedAction(coords.action_to_screen(there.action), box)
+    on_screen = recorded.moved(*asset.box[:2])
+    box = None if on_screen.target_box is None else _boxes(coords, [on_screen.target_box])[0]
+    return RecordedAction(coords.action_to_screen(on_screen.action), box)
 
 
 def _targets(asset: Asset, coords: CoordMap) -> tuple[Box, ...]:
@@ -142,7 +142,7 @@ def _targets(asset: Asset, coords: CoordMap) -> tuple[Box, ...]:
     return _boxes(coords, [(x1 + x, y1 + y, x2 + x, y2 + y) for x1, y1, x2, y2 in inside])
 
 
-def page_view(frame: Frame, kind: str, what: str) -> tuple[tuple[Op, ...], Asset]:
+def page_view(frame: Frame, kind: str, description: str) -> tuple[tuple[Op, ...], Asset]:
     """Return a recorded page that fills a screenshot of a page, cropped or continued.
 
     The content of a page is at the top, in the middle of the window; only plain background is
@@ -151,7 +151,7 @@ def page_view(frame: Frame, kind: str, what: str) -> tuple[tuple[Op, ...], Asset
     Args:
         frame: the step.
         kind: of the pictures to take.
-        what: names it in the reason why it cannot be shown.
+        description: names it in the reason why it cannot be shown.
 
     Raises:
         NotApplicable: no recorded page can be fitted.
@@ -160,20 +160,20 @@ def page_view(frame: Frame, kind: str, what: str) -> tuple[tuple[Op, ...], Asset
     views = frame.pack.pictures(kind)
     views.sort(key=lambda asset: (abs(asset.size[1] - size[1]), asset.id))
     for asset in views:
-        ops = fitted(asset, size)
+        ops = fit_page(asset, size)
         if ops is not None:
             return ops, asset
-    raise NotApplicable(f"no {what} was recorded that a page of this size can show")
+    raise NotApplicable(f"no {description} was recorded that a page of this size can show")
 
 
 def _fits(picture: Size, size: Size) -> bool:
     (h, w), (height, width) = picture, size
-    return h >= height and w >= width and abs(w * height - h * width) <= SHAPE * h * width
+    return h >= height and w >= width and abs(w * height - h * width) <= SHAPE_TOLERANCE * h * width
 
 
 def _nearest(layers: list[list[Asset]]) -> list[list[Asset]]:
-    least = min((found[-1].screen for found in layers), default=None)
-    return [found for found in layers if found[-1].screen == least]
+    least = min((candidate[-1].screen for candidate in layers), default=None)
+    return [candidate for candidate in layers if candidate[-1].screen == least]
 
 
 def _boxes(coords: CoordMap, boxes: list[Box]) -> tuple[Box, ...]:

@@ -19,7 +19,7 @@ from hijack_data.file_io import write_atomic
 
 from ..dataset.columns import ACTION
 from ..readers.atif import EXPORT_KEY, TOOL
-from .example import Example, plain
+from .example import Example, escape_tokens
 
 VERSION = "ATIF-v1.7"
 _ARGUMENTS = {"string": "string", "int32": "integer", "float64": "number"}
@@ -67,7 +67,7 @@ class _Episode:
         image = self._image(example.png)
         missing = bool(self.steps) and row["step"] > self.last + 1
         if not self.steps:
-            text = {"type": "text", "text": plain(row["instruction"])}
+            text = {"type": "text", "text": escape_tokens(row["instruction"])}
             self._step("user", [text, image])
         elif missing:
             text = f"Steps {self.last + 1} to {row['step'] - 1} of the recording are not exported."
@@ -106,9 +106,9 @@ class _Episode:
         text = json.dumps(document, ensure_ascii=False, indent=1)
         write_atomic(self.folder / "trajectory.json", text + "\n")
 
-    def _step(self, source: str, message: Any, **more: Any) -> None:
+    def _step(self, source: str, message: Any, **fields: Any) -> None:
         number = len(self.steps) + 1
-        self.steps.append({"step_id": number, "source": source, "message": message, **more})
+        self.steps.append({"step_id": number, "source": source, "message": message, **fields})
 
     def _image(self, png: bytes) -> dict[str, Any]:
         name = f"images/{len(self.steps):06d}.png"

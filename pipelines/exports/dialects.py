@@ -29,7 +29,11 @@ _ESCAPES = str.maketrans({"\\": "\\\\", "'": "\\'", "\n": "\\n", "\t": "\\t", "\
 
 
 def action_text(row: Mapping[str, Any], dialect: str) -> str:
-    """Return the action of a row as text; raises `ActionError` if the dialect cannot express it."""
+    """Return the action of a row as text.
+
+    Raises:
+        ActionError: the dialect cannot express the action.
+    """
     return _RENDER[dialect](row)
 
 
@@ -49,26 +53,30 @@ def _pyautogui(row: Mapping[str, Any]) -> str:
     return write_pyautogui(own_action(row["action"]))
 
 
-def _ui_tars(row: Mapping[str, Any], space_scaling: Callable[[Size], Scaling], dialect: str) -> str:
+def _ui_tars(row: Mapping[str, Any], make_scaling: Callable[[Size], Scaling], dialect: str) -> str:
     action = own_action(row["action"])
     kind = action.type
     if kind in _UI_TARS_WORDS:
         return _UI_TARS_WORDS[kind]
     if kind == "done":
-        return f"finished(content={_quoted(action.text)})" if action.text else "finished()"
+        return f"finished(content={_quote(action.text)})" if action.text else "finished()"
     if kind == "type":
-        return f"type(content={_quoted(_text(action, dialect))})"
+        return f"type(content={_quote(_text(action, dialect))})"
     if kind == "hotkey":
         keys = " ".join(_keys(action, dialect))
         return f"hotkey(key='{keys}')"
     if action.keys:
         raise unsupported_action_error(action, dialect)
     screen = (int(row["height"]), int(row["width"]))
-    return _ui_tars_pointing(action, space_scaling(screen), dialect)
+    return _ui_tars_pointing(action, make_scaling(screen), dialect)
 
 
 def _ui_tars_pointing(action: Action, scaling: Scaling, dialect: str) -> str:
-    """Return the text of an action at a point."""
+    """Return the text of an action at a point.
+
+    Raises:
+        ActionError: the dialect cannot express the action.
+    """
     kind = action.type
     start = _box(action.x, action.y, scaling)
     end = _box(action.x2, action.y2, scaling)
@@ -79,7 +87,8 @@ def _ui_tars_pointing(action: Action, scaling: Scaling, dialect: str) -> str:
     if kind == "scroll" and start and action.amount:
         direction = "up" if action.amount > 0 else "down"
         return f"scroll(start_box='{start}', direction='{direction}')"
-    raise unsupported_action_error(action, dialect)
+    error = unsupported_action_error(action, dialect)
+    raise error
 
 
 def _ui_tars_10(row: Mapping[str, Any]) -> str:
@@ -122,5 +131,5 @@ def _is_plain_key(key: str) -> bool:
     return bool(key) and not set(key) & _NO_KEY
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     return f"'{text.translate(_ESCAPES)}'"

@@ -29,7 +29,7 @@ class Example:
     Args:
         key: `SHARD-NUMBER`, unique.
         row: the row of the dataset without its screenshot.
-        how: the sentence about the form of the answer.
+        answer_form: the sentence about the form of the answer.
         answer: the action as text.
         png: the bytes of the screenshot.
         dialect: the dialect of the answer.
@@ -37,7 +37,7 @@ class Example:
 
     key: str
     row: Row
-    how: str
+    answer_form: str
     answer: str
     png: bytes
     dialect: str = "pyautogui"
@@ -45,7 +45,7 @@ class Example:
     @property
     def question(self) -> str:
         """The user's message: the place of the picture, the task, and how to answer."""
-        return f"{IMAGE}\n{question(plain(self.row['instruction']), self.how)}"
+        return f"{IMAGE}\n{question(escape_tokens(self.row['instruction']), self.answer_form)}"
 
     @property
     def about(self) -> Row:
@@ -77,7 +77,7 @@ def is_hidden(row: Row) -> bool:
     return visible is not None and visible < VISIBLE
 
 
-def plain(text: str) -> str:
+def escape_tokens(text: str) -> str:
     """Return text without placeholders and special tokens: `<image>` becomes `< image>`."""
     return _SPECIAL.sub(lambda match: f"{match[0]} ", text)
 
@@ -88,11 +88,11 @@ def checked_answer(text: str) -> str:
     Raises:
         ActionError: the answer contains a placeholder or a special token of chat models.
     """
-    found = _SPECIAL.search(text)
-    if found is None:
+    match = _SPECIAL.search(text)
+    if match is None:
         return text
-    whole = re.match(r"[^>\]]*[>\]]", text[found.start() :])
-    token = whole[0] if whole else ""
+    token_match = re.match(r"[^>\]]*[>\]]", text[match.start() :])
+    token = token_match[0] if token_match else ""
     raise ActionError(f"the answer holds {token}, which is a token of chat models")
 
 
@@ -106,7 +106,7 @@ def check_task(row: Row) -> None:
         raise ActionError("the instruction is empty")
 
 
-def truth(example: Example) -> Mapping[str, Any]:
+def ground_truth(example: Example) -> Mapping[str, Any]:
     """Return the facts that a reward function needs."""
     return {
         "answer": example.answer,

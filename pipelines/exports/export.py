@@ -140,10 +140,6 @@ def export(
 ) -> ExportReport | OnlookerReport:
     """Export a dataset for training. The same dataset and arguments give the same bytes.
 
-    Raises `DatasetError` if the folder is not a finished dataset or a row is damaged,
-    `ParameterError` if `balance` is out of range, `UnknownNameError` for an unknown format or
-    dialect, and `PluginError` if the file, module or plug-in of the writer cannot be loaded.
-
     Args:
         folder: a dataset that `build` made, materialised or lazy.
         out: the folder to create; it must be empty or not exist.
@@ -161,6 +157,10 @@ def export(
     Raises:
         BuildError: `out` exists already or cannot be written, no row has a reminder (`onlooker`),
             or `balance` is given with another format.
+        DatasetError: the folder is not a finished dataset, or a row is damaged.
+        ParameterError: `balance` is out of range.
+        UnknownNameError: there is no such format or dialect.
+        PluginError: the file, module or plug-in of the writer cannot be loaded.
     """
     make_writer = None if to == ONLOOKER else FORMATS.get(FORMATS.find(to))
     check_dialect(dialect)
@@ -175,13 +175,13 @@ def export(
     report = ExportReport(os.fspath(out), to, dialect)
     with new_folder(Path(out), Path(folder)) as place:
         writer = make_writer(place)
-        done = 0
+        rows_done = 0
         for index, shard in enumerate(rows.manifest["shards"]):
             stored = stored_rows(rows.folder / shard["file"], is_lazy(rows.manifest))
             writer.shard(index, _examples(stored, index, report, keep_hidden))
-            done += int(shard["rows"])
+            rows_done += int(shard["rows"])
             if progress is not None:
-                progress(done, len(rows), "rows")
+                progress(rows_done, len(rows), "rows")
         writer.finish()
         report.notes += getattr(writer, "notes", list[str])()
         write_report(

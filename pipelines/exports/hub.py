@@ -37,16 +37,15 @@ def push_to_hub(
 
     Raises:
         BuildError: the hub cannot be reached, or refuses the upload.
-
-    Raises `DatasetError` if the folder is not a finished dataset, and `MissingDependencyError`
-    without `huggingface_hub`.
+        DatasetError: the folder is not a finished dataset.
+        MissingDependencyError: `huggingface_hub` is not installed.
     """
     read_manifest(Path(folder))
     hub = _hub()
     api = hub.HfApi(endpoint=endpoint, token=token)
     try:
         api.create_repo(repo_id, repo_type="dataset", private=private, exist_ok=True)
-        done = api.upload_folder(
+        commit = api.upload_folder(
             repo_id=repo_id,
             repo_type="dataset",
             folder_path=os.fspath(folder),
@@ -56,7 +55,7 @@ def push_to_hub(
         )
     except (OSError, ValueError, *_network_errors()) as error:
         raise BuildError(f"{repo_id}: not uploaded ({type(error).__name__}: {error})") from None
-    return str(done.commit_url)
+    return str(commit.commit_url)
 
 
 def _hub() -> Any:

@@ -28,6 +28,7 @@ def new_folder(out: Path, source: Path) -> Iterator[Path]:
     Raises:
         BuildError: `out` exists already, is inside `source` (the dataset) or cannot be written.
         StorageError: the disk is full.
+        HijackError: the code that writes to the folder raised it.
     """
     out = Path(os.path.abspath(out))
     try:
@@ -37,18 +38,20 @@ def new_folder(out: Path, source: Path) -> Iterator[Path]:
             raise BuildError(f"{out}: is in the way; choose a folder that is not there")
         out.parent.mkdir(parents=True, exist_ok=True)
         place = out.parent / f".{out.name}.exporting"
-        with _held(place):
+        with _locked_folder(place):
             yield place
             if out.exists():
                 out.rmdir()
             place.rename(out)
     except HijackError:
         raise
-    except (OSError, ValueError) as error:
-        if isinstance(error, OSError) and is_full(error):
-            raise unwritable(out, error) from None
-        reason = getattr(error, "strerror", None) or error
-        raise BuildError(f"{out}: cannot be written ({reason})") from None
+    except (OSError, ValueError) as cause:
+        error: HijackError = BuildError(
+            f"{out}: cannot be written ({getattr(cause, 'strerror', None) or cause})"
+        )
+        if isinstance(cause, OSError) and is_full(cause):
+            error = unwritable(out, cause)
+        raise error from None
 
 
 def write_report(place: Path, data: Mapping[str, Any]) -> None:
@@ -58,7 +61,7 @@ def write_report(place: Path, data: Mapping[str, Any]) -> None:
 
 
 @contextmanager
-def _held(place: Path) -> Iterator[None]:
+def _locked_folder(place: Path) -> Iterator[None]:
     """Create and lock an empty folder; remove it at the end unless it was renamed.
 
     Raises:
@@ -66,7 +69,7 @@ def _held(place: Path) -> Iterator[None]:
     """
     place.mkdir(exist_ok=True)
     try:
-        held = lock(place)
+        folder_lock = lock(place)
     except LockedError:
         raise BuildError(
             f"{place}: another export is writing to this folder; wait for it"
@@ -80,4 +83,4 @@ def _held(place: Path) -> Iterator[None]:
         yield
     finally:
         shutil.rmtree(place, ignore_errors=True)
-        held.release()
+        folder_lock.release()

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ..dataset.columns import Kind, arrow_schema, pyarrow
-from .example import Example, truth
+from .example import Example, ground_truth
 
 GROUP = 16
 KINDS: dict[str, Kind] = {
@@ -72,7 +72,7 @@ class VerlWriter:
             "ability": "computer_use",
             "reward_model": {
                 "style": "rule",
-                "ground_truth": json.dumps(truth(example), ensure_ascii=False),
+                "ground_truth": json.dumps(ground_truth(example), ensure_ascii=False),
             },
             "extra_info": {
                 **extra,

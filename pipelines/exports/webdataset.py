@@ -46,14 +46,14 @@ class WebDatasetWriter:
 
 
 def _write(tar: tarfile.TarFile, example: Example) -> None:
-    row = {**typed(example.row), "answer": example.answer, "question": example.question}
+    row = {**typed_row(example.row), "answer": example.answer, "question": example.question}
     text = json.dumps(row, ensure_ascii=False)
     _add(tar, f"{example.key}.png", example.png)
     _add(tar, f"{example.key}.json", text.encode())
     _add(tar, f"{example.key}.txt", example.answer.encode())
 
 
-def typed(row: Row) -> dict[str, Any]:
+def typed_row(row: Row) -> dict[str, Any]:
     """Return a row in which each field has the same type whatever the row holds."""
     values = dict(row)
     for name in TEXTS:

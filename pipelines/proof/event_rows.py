@@ -29,7 +29,7 @@ def event_variant(row: Mapping[str, Any], plan: Plan, sample: Sample) -> Variant
 
     Args:
         row: as it is stored.
-        plan: its plan. A picture that the pack does not contain is an `AssetError`.
+        plan: its plan.
         sample: its step.
 
     Returns:
@@ -37,46 +37,47 @@ def event_variant(row: Mapping[str, Any], plan: Plan, sample: Sample) -> Variant
 
     Raises:
         DatasetError: the labels of the row contradict its plan.
+        AssetError: the plan pastes a picture that the pack does not contain.
     """
     kinds = [effect.kind for effect in plan.effects]
     if len(kinds) != 1 or kinds[0] not in EDITS:
         raise DatasetError(
             f"event is {shown(row['event'])}, and its plan does {kinds or 'nothing'} to the machine"
         )
-    known = EDITS[kinds[0]]
-    if not is_ours(known):
+    edit = EDITS[kinds[0]]
+    if not is_ours(edit):
         return None  # only the plug-in of an edit knows what the edit shows
-    _check_labels(row, known)
-    pasted, drawn = _parts(plan)
+    _check_labels(row, edit)
+    pasted, later_ops = _parts(plan)
     if row["fidelity"] == "recorded" and len(pasted) != 1:
         raise DatasetError(
             "fidelity is 'recorded', and its screen is put together: it should be 'composited'"
         )
-    response = _response(known, row, plan, pasted)
-    if response is None and known.answer != "keep":
+    response = _response(edit, row, plan, pasted)
+    if response is None and edit.answer != "keep":
         return None
-    edit = EditedStep(
+    edited = EditedStep(
         ops=pasted,
         event=row["event"],
         fidelity=row["fidelity"],
         response=response,
-        inserted=known.inserted,
-        reminder=known.reminder,
+        inserted=edit.inserted,
+        reminder=edit.reminder,
     )
     over = replace(plan, effects=())
     if response is not None:
-        over = replace(over, ops=drawn)
-    return Variant(step_after(sample, edit), plan, over, edit)
+        over = replace(over, ops=later_ops)
+    return Variant(step_after(sample, edited), plan, over, edited)
 
 
-def _check_labels(row: Mapping[str, Any], known: Edit) -> None:
-    pattern = re.escape(known.event).replace(re.escape("{}"), ".+")
+def _check_labels(row: Mapping[str, Any], edit: Edit) -> None:
+    pattern = re.escape(edit.event).replace(re.escape("{}"), ".+")
     if not re.fullmatch(pattern, row["event"]):
-        raise DatasetError(f"event is {shown(row['event'])}, it should be {shown(known.event)}")
+        raise DatasetError(f"event is {shown(row['event'])}, it should be {shown(edit.event)}")
     for name in ("reminder", "inserted"):
-        wanted = getattr(known, name)
-        if row[name] != wanted:
-            raise DatasetError(f"{name} is {shown(row[name])}, it should be {shown(wanted)}")
+        expected = getattr(edit, name)
+        if row[name] != expected:
+            raise DatasetError(f"{name} is {shown(row[name])}, it should be {shown(expected)}")
 
 
 def _parts(plan: Plan) -> tuple[tuple[Op, ...], tuple[Op, ...]]:
@@ -103,11 +104,11 @@ def _response(
         return WAIT
     if edit.answer == "keep":
         return None
-    known = list(_recoveries(plan.size, pasted))
-    for response in known:
+    responses = list(_recoveries(plan.size, pasted))
+    for response in responses:
         if _box_in(plan, response) == row["target_box"]:
             return response
-    return known[0] if known else None
+    return responses[0] if responses else None
 
 
 def _box_in(plan: Plan, response: RecordedAction) -> list[int] | None:
@@ -130,10 +131,10 @@ def _recoveries(screen: Size, pasted: tuple[Op, ...]) -> Iterator[RecordedAction
         left, top = tuple(op.sprite.get("crop", (0, 0)))[:2]
         coords = CoordMap(observation=size, screen=screen)
         for x, y in op.at:
-            yield _scaled(asset.recover.moved(x - left, y - top), coords)
+            yield _scale_action(asset.recover.moved(x - left, y - top), coords)
 
 
-def _scaled(response: RecordedAction, coords: CoordMap) -> RecordedAction:
+def _scale_action(response: RecordedAction, coords: CoordMap) -> RecordedAction:
     box = response.target_box
     if box is not None:
         x1, y1, x2, y2 = coords.boxes_to_screen([box])[0].tolist()

@@ -51,13 +51,13 @@ def stray_files(folder: Path, records: list[ShardRecord]) -> Iterator[str]:
 
     Hidden files and folders belong to tools that keep or upload a dataset; loaders skip them.
     """
-    known = {MANIFEST, *FILES, *(record.file for record in records)}
+    members = {MANIFEST, *FILES, *(record.file for record in records)}
     data = {str(Path(record.file).parent) for record in records}
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder)
         is_hidden = any(part.startswith(".") for part in name.parts)
         is_folder = path.is_dir() and not path.is_symlink()
-        if is_hidden or is_folder or str(name) in known:
+        if is_hidden or is_folder or str(name) in members:
             continue
         if str(name.parent) in data:
             yield f"{name}: not in the manifest"
@@ -72,8 +72,8 @@ def companion_files(folder: Path, manifest: Mapping[str, Any]) -> Iterator[str]:
     hashes = manifest.get(FILE_HASHES)
     if not isinstance(hashes, dict) or DIGEST not in manifest:
         yield (
-            f"{MANIFEST}: has no hashes of the files beside the rows: an earlier version built it; "
-            f"the same build with {RESUME} adds them"
+            f"{MANIFEST}: has no hashes of the files beside the rows ({FILE_HASHES}, {DIGEST}); the"
+            f" same build with {RESUME} adds them"
         )
         return
     if manifest[DIGEST] != manifest_digest(manifest):
@@ -82,20 +82,20 @@ def companion_files(folder: Path, manifest: Mapping[str, Any]) -> Iterator[str]:
         )
     for name in FILES:
         path = folder / name
-        wanted = hashes.get(name)
-        found = file_sha256(path) if path.is_file() else None
-        if found != wanted:
-            yield f"{name}: {_difference(found, wanted)}"
+        expected = hashes.get(name)
+        digest = file_sha256(path) if path.is_file() else None
+        if digest != expected:
+            yield f"{name}: {_difference(digest, expected)}"
 
 
-def _difference(found: str | None, wanted: object) -> str:
-    if found is None:
+def _difference(digest: str | None, expected: object) -> str:
+    if digest is None:
         return "missing"
-    if wanted is None:
+    if expected is None:
         return "not in the manifest"
     return (
-        f"its SHA-256 is {found[:12]}, the manifest says {shown(wanted)[:13]}; the file was changed"
-        " or damaged"
+        f"its SHA-256 is {digest[:12]}, the manifest says {shown(expected)[:13]}; the file was"
+        " changed or damaged"
     )
 
 
@@ -110,11 +110,11 @@ def derived_fields(
     splits = Splits(parameters.get("splits"))
     config = manifest.get("config") if settings is None else build_config(settings, splits)
     paths = manifest["source"]["paths"]
-    again = make_manifest(parameters, config, paths, records, _rejected(folder))
+    again = make_manifest(parameters, config, paths, records, _rejected_counts(folder))
     if settings is not None:
         again["counts"]["rows"] = in_order(again["counts"]["rows"], settings)
-    for where, stored, expected in _unequal("", manifest, again):
-        yield f"{MANIFEST}: {where} is {shown(stored)}, it should be {shown(expected)}"
+    for path, stored, expected in _differences("", manifest, again):
+        yield f"{MANIFEST}: {path} is {shown(stored)}, it should be {shown(expected)}"
     if config is not None and _text(folder / _CONFIG) != config:
         yield f"{_CONFIG}: is not the configuration of the manifest's parameters"
     late = [rejected for record in records for rejected in record.rejected]
@@ -125,29 +125,29 @@ def derived_fields(
         )
 
 
-def _unequal(where: str, stored: Any, expected: Any) -> Iterator[tuple[str, Any, Any]]:
+def _differences(path: str, stored: Any, expected: Any) -> Iterator[tuple[str, Any, Any]]:
     """Yield the places at which JSON data differs; at the top, `stored` may have extra keys."""
     if isinstance(expected, dict) and isinstance(stored, dict):
         keys = list(expected)
-        if where:
+        if path:
             keys += [key for key in stored if key not in expected]
         for key in keys:
-            place = f"{where}.{key}" if where else key
-            yield from _unequal(place, stored.get(key), expected.get(key))
+            place = f"{path}.{key}" if path else key
+            yield from _differences(place, stored.get(key), expected.get(key))
     elif stored != expected:
-        yield where, stored, expected
+        yield path, stored, expected
 
 
 def library_notes(parameters: Mapping[str, Any]) -> Iterator[str]:
     """Yield the libraries whose version is not the one of the build."""
     built_with = parameters.get("libraries", {})
-    here = libraries(parameters.get("elements") == "picture")
+    installed = libraries(parameters.get("elements") == "picture")
     for name in (*LIBRARIES, "freetype"):
         if name in ("pyarrow", "isal") or name not in built_with:
             continue
-        if built_with[name] != here[name]:
+        if built_with[name] != installed[name]:
             yield (
-                f"built with {name} {built_with[name]}, here is {here[name]}: "
+                f"built with {name} {built_with[name]}, here is {installed[name]}: "
                 "plans and pictures may come out differently"
             )
 
@@ -164,17 +164,17 @@ def shard_problems(file: Path, record: ShardRecord) -> Iterator[str]:
         yield f"{record.file}: {size} bytes, the manifest says {record.bytes}"
 
 
-def _rejected(folder: Path) -> Counter[str]:
+def _rejected_counts(folder: Path) -> Counter[str]:
     # returns the number of inputs in `quarantine.jsonl`, by field
-    found = Counter[str]()
+    counts = Counter[str]()
     for number, line in enumerate(_lines(folder), 1):
         try:
-            found[json.loads(line)["field"] or "(record)"] += 1
+            counts[json.loads(line)["field"] or "(record)"] += 1
         except (ValueError, KeyError, TypeError) as error:
             raise DatasetError(
                 f"{folder / _QUARANTINE}: line {number} is not a rejected input ({error})"
             ) from None
-    return found
+    return counts
 
 
 def _lines(folder: Path) -> Iterator[str]:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from hijack_data.errors import counted
 from hijack_data.runs import seal
-from hijack_data.runs.run_log import CHAINED, EPISODE, EPISODES, RECORDS, RUN, SEAL, STEPS
+from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, RUN, SEAL, STEPS
 
 from ..building.build_report import Findings
 from ..errors import SourceError
@@ -37,7 +37,6 @@ class RebuildReport(Findings):
         disturbed: number of those whose picture the plan changes.
         unfinished: number of episodes that were interrupted, and are not checked.
         unproved: what cannot be proved, in words; these are not problems of the run.
-        chained: whether all files have a version with hashes.
         signer: the fingerprint of the key that signed the run; empty without a signature.
     """
 
@@ -47,27 +46,26 @@ class RebuildReport(Findings):
     disturbed: int = 0
     unfinished: int = 0
     unproved: list[str] = field(default_factory=list[str])
-    chained: bool = True
     signer: str = ""
 
     def lines(self) -> list[str]:
-        """The report as lines of text."""
-        lines = [f"{self.folder}: {self._checked()}", *self.listed()]
+        """Return the report as lines of text."""
+        lines = [f"{self.folder}: {self._summary()}", *self.listed()]
         if self.signer:
             lines.append(f"  signed by {self.signer}")
         lines += [f"  not proved: {text}" for text in self.unproved]
         return lines
 
-    def _checked(self) -> str:
+    def _summary(self) -> str:
         """Return what was checked, and the outcome."""
         failed = counted(len(self.problems), "problem")
         if self.answers is not None:
             state = "nothing differs" if self.ok else failed
             return f"{self.answers} answers to rows of a dataset: {state}"
         state = "all identical" if self.ok else failed
-        left = f", {self.unfinished} unfinished" if self.unfinished else ""
-        seen = f"{self.steps} observations, {self.disturbed} of them disturbed"
-        return f"{self.episodes} episodes{left}, {seen}, made again: {state}"
+        unfinished = f", {self.unfinished} unfinished" if self.unfinished else ""
+        observations = f"{self.steps} observations, {self.disturbed} of them disturbed"
+        return f"{self.episodes} episodes{unfinished}, {observations}, made again: {state}"
 
 
 def is_run(folder: str | os.PathLike[str]) -> bool:
@@ -81,14 +79,13 @@ def is_run(folder: str | os.PathLike[str]) -> bool:
 def rebuild(run: str | os.PathLike[str], key: str | None = None) -> RebuildReport:
     """Compute the observations of a run (or of one episode) again, and compare.
 
-    Passes on `SealError` (`key` is not a public key).
-
     Args:
         run: the folder.
         key: the path of the SSH public key that must have signed the run.
 
     Raises:
         SourceError: the folder is neither a run nor an episode.
+        SealError: `key` is not a public key.
     """
     path = Path(run)
     if not is_run(path):
@@ -105,8 +102,7 @@ def rebuild(run: str | os.PathLike[str], key: str | None = None) -> RebuildRepor
         _add_run(report, journal, path, key)
     if journal.is_scored:
         report.answers = len(journal.records)
-    report.chained = journal.oldest >= CHAINED
-    report.unproved = list(_unproved(report, journal, alone))
+    report.unproved = list(_unproved_claims(report, journal, alone))
     return report
 
 
@@ -136,19 +132,14 @@ def _episode(folder: Path, journal: Journal, report: RebuildReport) -> Iterator[
         report.unfinished += 1
         return
     report.episodes += 1
-    seen = EpisodeReplay()
-    yield from check_episode(folder, journal, seen)
-    report.steps += seen.steps
-    report.disturbed += seen.disturbed
-    journal.note(folder, seen.record)
+    replay = EpisodeReplay()
+    yield from check_episode(folder, journal, replay)
+    report.steps += replay.steps
+    report.disturbed += replay.disturbed
+    journal.add_episode(folder, replay.record)
 
 
-def _unproved(report: RebuildReport, journal: Journal, alone: bool) -> Iterator[str]:
-    if not report.chained:
-        yield (
-            f"written in version {journal.oldest}, without hashes: what was edited in several"
-            " places alike is not found"
-        )
+def _unproved_claims(report: RebuildReport, journal: Journal, alone: bool) -> Iterator[str]:
     if not alone and not journal.exists:
         yield f"there is no {RECORDS}: an episode that was removed is not missed"
     elsewhere = journal.library.unavailable

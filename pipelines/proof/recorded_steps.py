@@ -43,7 +43,7 @@ class RecordedFacts:
         settings: those of the build, with the planners whose plans can be made again.
         picture: whether the screenshot is known; otherwise `sample` has a black one.
         code: whether the dialect of its code is known, so that the code can be mapped.
-        where: the name of the screenshot in reports.
+        source_name: the name of the screenshot in reports.
         tally: counts the rows of the step, and what gave none.
     """
 
@@ -51,13 +51,13 @@ class RecordedFacts:
     settings: RowSettings
     picture: bool = True
     code: bool = True
-    where: str = ""
+    source_name: str = ""
     tally: RowCounts = field(default_factory=RowCounts)
 
 
 def provable_settings(settings: RowSettings) -> RowSettings:
     """Return settings with only the planners whose plans can be made again from a dataset."""
-    planners = [(label, planner) for label, planner in settings.planners if _follows(planner)]
+    planners = [(label, planner) for label, planner in settings.planners if _is_provable(planner)]
     return RowSettings(
         planners=tuple(planners),
         seed=settings.seed,
@@ -67,7 +67,7 @@ def provable_settings(settings: RowSettings) -> RowSettings:
     )
 
 
-def _follows(planner: Planner) -> bool:
+def _is_provable(planner: Planner) -> bool:
     """Return whether plans depend only on parameters, seed, trajectory, step, size and target.
 
     Corruptions of plug-ins do not count, as they may use elements and applications without
@@ -86,9 +86,12 @@ def recorded_step(
     """Return the recorded step of some rows, or `None` if they do not contain enough of it.
 
     Args:
-        rows: all rows of the step, as stored. Raises `HijackError` for a damaged one.
+        rows: all rows of the step, as stored.
         key: the key of its random draws, if that is not the trajectory.
         settings: those of the build.
+
+    Raises:
+        HijackError: a row is damaged.
     """
     clean = next((row for row in rows if row["corruption"] == CLEAN), None)
     row = clean or next((row for row in rows if _is_as_recorded(row)), None)
@@ -158,11 +161,14 @@ def _dialect(code: str, action: Action, size: tuple[int, int]) -> str | None:
 
 
 def read_plan(row: Mapping[str, Any], base: UInt8Array | None) -> Plan:
-    """Return the plan of a row; raises `HijackError` if it is damaged.
+    """Return the plan of a row.
 
     Args:
         row: as it is stored.
         base: the picture in a lazy row, uint8 RGB `[H, W, 3]`; `None` for a materialised one.
+
+    Raises:
+        HijackError: the plan is damaged.
     """
     if base is None:
         return Plan.from_json(row["plan"])
@@ -191,20 +197,20 @@ class Recordings:
         """Yield the key and the facts of each step in order; a rejected step has no facts."""
         for trajectory in self.task.trajectories:
             for step in trajectory:
-                yield (trajectory.id, step.index), self._known(trajectory, step)
+                yield (trajectory.id, step.index), self._read_step(trajectory, step)
 
-    def _known(self, trajectory: Trajectory, step: Step) -> RecordedFacts | None:
-        where = picture_name(step.image, Path(self.task.root))
+    def _read_step(self, trajectory: Trajectory, step: Step) -> RecordedFacts | None:
+        name = picture_name(step.image, Path(self.task.root))
         try:
-            data = read_picture(step.image, where)
+            data = read_picture(step.image, name)
         except ImageError as error:
-            self.tally.reject(where, f"{trajectory.id}, step {step.index}", "image", error)
+            self.tally.reject(name, f"{trajectory.id}, step {step.index}", "image", error)
             return None
         self._inputs.update(hashlib.sha256(data).digest())
-        sample = decode_sample(trajectory, step, data, where, self.settings, self.tally)
+        sample = decode_sample(trajectory, step, data, name, self.settings, self.tally)
         if sample is None:
             return None
-        return RecordedFacts(sample, self.settings, where=where, tally=self.tally)
+        return RecordedFacts(sample, self.settings, source_name=name, tally=self.tally)
 
     def problems(self, record: ShardRecord) -> Iterator[str]:
         """Yield the differences between manifest and shard; call it after reading all steps."""
@@ -216,11 +222,11 @@ class Recordings:
         elif self._inputs.hexdigest() != record.inputs:
             yield "the pictures of the recordings are not those that it was built from"
         tally = self.tally
-        for name, found in (("dropped", tally.dropped), ("not_applicable", tally.not_applicable)):
-            if found != record.counts[name]:
+        for name, counts in (("dropped", tally.dropped), ("not_applicable", tally.not_applicable)):
+            if counts != record.counts[name]:
                 yield (
                     f"the manifest counts as {name} {shown(record.counts[name])}, there are"
-                    f" {shown(dict(found))}"
+                    f" {shown(dict(counts))}"
                 )
         rejected = tuple(entry.to_data() for entry in tally.rejected)
         if rejected != tuple(record.rejected):

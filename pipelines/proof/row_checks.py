@@ -32,7 +32,7 @@ OTHER_PICTURE = "the plan makes another picture of the clean row than the one st
 
 
 @dataclass(frozen=True)
-class Stored:
+class StoredRow:
     """A row that is consistent in itself: its picture, uint8 RGB `[H, W, 3]`, and its plan."""
 
     row: Mapping[str, Any]
@@ -46,8 +46,8 @@ class StepChecker:
 
     Args:
         rows: the rows as stored, in order.
-        known: the recorded step, `None` if unknown.
-        every: the planners of the build by label, `None` if the manifest does not contain them.
+        recorded: the recorded step, `None` if unknown.
+        planners: the planners of the build by label, `None` if the manifest does not contain them.
         ranks: the order of the labels.
         seed: that of the build.
         label_policy: that of the build.
@@ -56,57 +56,59 @@ class StepChecker:
     """
 
     rows: list[dict[str, Any]]
-    known: RecordedFacts | None
-    every: Mapping[str, Planner] | None
+    recorded: RecordedFacts | None
+    planners: Mapping[str, Planner] | None
     ranks: Mapping[str, int]
     seed: int
     label_policy: str
     rejected: frozenset[str] = frozenset()
     regenerated: int = 0
     _last: tuple[bytes, UInt8Array] | None = None
-    _same: bool = False
+    _is_step_picture: bool = False
 
     def problems(self) -> Iterator[str]:
         """Yield the problems; each names a row."""
-        made = self._made()
-        following = next(made, None)
+        generated = self._generate_rows()
+        following = next(generated, None)
         for row in sorted(self.rows, key=self._rank):
             while following is not None and self.ranks[following.label] < self._rank(row):
                 yield from self._missing(following)
-                following = next(made, None)
+                following = next(generated, None)
             expected = None
             if following is not None and following.label == row["corruption"]:
                 expected = following
-                following = next(made, None)
+                following = next(generated, None)
             problem = self._problem(row, expected)
             if problem:
                 yield f"row {row['id']}: {problem}"
         while following is not None:
             yield from self._missing(following)
-            following = next(made, None)
+            following = next(generated, None)
 
-    def _missing(self, made: DrawnRow) -> Iterator[str]:
-        sample = made.variant.sample
-        place = f"{sample.trajectory.id}, step {sample.step.index}, {made.label}"
+    def _missing(self, generated: DrawnRow) -> Iterator[str]:
+        sample = generated.variant.sample
+        place = f"{sample.trajectory.id}, step {sample.step.index}, {generated.label}"
         if place not in self.rejected:
             yield (
-                f"row {made.labels['id']}: is missing; its step and the parameters of the build"
-                " give it"
+                f"row {generated.labels['id']}: is missing; its step and the parameters of the"
+                " build give it"
             )
 
-    def _made(self) -> Iterator[DrawnRow]:
-        known = self.known
-        if known is not None and known.picture:
-            yield from draw_rows(known.sample, known.where, known.settings, known.tally)
+    def _generate_rows(self) -> Iterator[DrawnRow]:
+        recorded = self.recorded
+        if recorded is not None and recorded.picture:
+            yield from draw_rows(
+                recorded.sample, recorded.source_name, recorded.settings, recorded.tally
+            )
 
     def _rank(self, row: Mapping[str, Any]) -> int:
         return self.ranks.get(row["corruption"], len(self.ranks))
 
     def _problem(self, row: dict[str, Any], expected: DrawnRow | None) -> str:
         try:
-            stored = self._stored(row, expected)
-            if self.known is not None:
-                self._compare(stored, expected, self.known)
+            stored = self._read_stored(row, expected)
+            if self.recorded is not None:
+                self._compare(stored, expected, self.recorded)
             elif BASE in row:
                 self.regenerated += bool(stored.plan.ops)
         except HijackError as error:
@@ -117,33 +119,38 @@ class StepChecker:
 
     # --- A row on its own
 
-    def _stored(self, row: dict[str, Any], expected: DrawnRow | None) -> Stored:
+    def _read_stored(self, row: dict[str, Any], expected: DrawnRow | None) -> StoredRow:
         if BASE in row:
-            stored = self._lazy(row, expected)
+            stored = self._draw_lazy_row(row, expected)
         else:
             picture = decode(picture_bytes(row["screenshot"]), "screenshot")
-            stored = Stored(row, picture, read_plan(row, None))
+            stored = StoredRow(row, picture, read_plan(row, None))
             if pixel_sha256(picture) != row["image_sha256"]:
                 raise DatasetError("screenshot does not decode to image_sha256")
         _check_plan(row, stored.picture, stored.plan)
         return stored
 
-    def _lazy(self, row: dict[str, Any], expected: DrawnRow | None) -> Stored:
+    def _draw_lazy_row(self, row: dict[str, Any], expected: DrawnRow | None) -> StoredRow:
         # returns a lazy row with its picture drawn
         before = self._base(row)
         plan = read_plan(row, before)
         if row["corruption"] == CLEAN and plan.ops:
             raise DatasetError("a clean row whose plan changes the picture")
         picture = before
-        if plan.ops and self._same and expected is not None and expected.variant.plan == plan:
+        if (
+            plan.ops
+            and self._is_step_picture
+            and expected is not None
+            and expected.variant.plan == plan
+        ):
             picture = expected.picture
         elif plan.ops:
             picture = apply(plan, before)
         if self._digest(picture, plan) != row["image_sha256"]:
             raise DatasetError(f"{BASE} and the plan do not make the picture of image_sha256")
-        if self.known is not None and not self._same:
+        if self.recorded is not None and not self._is_step_picture:
             raise DatasetError(f"{BASE} is not the picture of its step")
-        return Stored(row, picture, plan)
+        return StoredRow(row, picture, plan)
 
     def _base(self, row: Mapping[str, Any]) -> UInt8Array:
         """Return the picture of a lazy row before its corruption, uint8 RGB `[H, W, 3]`.
@@ -155,85 +162,103 @@ class StepChecker:
             return self._last[1]
         picture = decode(data, BASE)
         self._last = data, picture
-        known = self.known
-        self._same = known is not None and np.array_equal(picture, known.sample.image)
+        recorded = self.recorded
+        self._is_step_picture = recorded is not None and np.array_equal(
+            picture, recorded.sample.image
+        )
         return picture
 
     def _digest(self, picture: UInt8Array, plan: Plan) -> str:
         """Return the SHA-256 of a lazy row's picture, reusing the hash of its step's picture."""
-        if self._same and self.known is not None:
-            return picture_digest(self.known.sample.base, picture, plan)
+        if self._is_step_picture and self.recorded is not None:
+            return picture_digest(self.recorded.sample.base, picture, plan)
         return pixel_sha256(picture)
 
     # --- A row and its step
 
-    def _compare(self, stored: Stored, expected: DrawnRow | None, known: RecordedFacts) -> None:
+    def _compare(
+        self, stored: StoredRow, expected: DrawnRow | None, recorded: RecordedFacts
+    ) -> None:
         row = stored.row
-        if expected is None and known.picture and row["corruption"] in self._proved(known):
+        if (
+            expected is None
+            and recorded.picture
+            and row["corruption"] in self._provable_labels(recorded)
+        ):
             raise DatasetError(
                 "its step, the seed and the parameters of the build give no such row"
             )
         if expected is not None:
-            self._check_seed(stored, [expected.variant], known)
-        if known.picture:
-            self._check_made(stored, expected, known)
-        variant = expected.variant if expected is not None else self._assumed(stored, known)
+            self._check_seed(stored, [expected.variant], recorded)
+        if recorded.picture:
+            self._check_picture(stored, expected, recorded)
+        variant = (
+            expected.variant if expected is not None else self._variant_from_plan(stored, recorded)
+        )
         if variant is None:
             return
-        labels = self._labels(stored, expected, variant, known)
+        labels = self._labels(stored, expected, variant, recorded)
         for name, value in labels.items():
             if row[name] != value:
                 raise DatasetError(f"{name} is {shown(row[name])}, it should be {shown(value)}")
 
     def _labels(
-        self, stored: Stored, expected: DrawnRow | None, variant: Variant, known: RecordedFacts
+        self,
+        stored: StoredRow,
+        expected: DrawnRow | None,
+        variant: Variant,
+        recorded: RecordedFacts,
     ) -> dict[str, Any]:
         """Return the values that the columns of a row must have."""
         row = stored.row
         plan = stored.plan
         variant = replace(variant, plan=plan)
         labels = row_labels(variant, row["corruption"], self.seed)
-        if known.picture:
-            changed = 0
+        if recorded.picture:
+            changed_count = 0
             if plan.ops:
-                changed = changed_pixels(known.sample.image, stored.picture, plan)
-            labels["changed_pixels"] = changed
-            self._check_kept(row, plan, labels)
+                changed_count = changed_pixels(recorded.sample.image, stored.picture, plan)
+            labels["changed_pixels"] = changed_count
+            self._check_label_policy(row, plan, labels)
         if BASE in row:
             del labels["plan"]
         if BASE in row and expected is not None:
-            made = replace(expected, variant=variant)
-            labels["plan"] = lazy_plan(made, {**row, **labels}, known.settings)
-        if not known.code and not plan.coords.is_identity:
+            generated = replace(expected, variant=variant)
+            labels["plan"] = lazy_plan(generated, {**row, **labels}, recorded.settings)
+        if not recorded.code and not plan.coords.is_identity:
             del labels["action_code"]
         return labels
 
-    def _proved(self, known: RecordedFacts) -> list[str]:
-        labels = [label for label, _ in known.settings.planners]
-        if known.settings.clean:
+    def _provable_labels(self, recorded: RecordedFacts) -> list[str]:
+        labels = [label for label, _ in recorded.settings.planners]
+        if recorded.settings.clean:
             labels.append(CLEAN)
         return labels
 
-    def _check_made(self, stored: Stored, expected: DrawnRow | None, known: RecordedFacts) -> None:
+    def _check_picture(
+        self, stored: StoredRow, expected: DrawnRow | None, recorded: RecordedFacts
+    ) -> None:
         plan = stored.plan
         if BASE not in stored.row:
             if expected is not None and expected.variant.plan == plan:
-                made = expected.picture
+                picture = expected.picture
             else:
-                made = _drawn(plan, known.sample.image)
-            if not np.array_equal(made, stored.picture):
+                picture = _draw_plan(plan, recorded.sample.image)
+            if not np.array_equal(picture, stored.picture):
                 raise DatasetError(OTHER_PICTURE)
         self.regenerated += bool(plan.ops)
 
-    def _check_seed(self, stored: Stored, variants: list[Variant], known: RecordedFacts) -> None:
+    def _check_seed(
+        self, stored: StoredRow, variants: list[Variant], recorded: RecordedFacts
+    ) -> None:
         # checks that a plan is one of those that were made again
         plan = stored.plan
         for variant in variants:
-            if variant.plan == plan or _alike(variant.plan, plan):
+            if variant.plan == plan or _is_same_plan(variant.plan, plan):
                 return
-        if known.picture and BASE not in stored.row:
-            made = _drawn(plan, known.sample.image)
-            if not np.array_equal(made, stored.picture):
+        if recorded.picture and BASE not in stored.row:
+            picture = _draw_plan(plan, recorded.sample.image)
+            if not np.array_equal(picture, stored.picture):
                 raise DatasetError(OTHER_PICTURE)
         again = variants[0].plan.digest()[:12] if variants else "none"
         raise DatasetError(
@@ -241,45 +266,49 @@ class StepChecker:
             f" {again}"
         )
 
-    def _assumed(self, stored: Stored, known: RecordedFacts) -> Variant | None:
+    def _variant_from_plan(self, stored: StoredRow, recorded: RecordedFacts) -> Variant | None:
         # returns the variant of a row whose plan cannot be made again, with its picture
         row = stored.row
         plan = stored.plan
         label = row["corruption"]
-        planner = None if self.every is None else self.every.get(label)
-        if planner is not None and label in self._proved(known):
-            chooser = VariantPlanner(self.seed, known.settings.label_policy, None)
-            variants = chooser.variants(known.sample, planner)
-            self._check_seed(stored, [variant for variant in variants if variant], known)
+        planner = None if self.planners is None else self.planners.get(label)
+        if planner is not None and label in self._provable_labels(recorded):
+            chooser = VariantPlanner(self.seed, recorded.settings.label_policy, None)
+            variants = chooser.variants(recorded.sample, planner)
+            self._check_seed(stored, [variant for variant in variants if variant], recorded)
         elif planner is not None:
             _check_params(plan, planner)
         if row["event"] is not None:
-            return event_variant(row, plan, known.sample)
+            return event_variant(row, plan, recorded.sample)
         if plan.effects:
             kind = plan.effects[0].kind
             raise DatasetError(f"event is None, its plan does {kind} to the machine")
-        return Variant(known.sample, plan, plan)
+        return Variant(recorded.sample, plan, plan)
 
-    def _check_kept(self, row: Mapping[str, Any], plan: Plan, labels: Mapping[str, Any]) -> None:
+    def _check_label_policy(
+        self, row: Mapping[str, Any], plan: Plan, labels: Mapping[str, Any]
+    ) -> None:
         # checks that the label policy of the build keeps such a row
         policy = self.label_policy
-        seen = labels["target_visible"]
+        visible_share = labels["target_visible"]
         if plan.ops and not labels["changed_pixels"]:
             raise DatasetError(
                 "no pixel differs from the clean picture, and the build leaves such rows out"
             )
-        if not keeps(policy, plan, seen):
+        if not keeps(policy, plan, visible_share):
             raise DatasetError(
-                f"{seen:.0%} of its target shows, and the label policy {policy!r} drops such rows"
+                f"{visible_share:.0%} of its target shows, and the label policy {policy!r} drops"
+                " such rows"
             )
         is_drawn_over = bool(plan.ops) and row["event"] is None
-        if is_drawn_over and policy in AVOIDING and seen is not None and seen < 1:
+        if is_drawn_over and policy in AVOIDING and visible_share is not None and visible_share < 1:
             raise DatasetError(
-                f"{seen:.0%} of its target shows, and the label policy {policy!r} keeps it free"
+                f"{visible_share:.0%} of its target shows, and the label policy {policy!r} keeps"
+                " it free"
             )
 
 
-def _drawn(plan: Plan, image: UInt8Array) -> UInt8Array:
+def _draw_plan(plan: Plan, image: UInt8Array) -> UInt8Array:
     """Return the picture that a plan makes, uint8 RGB `[H, W, 3]`."""
     return apply(plan, image) if plan.ops else image
 
@@ -301,9 +330,9 @@ def _check_plan(row: Mapping[str, Any], picture: UInt8Array, plan: Plan) -> None
         raise DatasetError("plan gives a picture of another size")
 
 
-def _alike(made: Plan, stored: Plan) -> bool:
+def _is_same_plan(generated: Plan, stored: Plan) -> bool:
     """Return whether plans are equal except for their notes on elements off the screen."""
-    return _without_elements(made).digest() == _without_elements(stored).digest()
+    return _without_elements(generated).digest() == _without_elements(stored).digest()
 
 
 def _without_elements(plan: Plan) -> Plan:
@@ -313,20 +342,20 @@ def _without_elements(plan: Plan) -> Plan:
 
 def _check_params(plan: Plan, planner: Planner) -> None:
     # checks that a plan is of the corruptions of its label, with their parameters
-    known: dict[str, list[dict[str, Any]]] = {}
+    params_by_id: dict[str, list[dict[str, Any]]] = {}
     parts = list(leaves(planner))
     if not all(isinstance(part, Corruption) for part in parts):
         return  # the planner of a plug-in may put any parameters into its plans
     for leaf in parts:
-        known.setdefault(leaf.id, []).append(leaf.params())
-    if not known:
+        params_by_id.setdefault(leaf.id, []).append(leaf.params())
+    if not params_by_id:
         return
     names = plan.corruption.split("+")
     data = plan.to_data()["params"]
     for name in names:
-        if name not in known:
-            raise DatasetError(f"plan is one of {name}, its label has {', '.join(known)}")
+        if name not in params_by_id:
+            raise DatasetError(f"plan is one of {name}, its label has {', '.join(params_by_id)}")
         params = data.get(name) if len(names) > 1 else data
-        if params not in known[name]:
-            wanted = shown(known[name][0])
-            raise DatasetError(f"params of {name} are {shown(params)}, the build has {wanted}")
+        if params not in params_by_id[name]:
+            expected = shown(params_by_id[name][0])
+            raise DatasetError(f"params of {name} are {shown(params)}, the build has {expected}")

@@ -31,7 +31,7 @@ class RowOrder:
 
     labels: Mapping[str, int]
     clean: bool
-    _done: set[str] = field(default_factory=set[str])
+    _finished_trajectories: set[str] = field(default_factory=set[str])
     _trajectory: str | None = None
     _step: int = -1
     _about: dict[str, Any] = field(default_factory=dict[str, Any])
@@ -39,12 +39,12 @@ class RowOrder:
     def problems(self, rows: list[dict[str, Any]]) -> Iterator[str]:
         """Yield the problems with the order of a step's rows; each problem names a row."""
         first = rows[0]
-        yield from self._place(first)
-        yield from self._alike(rows)
+        yield from self._sequence_problems(first)
+        yield from self._trajectory_problems(rows)
         for name, count in Counter(row["id"] for row in rows).items():
             if count > 1:
                 yield f"row {name}: its id stands at {count} rows"
-        yield from self._labels(rows)
+        yield from self._label_problems(rows)
         has_clean = any(row["corruption"] == CLEAN for row in rows)
         if self.clean and not has_clean:
             yield (
@@ -52,19 +52,19 @@ class RowOrder:
                 " step"
             )
 
-    def _alike(self, rows: list[dict[str, Any]]) -> Iterator[str]:
+    def _trajectory_problems(self, rows: list[dict[str, Any]]) -> Iterator[str]:
         """Yield a problem for each column that differs from the rest of its trajectory."""
         for name in ABOUT:
-            wanted = self._about.setdefault(name, rows[0][name])
+            expected = self._about.setdefault(name, rows[0][name])
             for row in rows:
-                if row[name] != wanted:
+                if row[name] != expected:
                     yield (
                         f"row {row['id']}: {name} is {shown(row[name])}, "
-                        f"in the first row of its trajectory it is {shown(wanted)}"
+                        f"in the first row of its trajectory it is {shown(expected)}"
                     )
                     break
 
-    def _labels(self, rows: list[dict[str, Any]]) -> Iterator[str]:
+    def _label_problems(self, rows: list[dict[str, Any]]) -> Iterator[str]:
         """Yield unknown labels, and labels in another order than that of the build."""
         ranks: list[int] = []
         for row in rows:
@@ -72,24 +72,24 @@ class RowOrder:
             if label in self.labels:
                 ranks.append(self.labels[label])
                 continue
-            known = ", ".join(self.labels)
-            yield f"row {row['id']}: corruption is {shown(label)}, the build has {known}"
+            labels = ", ".join(self.labels)
+            yield f"row {row['id']}: corruption is {shown(label)}, the build has {labels}"
         if ranks != sorted(ranks):
             yield (
                 f"row {rows[0]['id']}: the rows of its step stand in another order than the build"
                 " writes"
             )
 
-    def _place(self, row: _Row) -> Iterator[str]:
+    def _sequence_problems(self, row: _Row) -> Iterator[str]:
         trajectory = row["trajectory_id"]
         step = row["step"]
         if trajectory != self._trajectory:
-            if trajectory in self._done:
+            if trajectory in self._finished_trajectories:
                 yield (
                     f"row {row['id']}: trajectory {trajectory!r} was there before, apart from"
                     " this row"
                 )
-            self._done.add(trajectory)
+            self._finished_trajectories.add(trajectory)
             self._trajectory = trajectory
             self._step = -1
             self._about = {}
@@ -124,11 +124,11 @@ class ShardTally:
             if number != self.rows[label]:
                 yield f"the manifest counts {number} rows of {label}, there are {self.rows[label]}"
         rejected = sum(entry.get("field") in WHOLE_STEP for entry in record.rejected)
-        wanted = record.steps - rejected
+        steps = record.steps - rejected
         if settings is None or not settings.clean:
             return
-        if self.steps != wanted:
-            yield f"the manifest counts {wanted} steps with rows, there are {self.steps}"
+        if self.steps != steps:
+            yield f"the manifest counts {steps} steps with rows, there are {self.steps}"
         if not rejected and self.trajectories != record.trajectories:
             yield (
                 f"the manifest counts {record.trajectories} trajectories, there are"
@@ -140,16 +140,16 @@ class ShardTally:
                 and planner.steps is None
                 and not has_effects(planner)
             ):
-                yield from _sum(label, self.rows[label], record, wanted)
+                yield from _count_problems(label, self.rows[label], record, steps)
 
 
-def _sum(label: str, rows: int, record: ShardRecord, steps: int) -> Iterator[str]:
+def _count_problems(label: str, rows: int, record: ShardRecord, steps: int) -> Iterator[str]:
     """Yield a problem if a corruption that acts at every step has no result for some of them."""
     reasons = record.counts["not_applicable"].get(label, {})
-    left = sum(reasons.values()) + record.counts["dropped"].get(label, 0)
+    without_row = sum(reasons.values()) + record.counts["dropped"].get(label, 0)
     broken = sum(entry.get("where", "").endswith(f", {label}") for entry in record.rejected)
-    if rows + left + broken != steps:
+    if rows + without_row + broken != steps:
         yield (
-            f"{label}: {rows} rows, {left} without a row and {broken} rejected are not the {steps}"
-            " steps of the file"
+            f"{label}: {rows} rows, {without_row} without a row and {broken} rejected are not"
+            f" the {steps} steps of the file"
         )

@@ -115,13 +115,13 @@ def _pack_notes(built_with: dict[str, str] | None) -> list[str]:
     if built_with is None:
         return []
     try:
-        here = AssetPack.load().digest
+        installed = AssetPack.load().digest
     except AssetError as error:
         return [f"recorded pictures cannot be looked at: {error}"]
-    if here == built_with["sha256"]:
+    if installed == built_with["sha256"]:
         return []
     return [
-        f"the asset pack here ({here[:12]}) is not the one of the build"
+        f"the asset pack here ({installed[:12]}) is not the one of the build"
         f" ({built_with['sha256'][:12]}); set {VARIABLE} to that one where rows cannot be made"
         " again"
     ]
@@ -142,12 +142,12 @@ class _Check:
         counts = self.manifest["counts"]["rows"]
         self.labels = {label: rank for rank, label in enumerate(counts)}
         if settings is not None:
-            known = [CLEAN] if settings.clean else []
-            names = [*known, *(label for label, _ in settings.planners)]
+            clean_labels = [CLEAN] if settings.clean else []
+            names = [*clean_labels, *(label for label, _ in settings.planners)]
             self.labels = {label: rank for rank, label in enumerate(names)}
         parameters = self.manifest["parameters"]
         self.order = RowOrder(self.labels, bool(parameters["clean"]))
-        self.every = None if settings is None else dict(settings.planners)
+        self.planners = None if settings is None else dict(settings.planners)
         self.seed, self.label_policy = int(parameters["seed"]), str(parameters["label_policy"])
         self.without_source = RowSettings(
             (), self.seed, bool(parameters["clean"]), self.label_policy
@@ -175,7 +175,7 @@ class _Check:
                 self.report.problems.append(
                     f"{record.file}: the recordings hold less than the dataset"
                 )
-            self._file(record, task)
+            self._check_file(record, task)
 
     def _note_unproved(self) -> None:
         if self.settings is None:
@@ -185,10 +185,11 @@ class _Check:
             )
             return
         proved = {label for label, _ in self.without_source.planners}
-        rest = [label for label, _ in self.settings.planners if label not in proved]
-        if rest:
+        labels = [label for label, _ in self.settings.planners if label not in proved]
+        if labels:
             self.report.unproved.append(
-                f"the pictures of {', '.join(rest)} were drawn again from their stored plans; that"
+                f"the pictures of {', '.join(labels)} were drawn again from their stored plans;"
+                " that"
                 " the seed gives these plans was not checked, since they also follow from what the"
                 " dataset does not hold (elements, applications, the steps before): --source"
                 " RECORDINGS checks it, too"
@@ -219,14 +220,14 @@ class _Check:
             splits,
         )
         late = sum(len(record.rejected) for record in self.records)
-        wanted = sum(self.manifest["counts"]["rejected"].values()) - late
-        if len(rejected) != wanted:
+        expected = sum(self.manifest["counts"]["rejected"].values()) - late
+        if len(rejected) != expected:
             self.report.problems.append(
                 f"the recordings hold {len(rejected)} inputs that cannot be read, the manifest"
-                f" counts {wanted}"
+                f" counts {expected}"
             )
 
-    def _file(self, record: ShardRecord, task: ShardTask | None) -> None:
+    def _check_file(self, record: ShardRecord, task: ShardTask | None) -> None:
         file = self.folder / record.file
         name = record.file
         if not file.is_file():
@@ -240,7 +241,7 @@ class _Check:
         if task is not None and self.settings is not None:
             recordings = Recordings(task, self.settings)
         try:
-            for problem in self._steps(file, record, counted, recordings):
+            for problem in self._check_steps(file, record, counted, recordings):
                 self.report.problems.append(f"{name}: {problem}")
         except DatasetError as error:
             self.report.problems.append(str(error))
@@ -256,7 +257,7 @@ class _Check:
         if recordings is not None:
             self.report.problems += [f"{name}: {text}" for text in recordings.problems(record)]
 
-    def _steps(
+    def _check_steps(
         self, file: Path, record: ShardRecord, counted: ShardTally, recordings: Recordings | None
     ) -> Iterator[str]:
         """Yield the problems of the rows of a file."""
@@ -269,16 +270,16 @@ class _Check:
                 counted.add(rows)
                 yield from self.order.problems(rows)
                 if recordings is None:
-                    yield from self._proof(rows, self._known(rows, record))
+                    yield from self._check_step(rows, self._find_recorded_step(rows, record))
                 else:
-                    yield from self._sourced(rows, key, recordings)
+                    yield from self._compare_with_source(rows, key, recordings)
             except (AttributeError, KeyError, TypeError, ValueError) as error:
                 yield f"row {rows[0].get('id')}: {damaged_row(error)}"
         if recordings is not None:
             for _, step in recordings.steps:
-                yield from self._proof([], step)
+                yield from self._check_step([], step)
 
-    def _sourced(
+    def _compare_with_source(
         self, rows: list[dict[str, Any]], key: tuple[str, int], recordings: Recordings
     ) -> Iterator[str]:
         """Yield the problems of the rows of a step, which is read from the source."""
@@ -288,16 +289,18 @@ class _Check:
                 " dataset"
             )
             return
-        for passed, step in recordings.steps:
-            if passed != key:
-                yield from self._proof([], step)  # this step has no rows
+        for step_key, step in recordings.steps:
+            if step_key != key:
+                yield from self._check_step([], step)  # this step has no rows
                 continue
             if step is None:
                 yield f"row {rows[0]['id']}: its step cannot be read from the recordings"
-            yield from self._proof(rows, step)
+            yield from self._check_step(rows, step)
             return
 
-    def _known(self, rows: list[dict[str, Any]], record: ShardRecord) -> RecordedFacts | None:
+    def _find_recorded_step(
+        self, rows: list[dict[str, Any]], record: ShardRecord
+    ) -> RecordedFacts | None:
         """Return the recorded step of some rows; a damaged row is reported by its own check."""
         key = record.samples.get(rows[0]["trajectory_id"])
         try:
@@ -305,11 +308,13 @@ class _Check:
         except HijackError:
             return None
 
-    def _proof(self, rows: list[dict[str, Any]], known: RecordedFacts | None) -> Iterator[str]:
+    def _check_step(
+        self, rows: list[dict[str, Any]], recorded: RecordedFacts | None
+    ) -> Iterator[str]:
         proof = StepChecker(
             rows=rows,
-            known=known,
-            every=self.every,
+            recorded=recorded,
+            planners=self.planners,
             ranks=self.labels,
             seed=self.seed,
             label_policy=self.label_policy,

@@ -1,4 +1,4 @@
-"""The files of a run: two logs that grow by a line each, and one checkpoint that is replaced.
+"""The files of a training run: two logs, to which lines are added, and one checkpoint.
 
 `rollouts.jsonl` has the corruption and the result of each rollout; `steps.jsonl` has a line for
 each step. A checkpoint holds the lengths of both, so a run that continues from it removes later
@@ -22,7 +22,7 @@ CHECKPOINT = "checkpoint.pt"
 ROLLOUTS = "rollouts.jsonl"
 STEPS = "steps.jsonl"
 FORMAT = "agenthijack-training"
-VERSION = 2
+VERSION = 1
 
 
 class TrainJournal:
@@ -55,15 +55,15 @@ class TrainJournal:
             TrainError: a log is shorter than it was at the checkpoint.
         """
         for name in (ROLLOUTS, STEPS):
-            wanted = int(lengths.get(name, 0))
-            found = self._length(name)
-            if found < wanted:
+            length = int(lengths.get(name, 0))
+            size = self._length(name)
+            if size < length:
                 raise TrainError(
-                    f"{self.folder / name}: {found} bytes, but the checkpoint was made at {wanted};"
+                    f"{self.folder / name}: {size} bytes, but the checkpoint was made at {length};"
                     " the log was shortened: start again in another folder"
                 )
-            if found > wanted:
-                os.truncate(self.folder / name, wanted)
+            if size > length:
+                os.truncate(self.folder / name, length)
 
     def _length(self, name: str) -> int:
         path = self.folder / name
@@ -112,9 +112,9 @@ def load_checkpoint(journal: TrainJournal, run: Mapping[str, Any]) -> dict[str, 
         return None
     data = read_tensors(path, FORMAT, VERSION, "a checkpoint of a training run")
     stored = json.loads(data["run"])
-    wanted = json.loads(json.dumps(run))
-    if stored != wanted:
-        keys = [key for key in sorted({*stored, *wanted}) if stored.get(key) != wanted.get(key)]
+    expected = json.loads(json.dumps(run))
+    if stored != expected:
+        keys = [key for key in sorted({*stored, *expected}) if stored.get(key) != expected.get(key)]
         raise TrainError(
             f"{path}: a checkpoint of another run; it differs in {', '.join(keys)}. Give those as"
             " they were, or another folder"

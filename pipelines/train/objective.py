@@ -81,7 +81,7 @@ def clipped_loss(
     """
     rows = advantages.shape[0] if advantages.ndim == 1 else -1
     if not new.shape == old.shape == mask.shape or new.ndim != 2 or new.shape[0] != rows:
-        shapes = [list(each.shape) for each in (new, old, mask, advantages)]
+        shapes = [list(tensor.shape) for tensor in (new, old, mask, advantages)]
         raise ParameterError(f"new, old, mask must be [R, L] and advantages [R], got {shapes}")
     counts = mask.sum(1)
     if not bool((counts > 0).all()):

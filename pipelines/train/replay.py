@@ -17,10 +17,10 @@ from .errors import TrainError
 from .rollout_data import rollout_from_data, rollout_to_data
 from .rollouts import Rollout
 
-When: TypeAlias = Literal["zero", "failed"]
-WHEN: tuple[str, ...] = get_args(When)
+ReplayTrigger: TypeAlias = Literal["zero", "failed"]
+REPLAY_TRIGGERS: tuple[str, ...] = get_args(ReplayTrigger)
 FORMAT = "agenthijack-replay"
-VERSION = 2
+VERSION = 1
 CAPACITY = Parameter("int", "Stored successes a task", low=1, high=1000)
 SLOT = Parameter("int", "The rollout that is replaced", low=0, high=1023, optional=True)
 _STREAM = "replay_buffer-v1"
@@ -49,16 +49,16 @@ class ReplayBuffer:
     def __init__(
         self, capacity: int = 4, *, when: str = "zero", slot: int | None = None, seed: int = 0
     ) -> None:
-        if when not in WHEN:
-            raise UnknownNameError(f"replay: when: no {when!r}{suggest(when, WHEN)}")
+        if when not in REPLAY_TRIGGERS:
+            raise UnknownNameError(f"replay: when: no {when!r}{suggest(when, REPLAY_TRIGGERS)}")
         self.capacity: int = CAPACITY.check("replay: capacity", capacity)
         self.when = when
         self.slot: int | None = SLOT.check("replay: slot", slot)
         self.seed = as_seed(seed)
-        self._kept: dict[str, deque[Rollout]] = {}
+        self._successes: dict[str, deque[Rollout]] = {}
 
     def __len__(self) -> int:
-        return sum(map(len, self._kept.values()))
+        return sum(map(len, self._successes.values()))
 
     def to_data(self) -> dict[str, Any]:
         """Return the settings as JSON data."""
@@ -70,7 +70,7 @@ class ReplayBuffer:
         if not rollout.counts or rollout.replayed or not is_positive:
             return False
         group = rollout.request.group
-        self._kept.setdefault(group, deque(maxlen=self.capacity)).append(rollout)
+        self._successes.setdefault(group, deque(maxlen=self.capacity)).append(rollout)
         return True
 
     def fill(
@@ -88,27 +88,31 @@ class ReplayBuffer:
         group = list(rollouts)
         if not group or not self._is_due(group, rewards):
             return group
-        kept = self._kept.get(group[0].request.group)
-        if not kept:
+        successes = self._successes.get(group[0].request.group)
+        if not successes:
             return group
         stream = Stream(self.seed, _STREAM, group[0].request.group, step)
         place = stream.integer(0, len(group) - 1) if self.slot is None else self.slot
-        stored = kept[stream.integer(0, len(kept) - 1)]
+        stored = successes[stream.integer(0, len(successes) - 1)]
         group[min(place, len(group) - 1)] = replace(stored, replayed=True)
         return group
 
     def _is_due(self, group: Sequence[Rollout], rewards: Sequence[float]) -> bool:
         if self.when == "zero":
-            return all(each == 0 for each in rewards)
+            return all(reward == 0 for reward in rewards)
         return all(rollout.success <= 0 for rollout in group)
 
     def state(self) -> list[Any]:
         """Return the stored rollouts as data for `torch.save`."""
-        return [rollout_to_data(rollout) for kept in self._kept.values() for rollout in kept]
+        return [
+            rollout_to_data(rollout)
+            for successes in self._successes.values()
+            for rollout in successes
+        ]
 
     def restore(self, state: Sequence[Mapping[str, Any]]) -> None:
         """Restore the data that `state` returned."""
-        self._kept = {}
+        self._successes = {}
         for data in state:
             self.add(rollout_from_data(data))
 
@@ -138,7 +142,7 @@ class ReplayBuffer:
         self.restore(data["kept"])
 
 
-def read_tensors(path: Path, format: str, version: int, what: str) -> dict[str, Any]:
+def read_tensors(path: Path, format: str, version: int, description: str) -> dict[str, Any]:
     """Read a file of `torch.save` that names its format and version; no code in it is run.
 
     Raises:
@@ -150,11 +154,11 @@ def read_tensors(path: Path, format: str, version: int, what: str) -> dict[str, 
         raise TrainError(f"{path}: there is no such file") from None
     except Exception as error:  # torch raises many kinds of exceptions for damaged files
         detail = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise TrainError(f"{path}: cannot be read as {what} ({detail})") from error
+        raise TrainError(f"{path}: cannot be read as {description} ({detail})") from error
     if not isinstance(data, dict) or data.get("format") != format:
-        raise TrainError(f"{path}: not {what} (field 'format' must be {format!r})")
+        raise TrainError(f"{path}: not {description} (field 'format' must be {format!r})")
     if data.get("version") != version:
         raise TrainError(
-            f"{path}: version {data.get('version')} of {what}; this library reads {version}"
+            f"{path}: version {data.get('version')} of {description}; this library reads {version}"
         )
     return data

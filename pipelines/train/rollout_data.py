@@ -1,4 +1,4 @@
-"""Rollouts as data for `torch.save`: numbers, texts and tensors, which load without code."""
+"""Convert rollouts to data for `torch.save` and back; loading such data runs no code."""
 
 import json
 from collections.abc import Mapping
@@ -32,7 +32,7 @@ def rollout_to_data(rollout: Rollout) -> dict[str, Any]:
         "label": request.draw.label,
         "key": request.draw.key,
         "planner": "" if planner is None else json.dumps(planner.to_config()),
-        "turns": [_packed_turn(turn) for turn in rollout.turns],
+        "turns": [_turn_to_data(turn) for turn in rollout.turns],
         "success": rollout.success,
         "well_formed": rollout.is_well_formed,
     }
@@ -50,7 +50,7 @@ def rollout_from_data(data: Mapping[str, Any]) -> Rollout:
     )
     return Rollout(
         request=request,
-        turns=[_unpacked_turn(turn) for turn in data["turns"]],
+        turns=[_turn_from_data(turn) for turn in data["turns"]],
         success=data["success"],
         is_well_formed=data["well_formed"],
     )
@@ -63,9 +63,11 @@ def _planner(text: str) -> Planner | None:
     return next(iter(config.corruptions.values()))
 
 
-def _packed_turn(turn: PolicyTurn) -> dict[str, Any]:
+def _turn_to_data(turn: PolicyTurn) -> dict[str, Any]:
     return {
-        "observation": {name: _packed_value(name, seen) for name, seen in turn.observation.items()},
+        "observation": {
+            name: _value_to_data(name, value) for name, value in turn.observation.items()
+        },
         "action": turn.answer.action,
         "tokens": list(turn.answer.tokens),
         "logprobs": list(turn.answer.logprobs),
@@ -73,21 +75,21 @@ def _packed_turn(turn: PolicyTurn) -> dict[str, Any]:
     }
 
 
-def _packed_value(name: str, seen: Any) -> Any:
-    if isinstance(seen, np.ndarray):
-        return torch.from_numpy(np.ascontiguousarray(seen))
-    if seen is None or isinstance(seen, str | int | float | bool):
-        return seen
+def _value_to_data(name: str, value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return torch.from_numpy(np.ascontiguousarray(value))
+    if value is None or isinstance(value, str | int | float | bool):
+        return value
     raise TrainError(
-        f"observation {name!r} is a {type(seen).__name__}, which a replay buffer cannot store: give"
-        " an array, a text, a number or None"
+        f"observation {name!r} is a {type(value).__name__}, which a replay buffer cannot store:"
+        " give an array, a text, a number or None"
     )
 
 
-def _unpacked_turn(data: Mapping[str, Any]) -> PolicyTurn:
+def _turn_from_data(data: Mapping[str, Any]) -> PolicyTurn:
     observation = {
-        name: seen.numpy() if isinstance(seen, torch.Tensor) else seen
-        for name, seen in data["observation"].items()
+        name: value.numpy() if isinstance(value, torch.Tensor) else value
+        for name, value in data["observation"].items()
     }
     answer = PolicyAnswer(
         action=data["action"],

@@ -139,7 +139,7 @@ class Rollout:
 
         One that is not in 0..1 fails the rollout: it would be learned from as if it were a score.
         """
-        success = self._checked(reward, "reward")
+        success = self._check_number(reward, "reward")
         if success is not None:
             self.success = max(self.success, success)
 
@@ -152,13 +152,13 @@ class Rollout:
         """
         status = record.get("status", "ok")
         if status == "ok":
-            success = self._checked(record.get("score"), "score")
+            success = self._check_number(record.get("score"), "score")
             self.success = 0.0 if success is None else success
             self.is_well_formed &= not record.get("malformed", 0)
         elif record.get("cause") != "agent":
             self.fail(status, str(record.get("problem", "")))
 
-    def _checked(self, success: object, name: str) -> float | None:
+    def _check_number(self, success: object, name: str) -> float | None:
         """Return a success as a float, or `None` for a rollout that fails because of it."""
         try:
             number = float(cast("Any", success))
@@ -222,26 +222,28 @@ def play(
         )
     if threads < 1:
         raise ParameterError(f"threads must be at least 1, got {threads}")
-    seats = [_Seat(env, request) for env, request in zip(environments, requests, strict=False)]
+    players = [
+        _RolloutPlayer(env, request) for env, request in zip(environments, requests, strict=False)
+    ]
     with ThreadPoolExecutor(threads) as pool:
-        each = map if threads == 1 else pool.map
-        list(each(_Seat.reset, seats))
+        run_all = map if threads == 1 else pool.map
+        list(run_all(_RolloutPlayer.reset, players))
         for _ in range(max_steps):
-            live = [seat for seat in seats if seat.is_live]
+            live = [player for player in players if player.is_live]
             if not live:
                 break
             answers = policy.act(
-                [seat.observation for seat in live], [seat.stream for seat in live]
+                [player.observation for player in live], [player.stream for player in live]
             )
             if len(answers) != len(live):
                 raise ParameterError(
                     f"the policy's act gave {len(answers)} answers to {len(live)} observations"
                 )
-            list(each(_Seat.step, live, answers))
-        return list(each(_Seat.leave, seats))
+            list(run_all(_RolloutPlayer.step, live, answers))
+        return list(run_all(_RolloutPlayer.finish, players))
 
 
-class _Seat:
+class _RolloutPlayer:
     """One environment with the rollout that is played in it."""
 
     def __init__(self, env: gymnasium.Env[Any, str], request: RolloutRequest) -> None:
@@ -277,7 +279,7 @@ class _Seat:
         if terminated or truncated or self.rollout.status != "ok":
             self._judge()
 
-    def leave(self) -> Rollout:
+    def finish(self) -> Rollout:
         """Return the rollout; if it was cut off, it is judged in its present state."""
         if not self.is_live:
             return self.rollout
@@ -297,9 +299,9 @@ class _Seat:
         if record is not None and self.rollout.status == "ok":
             self.rollout.judge(record)
 
-    def _fail(self, where: str, error: Exception) -> None:
+    def _fail(self, call: str, error: Exception) -> None:
         self.is_live = False
-        self.rollout.fail("error", f"{where}: {type(error).__name__}: {error}")
+        self.rollout.fail("error", f"{call}: {type(error).__name__}: {error}")
 
     def _record(self) -> Mapping[str, Any] | None:
         return getattr(self.env.unwrapped, "record", None)

@@ -57,8 +57,8 @@ class CorruptionSampler:
     def __init__(self, planner: Planner | None, *, per: str = "rollout", seed: int = 0) -> None:
         if per not in SCOPES:
             raise UnknownNameError(f"per: no {per!r}{suggest(per, SCOPES)}")
-        wanted = "CorruptionSampler takes a corruption, a OneOf or None"
-        self.planner = None if planner is None else as_planner(planner, wanted)
+        requirement = "CorruptionSampler takes a corruption, a OneOf or None"
+        self.planner = None if planner is None else as_planner(planner, requirement)
         self.per = per
         self.seed = as_seed(seed)
 
@@ -75,11 +75,11 @@ class CorruptionSampler:
         planner = self.planner
         sample: str = key
         while isinstance(planner, OneOf | Schedule):
-            found = planner.chosen(seed=self.seed, sample=sample, step=at, epoch=epoch)
-            if found is None:
+            choice = planner.chosen(seed=self.seed, sample=sample, step=at, epoch=epoch)
+            if choice is None:
                 planner = None
                 break
-            planner, sample = found
+            planner, sample = choice
         label = CLEAN if planner is None else planner.label
         return Draw(label=label, planner=planner, key=f"{at}:{key}")
 

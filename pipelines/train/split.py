@@ -26,7 +26,7 @@ SIDES = (TRAINING, HELD_OUT)
 TOY_TRAINING = 128  # the same number as in the paper
 TOY_HELD_OUT = 128
 _TOY_FIRST = {TRAINING: 0, HELD_OUT: 10_000}
-_SHOWN = 5
+_MAX_NAMES = 5
 
 
 def members(name: str) -> tuple[str, ...]:
@@ -42,15 +42,15 @@ def members(name: str) -> tuple[str, ...]:
         return (name,)
     families = ("toy", "suite", "osworld")
     if family not in families or side not in SIDES:
-        known = [f"{each}/{part}" for each in families for part in SIDES]
-        raise UnknownNameError(f"no set of tasks {name!r}{suggest(name, known)}")
+        names = [f"{part_family}/{part}" for part_family in families for part in SIDES]
+        raise UnknownNameError(f"no set of tasks {name!r}{suggest(name, names)}")
     if family == "toy":
         return _toy(side)
     return _sides(family)[side]
 
 
 def check_split(
-    training: Iterable[str], evaluation: Iterable[str] = (), *, what: str = "training"
+    training: Iterable[str], evaluation: Iterable[str] = (), *, source: str = "training"
 ) -> None:
     """Refuse tasks to be trained on that are held out, or that the evaluation reports.
 
@@ -59,25 +59,25 @@ def check_split(
     Args:
         training: names of tasks: of the suite, ids of OSWorld, or your own.
         evaluation: names of the tasks that are reported.
-        what: what is refused, for the message: a file, or a dataset.
+        source: what is refused, for the message: a file, or a dataset.
 
     Raises:
         LeakError: there are such tasks; the message names them, the split and the remedy.
     """
-    wanted = list(dict.fromkeys(training))
+    names = list(dict.fromkeys(training))
     reported = set(evaluation)
-    both = [name for name in wanted if name in reported]
-    if both:
+    overlap = [name for name in names if name in reported]
+    if overlap:
         raise LeakError(
-            f"{what}: {_some(both)} would be trained on and reported: the result would say nothing"
-            " of other tasks; take them out of one of the two"
+            f"{source}: {_some(overlap)} would be trained on and reported: the result would say"
+            " nothing of other tasks; take them out of one of the two"
         )
     for family in ("suite", "osworld", "toy"):
         held_out = set(members(f"{family}/{HELD_OUT}"))
-        leaked = [name for name in wanted if name in held_out]
+        leaked = [name for name in names if name in held_out]
         if leaked:
             raise LeakError(
-                f"{what}: {_some(leaked)} of {family}/{HELD_OUT} must not be trained on: results"
+                f"{source}: {_some(leaked)} of {family}/{HELD_OUT} must not be trained on: results"
                 f" are reported on them; take tasks of {family}/{TRAINING}"
             )
 
@@ -93,7 +93,7 @@ def split_side(name: str) -> str | None:
 
 def _some(names: list[str]) -> str:
     plural = "s" if len(names) > 1 else ""
-    return f"task{plural} {some_of(names, _SHOWN)}"
+    return f"task{plural} {some_of(names, _MAX_NAMES)}"
 
 
 def _toy(side: str) -> tuple[str, ...]:
@@ -110,18 +110,18 @@ def _sides(family: str) -> dict[str, tuple[str, ...]]:
         HijackError: the file is damaged: a task is on both sides, or a side is missing.
     """
     name, data = _suite_file() if family == "suite" else read_config("train/osworld_split")
-    found: Any = yaml.safe_load(data)
+    content: Any = yaml.safe_load(data)
     sides: dict[str, tuple[str, ...]] = {}
     for side in SIDES:
-        tasks = found.get(side) if isinstance(found, dict) else None
+        tasks = content.get(side) if isinstance(content, dict) else None
         if isinstance(tasks, dict):  # by domain
-            tasks = [task for some in tasks.values() for task in some]
+            tasks = [task for domain_tasks in tasks.values() for task in domain_tasks]
         if not isinstance(tasks, list) or not tasks:
             raise HijackError(f"{name}: the side {side!r} of the split is missing")
         sides[side] = tuple(str(task) for task in tasks)
-    both = sorted(set(sides[TRAINING]) & set(sides[HELD_OUT]))
-    if both:
-        raise HijackError(f"{name}: {_some(both)} on both sides of the split")
+    overlap = sorted(set(sides[TRAINING]) & set(sides[HELD_OUT]))
+    if overlap:
+        raise HijackError(f"{name}: {_some(overlap)} on both sides of the split")
     return sides
 
 

@@ -88,8 +88,7 @@ def train(
     from .sft.settings import METHOD, read_method
 
     if read_method(config) == METHOD:
-        if arms is not None or seeds is not None:
-            raise click.UsageError(f"--arms and --seeds are not for method {METHOD}")
+        _refuse(f"not for method {METHOD}", arms=arms, seeds=seeds)
         _fine_tune(
             config,
             out,
@@ -99,23 +98,33 @@ def train(
             as_json=as_json,
         )
         return
-    if model is not None or data:
-        raise click.UsageError(f"--model and --data are for method {METHOD}")
+    _refuse(f"for method {METHOD} only", model=model, data=data or None)
     extras.require("hijack train", "train", ("torch", "gymnasium", "scipy"))
     from .split import check_split
     from .toy.settings import check_tasks, load_replication
 
-    chosen = load_replication(config)
-    chosen = _overridden(chosen, arms, seeds, epochs)
-    check_split(chosen.training, chosen.evaluation, what=chosen.source)
-    check_tasks(chosen)
+    replication = load_replication(config)
+    replication = _override(replication, arms, seeds, epochs)
+    check_split(replication.training, replication.evaluation, source=replication.source)
+    check_tasks(replication)
     if dry_run:
-        for seed in range(chosen.seeds):
-            for arm in chosen.arms:
+        for seed in range(replication.seeds):
+            for arm in replication.arms:
                 click.echo(f"{arm}, seed {seed}")
         return
     folder = _folder(config, out, resume)
-    _run(chosen, folder, workers, as_json)
+    _run(replication, folder, workers, as_json)
+
+
+def _refuse(reason: str, **options: object) -> None:
+    """Refuse options that do not apply.
+
+    Raises:
+        UsageError: one of the options has a value.
+    """
+    for name, value in options.items():
+        if value is not None:
+            raise click.UsageError(f"--{name} is {reason}")
 
 
 def _folder(config: str, out: Path | None, resume: bool) -> Path:
@@ -137,11 +146,11 @@ def _fine_tune(
     from .sft import fine_tuning
     from .sft.settings import load_sft
 
-    settings = fine_tuning.overridden(load_sft(config), **changes)
+    settings = fine_tuning.override_settings(load_sft(config), **changes)
     rows = fine_tuning.read_examples(settings)
     if dry_run:
-        for name, some in rows.items():
-            click.echo(f"{name}: {len(some)} rows")
+        for name, examples in rows.items():
+            click.echo(f"{name}: {len(examples)} rows")
         return
     extras.require("hijack train with method sft", "trl", ("torch", "transformers", "trl"))
     folder = _folder(config, out, resume)
@@ -152,12 +161,12 @@ def _fine_tune(
         click.echo(json.dumps(summary))
         return
     click.echo(
-        f"{folder / fine_tuning.MODEL}: {summary['steps']} steps, loss {summary['first_loss']:.4g} in the"
-        f" first, {summary['last_loss']:.4g} in the last"
+        f"{folder / fine_tuning.MODEL}: {summary['steps']} steps, loss {summary['first_loss']:.4g}"
+        f" in the first, {summary['last_loss']:.4g} in the last"
     )
 
 
-def _overridden(replication: Any, arms: str | None, seeds: int | None, epochs: int | None) -> Any:
+def _override(replication: Any, arms: str | None, seeds: int | None, epochs: int | None) -> Any:
     from .toy.arms import ARMS
     from .toy.settings import check_arm
 

@@ -134,18 +134,18 @@ class Trainer:
         threads: int = 1,
         report: ReportProblem = lambda _: None,
     ) -> None:
-        needed = settings.batch * settings.rollouts
-        if len(environments) < needed:
+        rollout_count = settings.batch * settings.rollouts
+        if len(environments) < rollout_count:
             raise ParameterError(
-                f"{len(environments)} environments for {needed} rollouts a step (batch"
+                f"{len(environments)} environments for {rollout_count} rollouts a step (batch"
                 f" {settings.batch} x rollouts {settings.rollouts}); make one for each"
             )
         if isinstance(tasks, str):
             raise ParameterTypeError(f"training tasks: give a list of names, such as [{tasks!r}]")
         twice = [task for task, count in Counter(tasks).items() if count > 1]
         if not tasks or twice:
-            found = f"{twice[0]!r} is given twice" if twice else "there are none"
-            raise ParameterError(f"training tasks: {found}")
+            problem = f"{twice[0]!r} is given twice" if twice else "there are none"
+            raise ParameterError(f"training tasks: {problem}")
         self.policy = policy
         self.tasks = tuple(tasks)
         self.settings = settings
@@ -210,25 +210,25 @@ class Trainer:
         epoch, place = divmod(self.step_number, self.steps_per_epoch)
         report = StepReport(step=self.step_number, epoch=epoch)
         tasks = self._order(epoch)[place * self.settings.batch :][: self.settings.batch]
-        played = play(
+        rollouts = play(
             self._environments,
             self.policy,
             [self._request(task, slot, epoch) for task in tasks for slot in self._slots()],
             max_steps=self.settings.max_steps,
             threads=self._threads,
         )
-        self._check_played(played, report)
+        self._check_played(rollouts, report)
         groups: list[_Group] = []
         for number in range(len(tasks)):
             first = number * self.settings.rollouts
-            own = played[first : first + self.settings.rollouts]
-            group = self._group(own, report)
+            group_rollouts = rollouts[first : first + self.settings.rollouts]
+            group = self._group(group_rollouts, report)
             if group is not None:
                 groups.append(group)
         if groups:
             report.loss = self._update(groups)
         if self._journal is not None:
-            self._journal.rollouts([rollout.to_data() for rollout in played])
+            self._journal.rollouts([rollout.to_data() for rollout in rollouts])
             self._journal.step(asdict(report))
         self.step_number += 1
         return report
@@ -246,9 +246,13 @@ class Trainer:
         save_checkpoint(self._journal, self.fingerprint, state)
 
     def resume(self) -> bool:
-        """Go on from the checkpoint of the folder; returns whether there was one.
+        """Continue from the checkpoint of the folder.
 
-        What was logged after it is taken back, since it will be played again.
+        Log lines that were written after the checkpoint are removed, since their steps are played
+        again.
+
+        Returns:
+            Whether there was a checkpoint.
 
         Raises:
             TrainError: the checkpoint is damaged, or one of another run or network.
@@ -282,8 +286,8 @@ class Trainer:
         stream = Stream(self.settings.seed, "task_order-v1", "tasks", epoch=epoch)
         tasks = list(self.tasks)
         for last in range(len(tasks) - 1, 0, -1):
-            other = stream.integer(0, last)
-            tasks[last], tasks[other] = tasks[other], tasks[last]
+            swap = stream.integer(0, last)
+            tasks[last], tasks[swap] = tasks[swap], tasks[last]
         return tasks
 
     def _request(self, task: str, slot: int, epoch: int) -> RolloutRequest:
@@ -298,10 +302,14 @@ class Trainer:
             stream_seed=self.settings.seed,
         )
 
-    def _check_played(self, played: Sequence[Rollout], report: StepReport) -> None:
-        """Note what failed; raise if nothing is left."""
-        counting = [rollout for rollout in played if rollout.counts]
-        for rollout in played:
+    def _check_played(self, rollouts: Sequence[Rollout], report: StepReport) -> None:
+        """Report the rollouts that failed.
+
+        Raises:
+            TrainError: none of the rollouts counts.
+        """
+        counting = [rollout for rollout in rollouts if rollout.counts]
+        for rollout in rollouts:
             if not rollout.counts:
                 line = (
                     f"step {self.step_number}: {rollout.request.group}, rollout"
@@ -311,14 +319,14 @@ class Trainer:
                 self._report(line)
         if not counting:
             raise TrainError(
-                f"step {self.step_number}: none of {len(played)} rollouts could be played; the"
+                f"step {self.step_number}: none of {len(rollouts)} rollouts could be played; the"
                 f" first: {report.problems[0]}"
             )
         report.success = sum(rollout.success for rollout in counting) / len(counting)
 
-    def _group(self, played: Sequence[Rollout], report: StepReport) -> _Group | None:
+    def _group(self, group_rollouts: Sequence[Rollout], report: StepReport) -> _Group | None:
         """Return what is trained on of a group, or `None` if it teaches nothing."""
-        rollouts = [rollout for rollout in played if rollout.counts]
+        rollouts = [rollout for rollout in group_rollouts if rollout.counts]
         if len(rollouts) < 2:
             line = f"step {self.step_number}: a group of {len(rollouts)} teaches nothing: left out"
             report.problems.append(line)
@@ -341,7 +349,7 @@ class Trainer:
 
     def _rewards(self, rollouts: Sequence[Rollout]) -> list[float]:
         weight = self.settings.format_weight
-        return [reward(each.success, each.is_well_formed, weight) for each in rollouts]
+        return [reward(rollout.success, rollout.is_well_formed, weight) for rollout in rollouts]
 
     def _update(self, groups: Sequence[_Group]) -> float:
         """Take a step down the mean loss of the groups, and return it.
@@ -389,13 +397,15 @@ def _by_response(
     by_turn: torch.Tensor, is_token: torch.Tensor, owner: Sequence[int], count: int
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Join the turns of each rollout: float `[N, K]` becomes `[R, T * K]`, T the most turns."""
-    most = max(Counter(owner).values())
+    max_turns = max(Counter(owner).values())
     width = by_turn.shape[1]
     place = torch.zeros(len(owner), dtype=torch.long)
-    seen: Counter[int] = Counter()
+    turns_before: Counter[int] = Counter()
     for i, rollout in enumerate(owner):
-        place[i] = rollout * most + seen[rollout]
-        seen[rollout] += 1
-    joined = torch.zeros(count * most, width, dtype=by_turn.dtype).index_copy(0, place, by_turn)
-    mask = torch.zeros(count * most, width, dtype=torch.bool).index_copy(0, place, is_token)
+        place[i] = rollout * max_turns + turns_before[rollout]
+        turns_before[rollout] += 1
+    joined = torch.zeros(count * max_turns, width, dtype=by_turn.dtype).index_copy(
+        0, place, by_turn
+    )
+    mask = torch.zeros(count * max_turns, width, dtype=torch.bool).index_copy(0, place, is_token)
     return joined.view(count, -1), mask.view(count, -1)

@@ -1,8 +1,8 @@
 """`hijack view`: a local page to look through the rows of a dataset, or the episodes of a run.
 
-Each kind of folder has an adapter (`datasets.py`, `runs.py`) with the attributes and methods of
-`source.Source`; `index.py` filters and counts, `answers.py` says what the page asks for,
-`server.py` speaks HTTP.
+A dataset (`dataset_source.py`) has the attributes and methods of `source.ViewerSource`; `index.py`
+filters and counts its rows, and `json_answers.py` makes the page's data. Runs are in `runs/`.
+`routes.py` maps paths to answers, `server.py` speaks HTTP.
 """
 
 from .opening import open_source

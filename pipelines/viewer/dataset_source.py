@@ -34,9 +34,9 @@ LABELS = {
     "trajectory": "Trajectory",
     "inserted": "Inserted",
 }
-NEEDED = ("id", "trajectory_id", "step", "corruption")
+REQUIRED_COLUMNS = ("id", "trajectory_id", "step", "corruption")
 # What a tile shows beside the columns of the index.
-TILE = ("width", "height", "action", "target_box")
+TILE_COLUMNS = ("width", "height", "action", "target_box")
 JSON = ("params", "plan")
 
 
@@ -54,7 +54,7 @@ class DatasetSource:
         manifest = read_manifest(folder)
         try:
             self.data = Dataset(folder, manifest)
-            self.tiles = RowReader(folder, manifest["shards"], columns=TILE)
+            self.tiles = RowReader(folder, manifest["shards"], columns=TILE_COLUMNS)
             shards = [(str(shard["file"]), int(shard["rows"])) for shard in manifest["shards"]]
         except (KeyError, TypeError, ValueError) as error:
             raise DatasetError(
@@ -87,25 +87,33 @@ class DatasetSource:
                 f"{file}: holds {rows} rows, the manifest says {len(numbers)}; hijack verify says"
                 " more"
             )
-        kept = slice(min(rows, len(numbers)))
-        named = {
-            ours: columns[theirs][kept] for theirs, ours in COLUMNS.items() if theirs in columns
+        common = slice(min(rows, len(numbers)))
+        index_columns = {
+            name: columns[column][common] for column, name in COLUMNS.items() if column in columns
         }
         self.index.extend(
-            numbers[kept],
-            columns["id"][kept],
-            columns["step"][kept],
-            {**named, "group": named["trajectory"]},
+            numbers[common],
+            columns["id"][common],
+            columns["step"][common],
+            {**index_columns, "group": index_columns["trajectory"]},
         )
 
     def detail(self, row: int) -> Detail:
-        """Return all columns of a row except its pictures; a damaged row is a `DatasetError`."""
-        with _whole(row):
+        """Return all columns of a row except its pictures.
+
+        Raises:
+            DatasetError: the row is damaged.
+        """
+        with _damage_as_error(row):
             return self._detail(row, self.data.reader[row])
 
     def glance(self, row: int) -> Detail:
-        """Return what a tile shows of a row, without reading a picture."""
-        with _whole(row):
+        """Return what a tile shows of a row, without reading a picture.
+
+        Raises:
+            DatasetError: the row is damaged.
+        """
+        with _damage_as_error(row):
             stored = self.tiles[row]
             action = stored["action"] or {}
             return Detail(
@@ -117,13 +125,13 @@ class DatasetSource:
 
     def _detail(self, row: int, stored: Mapping[str, Any]) -> Detail:
         plan, problem = _plan(stored)
-        shown: Fields = [
-            (name, _shown(name, value)) for name, value in stored.items() if name != "plan"
+        values: Fields = [
+            (name, _column_text(name, value)) for name, value in stored.items() if name != "plan"
         ]
         action = stored["action"] or {}
         return Detail(
             size=(int(stored["width"]), int(stored["height"])),
-            fields={"Columns": shown},
+            fields={"Columns": values},
             notes=_notes(stored),
             action=action_text(action),
             code=stored["action_code"] or "",
@@ -143,7 +151,7 @@ class DatasetSource:
         Raises:
             DatasetError: the dataset has no such picture, or it is damaged.
         """
-        with _whole(row):
+        with _damage_as_error(row):
             stored = self.data.reader[row]
             if not before:
                 return open_row(stored)[1]
@@ -156,9 +164,13 @@ class DatasetSource:
 
     def _clean_row(self, row: int) -> int | None:
         place = self.index.at(row)
-        same = [] if place is None else self.index.same_step(place).tolist()
+        step_places = [] if place is None else self.index.same_step(place).tolist()
         return next(
-            (int(self.index.rows[p]) for p in same if self.index.value("corruption", p) == CLEAN),
+            (
+                int(self.index.rows[p])
+                for p in step_places
+                if self.index.value("corruption", p) == CLEAN
+            ),
             None,
         )
 
@@ -174,8 +186,8 @@ class DatasetSource:
 
 
 @contextmanager
-def _whole(row: int) -> Iterator[None]:
-    # a file of other columns, or of nulls where none may be
+def _damage_as_error(row: int) -> Iterator[None]:
+    # reports a missing column, or a null where none is allowed, as a DatasetError
     try:
         yield
     except HijackError:
@@ -196,7 +208,7 @@ def light_columns(file: Path) -> dict[str, Sequence[Any]]:
     try:
         with pa.parquet.ParquetFile(file) as parquet:
             have = parquet.schema_arrow.names
-            missing = [name for name in NEEDED if name not in have]
+            missing = [name for name in REQUIRED_COLUMNS if name not in have]
             if missing:
                 raise DatasetError(f"has no column {', '.join(missing)}")
             table = parquet.read(
@@ -208,14 +220,14 @@ def light_columns(file: Path) -> dict[str, Sequence[Any]]:
         reason = str(error).partition("\n")[0]
         raise DatasetError(f"cannot be read ({reason})") from None
     text = {
-        name: [_word(value) for value in values]
+        name: [_index_text(value) for value in values]
         for name, values in columns.items()
         if name != "step"
     }
     return {**text, "step": steps}
 
 
-def _word(value: object) -> str:
+def _index_text(value: object) -> str:
     if value is None:
         return ""
     if isinstance(value, bool):
@@ -240,7 +252,7 @@ def _plan(stored: Mapping[str, Any]) -> tuple[str, str]:
         return tidy(text), str(error)
 
 
-def _shown(name: str, value: object) -> str:
+def _column_text(name: str, value: object) -> str:
     if isinstance(value, dict) and "bytes" in value:
         data: Any = value["bytes"]
         return f"{len(data or b''):,} bytes"

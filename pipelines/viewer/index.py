@@ -29,8 +29,8 @@ class Column:
 
     def extend(self, values: Iterable[str]) -> None:
         """Add the values of more rows."""
-        known = self.values
-        codes = [known.setdefault(value, len(known)) for value in values]
+        codes_by_value = self.values
+        codes = [codes_by_value.setdefault(value, len(codes_by_value)) for value in values]
         self.parts.append(np.array(codes, np.int32))
 
     @property
@@ -115,10 +115,11 @@ class Index:
     def select(self, filters: Mapping[str, str], text: str) -> RowNumbers:
         """Return the places of the rows that match, int64 `[M]`.
 
-        Raises `UnknownNameError` for a filter on an unknown column.
+        Raises:
+            UnknownNameError: a filter names an unknown column.
         """
         masks = self._masks(filters, text)
-        return np.flatnonzero(self._both(masks))
+        return np.flatnonzero(self._all_masks(masks))
 
     def counts(
         self, filters: Mapping[str, str], text: str, names: Iterable[str]
@@ -131,32 +132,32 @@ class Index:
             names: the columns to count.
         """
         masks = self._masks(filters, text)
-        found: dict[str, dict[str, int]] = {}
+        counts: dict[str, dict[str, int]] = {}
         for name in names:
-            others = self._both({key: mask for key, mask in masks.items() if key != name})
+            matches = self._all_masks({key: mask for key, mask in masks.items() if key != name})
             column = self.columns[name]
-            numbers = np.bincount(column.codes[others], minlength=len(column.values))
-            found[name] = dict(zip(column.values, numbers.tolist(), strict=True))
-        return found
+            numbers = np.bincount(column.codes[matches], minlength=len(column.values))
+            counts[name] = dict(zip(column.values, numbers.tolist(), strict=True))
+        return counts
 
     def trajectory(self, place: int) -> RowNumbers:
         """Return the places of the same trajectory under the same corruption, in order."""
-        found = self._alike(place, "group", "corruption")
-        order = np.argsort(self.steps[found], kind="stable")
-        return found[order]
+        places = self._places_like(place, "group", "corruption")
+        order = np.argsort(self.steps[places], kind="stable")
+        return places[order]
 
     def same_step(self, place: int) -> RowNumbers:
         """Return the places of all rows of the same step: clean, and under each corruption."""
-        found = self._alike(place, "group")
-        return found[self.steps[found] == self.steps[place]]
+        places = self._places_like(place, "group")
+        return places[self.steps[places] == self.steps[place]]
 
-    def _alike(self, place: int, *names: str) -> RowNumbers:
+    def _places_like(self, place: int, *names: str) -> RowNumbers:
         """Return the places of the rows that share the values of some columns."""
-        same = np.ones(len(self), bool)
+        mask = np.ones(len(self), bool)
         for name in names:
             codes = self.columns[name].codes
-            same &= codes == codes[place]
-        return np.flatnonzero(same)
+            mask &= codes == codes[place]
+        return np.flatnonzero(mask)
 
     def _masks(self, filters: Mapping[str, str], text: str) -> dict[str, Mask]:
         masks: dict[str, Mask] = {}
@@ -164,16 +165,16 @@ class Index:
             if name not in self.columns:
                 raise UnknownNameError(f"no filter {name!r}{suggest(name, self.columns)}")
             masks[name] = self.columns[name].equals(value)
-        wanted = text.strip().casefold()
-        if wanted:
-            in_id = (wanted in name.casefold() for name in self.ids)
+        query = text.strip().casefold()
+        if query:
+            in_id = (query in name.casefold() for name in self.ids)
             ids = np.fromiter(in_id, bool, len(self))
-            masks[_TEXT] = ids | self.columns["instruction"].contains(wanted)
+            masks[_TEXT] = ids | self.columns["instruction"].contains(query)
         return masks
 
-    def _both(self, masks: Mapping[str, Mask]) -> Mask:
+    def _all_masks(self, masks: Mapping[str, Mask]) -> Mask:
         """Return which rows are in all masks, bool `[N]`."""
-        found = np.ones(len(self), bool)
+        mask_of_all = np.ones(len(self), bool)
         for mask in masks.values():
-            found &= mask
-        return found
+            mask_of_all &= mask
+        return mask_of_all

@@ -1,4 +1,4 @@
-"""The answers to the page, as JSON data: the source, a page of rows, one row and its neighbours."""
+"""JSON data for the page of a dataset: the source, a page of rows, one row and its neighbours."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,9 +10,9 @@ from hijack_data.errors import HijackError
 from .index import Index, RowNumbers
 from .source import INSERTED, Detail, ViewerSource
 
-PAGE_ROWS = 48
+ROWS_PER_PAGE = 48
 # Longer lists of choices are cut; the search finds the rest.
-CHOICES = 500
+MAX_CHOICES = 500
 NOT_FILTERS = ("page", "q", "row")
 
 
@@ -32,21 +32,23 @@ def rows(source: ViewerSource, query: Mapping[str, str]) -> dict[str, Any]:
 
     Args:
         source: the dataset or the run.
-        query: a value for each filter, `q` (text) and `page` (from 1). An unknown filter is an
-            `UnknownNameError`.
+        query: a value for each filter, `q` (text) and `page` (from 1).
+
+    Raises:
+        UnknownNameError: there is no such filter.
     """
     filters, text = _filters(query)
-    found = source.index.select(filters, text)
-    pages = max(1, -(-len(found) // PAGE_ROWS))
+    matches = source.index.select(filters, text)
+    pages = max(1, -(-len(matches) // ROWS_PER_PAGE))
     page = min(max(1, _number(query.get("page", ""), 1)), pages)
-    start = (page - 1) * PAGE_ROWS
-    shown = found[start : start + PAGE_ROWS]
+    start = (page - 1) * ROWS_PER_PAGE
+    page_places = matches[start : start + ROWS_PER_PAGE]
     counts = source.index.counts(filters, text, source.labels)
     return {
-        "found": len(found),
+        "found": len(matches),
         "page": page,
         "pages": pages,
-        "rows": [_glance(source, place) for place in shown.tolist()],
+        "rows": [_glance(source, place) for place in page_places.tolist()],
         "filters": {name: _choices(values, filters.get(name)) for name, values in counts.items()},
     }
 
@@ -56,29 +58,35 @@ def row(source: ViewerSource, query: Mapping[str, str]) -> dict[str, Any]:
 
     Args:
         source: the dataset or the run.
-        query: that of `rows`, and `row`: a number or an id. An unknown row is a `HijackError`.
+        query: that of `rows`, and `row`: a number or an id.
+
+    Raises:
+        UnknownNameError: there is no such filter.
+        HijackError: there is no such row.
     """
     index = source.index
     place = _place(source, query.get("row", ""))
     filters, text = _filters(query)
-    found = index.select(filters, text)
-    at = int(np.searchsorted(found, place))
-    matches = at < len(found) and bool(found[at] == place)
+    places = index.select(filters, text)
+    at = int(np.searchsorted(places, place))
+    matches = at < len(places) and bool(places[at] == place)
     following = at + 1 if matches else at
     steps = index.trajectory(place)
     step = int(np.flatnonzero(steps == place)[0])
     return {
         **_tile(source, place),
         "trajectory": index.value("trajectory", place),
-        "found": len(found),
+        "found": len(places),
         "position": at if matches else None,
-        "page": at // PAGE_ROWS + 1 if matches else None,
-        "back": _row_at(source, found, at - 1),
-        "next": _row_at(source, found, following),
+        "page": at // ROWS_PER_PAGE + 1 if matches else None,
+        "back": _row_at(source, places, at - 1),
+        "next": _row_at(source, places, following),
         "step_back": _row_at(source, steps, step - 1),
         "step_next": _row_at(source, steps, step + 1),
-        "steps": [_step_link(index, other) for other in steps.tolist()],
-        "same_step": [_corruption_link(index, other) for other in index.same_step(place).tolist()],
+        "steps": [_step_link(index, step_place) for step_place in steps.tolist()],
+        "same_step": [
+            _corruption_link(index, row_place) for row_place in index.same_step(place).tolist()
+        ],
         "detail": vars(_detail(source, int(index.rows[place]))),
     }
 
@@ -114,7 +122,7 @@ def _glance(source: ViewerSource, place: int) -> dict[str, Any]:
     """Return what a tile shows of a row: the action, and its place on the picture."""
     try:
         detail = source.glance(int(source.index.rows[place]))
-    except HijackError:  # its picture says why, in its place
+    except HijackError:  # the tile shows the error instead of the picture
         detail = Detail()
     action = detail.action or detail.code
     return {
@@ -139,13 +147,15 @@ def _filters(query: Mapping[str, str]) -> tuple[dict[str, str], str]:
     return filters, query.get("q", "")
 
 
-def _choices(counts: Mapping[str, int], chosen: str | None) -> dict[str, Any]:
+def _choices(counts: Mapping[str, int], selected: str | None) -> dict[str, Any]:
     values: list[list[Any]] = []
     for value, count in counts.items():
-        if value and (count or value == chosen):
+        if value and (count or value == selected):
             values.append([value, count])
-    kept = [choice for k, choice in enumerate(values) if k < CHOICES or choice[0] == chosen]
-    return {"values": kept, "more": len(values) - len(kept)}
+    choices = [
+        choice for k, choice in enumerate(values) if k < MAX_CHOICES or choice[0] == selected
+    ]
+    return {"values": choices, "more": len(values) - len(choices)}
 
 
 def _place(source: ViewerSource, name: str) -> int:

@@ -1,4 +1,4 @@
-"""The page's own files; style and divider are those of the gallery."""
+"""The files of the page; its base style and the divider come from the gallery."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -24,10 +24,10 @@ def page_file(name: str) -> str:
     """Return the text of a file of the page."""
     if name == "gallery.js":
         return source("page.js")
-    own = (PAGE / name).read_text(encoding="utf-8")
+    text = (PAGE / name).read_text(encoding="utf-8")
     if name == "view.css":
-        return source("page.css") + own + page_file("run.css")
-    return own
+        return source("page.css") + text + page_file("run.css")
+    return text
 
 
 def run_page(head: Html, data: Html) -> str:

@@ -1,4 +1,4 @@
-"""Encoded pictures for the page: made on demand, with a cache bounded in bytes."""
+"""Encoded pictures for the page, made on demand and cached up to a number of bytes."""
 
 import io
 from collections.abc import Callable
@@ -12,8 +12,8 @@ from hijack_data.types import UInt8Array
 from ..dataset.image_codec import encode
 from .source import ViewerSource
 
-THUMB = 480
-BUDGET = 64 * 2**20
+THUMBNAIL_SIDE_PX = 480
+CACHE_BYTES = 64 * 2**20
 
 
 class Pictures:
@@ -24,32 +24,33 @@ class Pictures:
         budget: the most bytes of encoded pictures that are kept.
     """
 
-    def __init__(self, source: ViewerSource, budget: int = BUDGET) -> None:
+    def __init__(self, source: ViewerSource, budget: int = CACHE_BYTES) -> None:
         self.source = source
-        self.kept = Cache(budget)
+        self.cache = Cache(budget)
 
     def get(self, kind: str, row: int) -> bytes:
         """Return a `picture`, or the one `before` its corruption, as PNG, or a `thumb` as JPEG.
 
-        Raises `HijackError` if the row has no such picture.
+        Raises:
+            HijackError: the row has no such picture.
         """
-        return cached_bytes(self.kept, (kind, row), lambda: self._make(kind, row))
+        return cached_bytes(self.cache, (kind, row), lambda: self._make(kind, row))
 
     def _make(self, kind: str, row: int) -> bytes:
         pixels = self.source.picture(row, kind == "before")
         return encode(pixels) if kind != "thumb" else thumbnail(pixels)
 
 
-def cached_bytes(kept: Cache, key: Any, make: Callable[[], bytes]) -> bytes:
+def cached_bytes(cache: Cache, key: Any, make: Callable[[], bytes]) -> bytes:
     """Return the cached value of a key, making it if it is missing."""
-    data = kept.get(key)
+    data = cache.get(key)
     if data is None:
         data = make()
-        kept.put(key, data, len(data))
+        cache.put(key, data, len(data))
     return data
 
 
-def thumbnail(pixels: UInt8Array, side: int = THUMB) -> bytes:
+def thumbnail(pixels: UInt8Array, side: int = THUMBNAIL_SIDE_PX) -> bytes:
     """Return uint8 RGB `[H, W, 3]` as a JPEG whose sides are at most `side`."""
     small = Image.fromarray(pixels)
     # a tenth of the time of Lanczos

@@ -18,11 +18,11 @@ from hijack_data.gallery.markup import Html
 from . import json_answers
 from .dataset_source import DatasetSource
 from .page_files import RUN_SCRIPTS, page_file, run_page
-from .picture_cache import BUDGET, Pictures, cached_bytes, thumbnail
+from .picture_cache import CACHE_BYTES, Pictures, cached_bytes, thumbnail
 from .runs import RunSource
-from .runs.export import MOST_IN_PAGE, export_page
+from .runs.export import MAX_PAGE_EPISODES, export_page
 
-STRIP = 240  # pixels of the longest side of a picture in the strip of steps
+STRIP_SIDE_PX = 240  # pixels of the longest side of a picture in the strip of steps
 _ROW_PICTURE = re.compile(r"/(thumb|picture|before)/([0-9]{1,9})")
 _RUN_PICTURE = re.compile(r"/(seen|clean|strip)/([0-9]{1,9})/([0-9]{1,6})")
 _ROW_SCRIPTS = ("gallery.js", "common.js", "view.js")
@@ -49,7 +49,7 @@ class Pages(Protocol):
     """The interface of the pages that a server serves."""
 
     title: str
-    what: str
+    description: str
 
     def answer(self, path: str, query: str) -> ViewerAnswer | None:
         """Return the answer to a path, or `None` if there is nothing under it."""
@@ -61,21 +61,25 @@ class RowPages:
 
     def __init__(self, source: DatasetSource) -> None:
         self.title = source.title
-        self.what = f"{len(source.index)} rows ({source.facts})"
+        self.description = f"{len(source.index)} rows ({source.facts})"
         self._source = source
         self._pictures = Pictures(source)
-        self._asked: dict[str, Callable[[Mapping[str, str]], Any]] = {
+        self._json_answers: dict[str, Callable[[Mapping[str, str]], Any]] = {
             "/api/about": lambda _: json_answers.about(source),
             "/api/rows": lambda query: json_answers.rows(source, query),
             "/api/row": lambda query: json_answers.row(source, query),
         }
 
     def answer(self, path: str, query: str) -> ViewerAnswer | None:
-        """Return the answer to a path, or `None`; what cannot be read is a `HijackError`."""
+        """Return the answer to a path, or `None` if there is nothing under it.
+
+        Raises:
+            HijackError: the data for the answer cannot be read.
+        """
         if path == "/":
             return ViewerAnswer(page_file("view.html").encode(), "text/html")
-        if path in self._asked:
-            return _json(self._asked[path](dict(parse_qsl(query))))
+        if path in self._json_answers:
+            return _json(self._json_answers[path](dict(parse_qsl(query))))
         picture = _ROW_PICTURE.fullmatch(path)
         if picture and self._source.index.at(int(picture[2])) is not None:
             kind = "image/jpeg" if picture[1] == "thumb" else "image/png"
@@ -88,21 +92,25 @@ class RunPages:
 
     def __init__(self, source: RunSource) -> None:
         self.title = source.title
-        self.what = source.facts
+        self.description = source.facts
         self._source = source
-        self._kept = Cache(BUDGET)
-        self._asked: dict[str, Callable[[Mapping[str, str]], Any]] = {
+        self._thumbnails = Cache(CACHE_BYTES)
+        self._json_answers: dict[str, Callable[[Mapping[str, str]], Any]] = {
             "/api/run": lambda _: source.about(),
             "/api/episode": lambda query: source.episode(_number(query)),
             "/api/check": lambda query: source.check(_number(query)),
         }
 
     def answer(self, path: str, query: str) -> ViewerAnswer | None:
-        """Return the answer to a path, or `None`; what cannot be read is a `HijackError`."""
+        """Return the answer to a path, or `None` if there is nothing under it.
+
+        Raises:
+            HijackError: the data for the answer cannot be read.
+        """
         if path == "/":
             return ViewerAnswer(run_page(_LINKS, Html("{}")).encode(), "text/html")
-        if path in self._asked:
-            return _json(self._asked[path](dict(parse_qsl(query))))
+        if path in self._json_answers:
+            return _json(self._json_answers[path](dict(parse_qsl(query))))
         if path == "/export":
             return self._export(dict(parse_qsl(query)).get("episodes", ""))
         picture = _RUN_PICTURE.fullmatch(path)
@@ -115,18 +123,18 @@ class RunPages:
             data = self._source.picture(number, step, kind == "clean")
             return ViewerAnswer(data, "image/png")
         data = cached_bytes(
-            self._kept,
+            self._thumbnails,
             (number, step),
-            lambda: thumbnail(self._source.pixels(number, step, False), STRIP),
+            lambda: thumbnail(self._source.pixels(number, step, False), STRIP_SIDE_PX),
         )
         return ViewerAnswer(data, "image/jpeg")
 
     def _export(self, text: str) -> ViewerAnswer:
         parts = [part for part in text.split(",") if part.isascii() and part.isdigit()]
-        if not parts or len(parts) > MOST_IN_PAGE:
+        if not parts or len(parts) > MAX_PAGE_EPISODES:
             raise HijackError(
-                f"an export from the page takes 1 to {MOST_IN_PAGE} episodes, not {len(parts)};"
-                " hijack view RUNS --export FILE --episode PATTERN takes any number"
+                f"an export from the page takes 1 to {MAX_PAGE_EPISODES} episodes, not"
+                f" {len(parts)}; hijack view RUNS --export FILE --episode PATTERN takes any number"
             )
         page = export_page(self._source, [int(part[:9]) for part in parts])
         name = re.sub(r"[^A-Za-z0-9._-]+", "-", self.title) or "run"

@@ -1,9 +1,9 @@
-"""The page's server, on the loopback interface only, from the standard library.
+"""The server of the page: read-only, on the loopback interface, with the standard library.
 
-It only reads. Other users of the machine can connect to the loopback interface too, so it answers
-only who has the token: the address that `hijack view` prints has it, and opening it once stores it
-as a cookie. The Host check keeps other web sites from reaching the server through a name of their
-own (DNS rebinding); it allows no other origin.
+Other users of the machine can connect to the loopback interface, too. So each request needs a
+token, which is part of the address that `hijack view` prints; opening that address stores the token
+as a cookie. The check of the Host header prevents that a web site reaches the server through a name
+of its own (DNS rebinding). No other origin is allowed.
 """
 
 import hmac
@@ -106,14 +106,14 @@ class _Handler(BaseHTTPRequestHandler):
         return "" if morsel is None else morsel.value
 
     def _route(self, path: str, query: str) -> None:
-        found = cast("ViewServer", self.server).pages.answer(path, query)
-        if found is None:
+        answer = cast("ViewServer", self.server).pages.answer(path, query)
+        if answer is None:
             self._answer(404, b"there is nothing here", "text/plain")
         else:
-            self._answer(200, found.body, found.kind, found.headers)
+            self._answer(200, answer.body, answer.kind, answer.headers)
 
     def _answer(
-        self, status: int, body: bytes, kind: str, more: Mapping[str, str] | None = None
+        self, status: int, body: bytes, kind: str, extra: Mapping[str, str] | None = None
     ) -> None:
         self.send_response(status)
         text = "" if kind.startswith("image/") else "; charset=utf-8"
@@ -121,7 +121,7 @@ class _Handler(BaseHTTPRequestHandler):
             **_HEADERS,
             "Content-Type": kind + text,
             "Content-Length": str(len(body)),
-            **(more or {}),
+            **(extra or {}),
         }.items():
             self.send_header(name, value)
         self.end_headers()
@@ -139,7 +139,7 @@ def serve(source: DatasetSource | RunSource, port: int, say: Callable[[str], obj
     """Serve the page until Ctrl-C; `say` is called with the address."""
     with ViewServer(source, port) as server:
         pages = server.pages
-        say(f"{pages.title}: {pages.what} at {server.url}  (Ctrl-C ends)")
+        say(f"{pages.title}: {pages.description} at {server.url}  (Ctrl-C ends)")
         try:
             server.serve_forever()
         except KeyboardInterrupt:

@@ -61,17 +61,26 @@ class ViewerSource(Protocol):
     index: Index
 
     def detail(self, row: int) -> Detail:
-        """Return everything known of a row of the index; an unreadable row is a `HijackError`."""
+        """Return everything known of a row of the index.
+
+        Raises:
+            HijackError: the row cannot be read.
+        """
         ...
 
     def glance(self, row: int) -> Detail:
-        """Return what a tile shows: size, action, points and box, or raise a `HijackError`."""
+        """Return what a tile shows: size, action, points and box.
+
+        Raises:
+            HijackError: the row cannot be read.
+        """
         ...
 
     def picture(self, row: int, before: bool) -> UInt8Array:
         """Return the picture of a row, or the one before the corruption, uint8 `[H, W, 3]`.
 
-        A picture that cannot be read is a `HijackError`.
+        Raises:
+            HijackError: the picture cannot be read.
         """
         ...
 

@@ -1,12 +1,15 @@
 """`hijack view`."""
 
+import sys
 from pathlib import Path
 
 import click
 
 from hijack_data.errors import counted
 
+from .dataset_source import DatasetSource
 from .opening import open_source
+from .runs import RunSource
 from .server import serve
 
 
@@ -35,20 +38,34 @@ from .server import serve
 )
 def view(folder: str, port: int, file: Path | None, patterns: tuple[str, ...]) -> None:
     """Look through a dataset, or the episodes of a run, in a browser."""
-    from .runs import RunSource
-    from .runs.export import export_file
-
-    if patterns and file is None:
-        raise click.UsageError("--episode chooses what --export FILE writes; give that, too")
+    _check_options(file, patterns)
     source = open_source(folder)
     for problem in source.problems:
         click.echo(f"  problem: {problem}", err=True)
     if file is None:
         serve(source, port, click.echo)
-    elif isinstance(source, RunSource):
-        count = export_file(source, patterns, file)
-        size = file.stat().st_size / 2**20
-        click.echo(f"{file}: {counted(count, 'episode')}, {size:.1f} MB")
     else:
+        _export(source, folder, patterns, file)
+    sys.exit(1 if source.problems else 0)
+
+
+def _check_options(file: Path | None, patterns: tuple[str, ...]) -> None:
+    if patterns and file is None:
+        raise click.UsageError("--episode chooses what --export FILE writes; give that, too")
+
+
+def _export(
+    source: DatasetSource | RunSource, folder: str, patterns: tuple[str, ...], file: Path
+) -> None:
+    """Write the episodes of a run to one file.
+
+    Raises:
+        UsageError: the source is a dataset.
+    """
+    from .runs.export import export_file
+
+    if not isinstance(source, RunSource):
         raise click.UsageError(f"{folder}: --export is for runs; hijack gallery makes such pages")
-    raise SystemExit(1 if source.problems else 0)
+    count = export_file(source, patterns, file)
+    size = file.stat().st_size / 2**20
+    click.echo(f"{file}: {counted(count, 'episode')}, {size:.1f} MB")

@@ -22,7 +22,7 @@ from pipelines import build, open_dataset
 from pipelines.errors import BuildError, DatasetError
 from pipelines.exports import export
 from pipelines.exports.onlooker.messages import NOT_THE_AGENT
-from pipelines.exports.onlooker.sampling import NEEDED
+from pipelines.exports.onlooker.sampling import WITH_REMINDER
 from pipelines.exports.onlooker.screen_change import TOLERANCE
 from pipelines.exports.onlooker.step_frames import RowFrame, frames_by_step
 
@@ -110,11 +110,11 @@ def test_reminders(source: Path, assets: Path, tmp_path: Path, output: str) -> N
     rows, original = table(tmp_path / "out", "reminders"), by_id(dataset)
     needed = [row["id"] for row in original.values() if row["reminder"]]
     assert len(needed) == 6
-    assert [row["id"] for row in rows if row["kind"] == NEEDED] == needed
+    assert [row["id"] for row in rows if row["kind"] == WITH_REMINDER] == needed
     assert len(rows) == len({row["id"] for row in rows}) == 12
     for row in rows:
         assert row["reminder"] == (original[row["id"]]["reminder"] or "None")
-        assert (row["kind"] == NEEDED) == (row["reminder"] != "None")
+        assert (row["kind"] == WITH_REMINDER) == (row["reminder"] != "None")
         assert row["corruption"] == original[row["id"]]["corruption"]
         assert same(row["screenshot"], original[row["id"]])
         assert said(row, 1)[1] == f"Reminder: {row['reminder']}"
@@ -126,9 +126,9 @@ def test_reminders(source: Path, assets: Path, tmp_path: Path, output: str) -> N
             assert row["corruption"] in ("touch", "minimise")
     for name in ("t0", "t1", "t2"):  # each trajectory is in balance by itself
         kinds = [row["kind"] for row in rows if row["trajectory_id"] == name]
-        assert (len(kinds), kinds.count(NEEDED)) == (4, 2)
+        assert (len(kinds), kinds.count(WITH_REMINDER)) == (4, 2)
     assert dict(report.reminders) == {"network": 3, "lock": 3}
-    assert report.none == Counter(row["kind"] for row in rows if row["kind"] != NEEDED)
+    assert report.none == Counter(row["kind"] for row in rows if row["kind"] != WITH_REMINDER)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hijack_data.types import ACTION_TYPES
 from pipelines.dataset.columns import ACTION
 from pipelines.exports.onlooker.messages import MAX_QUOTED_CHARS, describe_action, summary_messages
-from pipelines.exports.onlooker.sampling import KINDS, NEEDED, OnlookerSampler
+from pipelines.exports.onlooker.sampling import KINDS, WITH_REMINDER, OnlookerSampler
 from pipelines.exports.onlooker.screen_change import TOLERANCE, ScreenChange, measure
 
 frames = st.lists(
@@ -37,10 +37,10 @@ def test_what_is_drawn(trajectories: list[list[tuple[int, str]]], tenths: int, s
         for step, label in sorted(steps)
     ]
     chooser = OnlookerSampler(seed, tenths / 10)
-    found = chooser.chosen(rows)
-    assert found == OnlookerSampler(seed, tenths / 10).chosen(rows)
+    found = chooser.choose_rows(rows)
+    assert found == OnlookerSampler(seed, tenths / 10).choose_rows(rows)
     needed = {number for number, row in enumerate(rows) if row["reminder"]}
-    assert {number for number, kind in found.items() if kind == NEEDED} == needed
+    assert {number for number, kind in found.items() if kind == WITH_REMINDER} == needed
     assert {kind for number, kind in found.items() if number not in needed} <= set(KINDS)
     owed = Counter[int]()
     wanted = 0
@@ -74,9 +74,9 @@ def test_each_kind_is_drawn_as_often() -> None:
             *[("marks", None, None)] * 7,
         ]
     ]
-    counts = Counter(OnlookerSampler(1, 1).chosen(rows).values())
-    assert counts[NEEDED] == 400
-    assert set(counts) == {NEEDED, "same_step", "picture", "event"}
+    counts = Counter(OnlookerSampler(1, 1).choose_rows(rows).values())
+    assert counts[WITH_REMINDER] == 400
+    assert set(counts) == {WITH_REMINDER, "same_step", "picture", "event"}
     assert all(100 < counts[kind] < 167 for kind in ("same_step", "picture", "event"))
 
 
@@ -139,7 +139,7 @@ def test_words_for_a_change(boxes: list[tuple[int, int, int, int]], text: str) -
 def test_a_change_is_more_than_noise_and_may_be_of_the_size() -> None:
     whole = (0, 0, 90, 90)
     assert measure(screen(), screen(whole, value=100 + TOLERANCE)) == ScreenChange(
-        0.0, measure(screen(), screen()).where
+        0.0, measure(screen(), screen()).place
     )
     assert measure(screen(), screen(whole, value=101 + TOLERANCE)).share == 1
     assert measure(screen(), screen(whole, value=99 - TOLERANCE)).share == 1

@@ -20,7 +20,7 @@ from hijack_data.errors import UnknownNameError
 from pipelines import build, open_dataset
 from pipelines.errors import BuildError, DatasetError
 from pipelines.exports import FORMATS, ExportReport, export, push_to_hub
-from pipelines.exports.webdataset import typed
+from pipelines.exports.webdataset import typed_row
 
 PLANNERS: dict[str, Any] = {
     "cover": hj.PopUps(width=320, height=200, avoid_elements=False),
@@ -188,7 +188,7 @@ def test_webdataset(dataset: Path, tmp_path: Path) -> None:
         assert np.array_equal(pixels(group[0][2]), np.asarray(row["screenshot"]))
         about = json.loads(group[1][2])
         assert about["answer"] == group[2][2].decode()
-        assert {name: about[name] for name in row if name != "screenshot"} == typed(
+        assert {name: about[name] for name in row if name != "screenshot"} == typed_row(
             {name: value for name, value in row.items() if name != "screenshot"}
         )
         assert json.loads(about["action"]) == row["action"]

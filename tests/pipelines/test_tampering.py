@@ -42,9 +42,8 @@ from support.edited_runs import (
     steps,
     swapped,
     without_effects,
-    write_lines,
 )
-from support.recorded import ANSWERS, IDS, record_run
+from support.recorded import ANSWERS, record_run
 
 LINES = 1 + sum(len(actions) for _, actions in ANSWERS)
 
@@ -151,7 +150,7 @@ TAMPERINGS = {
     "the instruction in the journal": record(instruction="Open nothing"),
     "the instruction in both": both(instruction="Open nothing"),
     "the instruction of the last episode in both": both(HALF, instruction="Open nothing"),
-    "the version": both(version=1),
+    "the version": both(version=0),
     "what the agent was given in the journal": record(given=["plan"]),
     "what the agent was given in both": both(given=["plan"]),
     "run.json: a parameter": head(
@@ -161,7 +160,7 @@ TAMPERINGS = {
         lambda data: (data["config"]["corruptions"].pop(), data["episodes"].pop())
     ),
     "run.json: what it was made with": head(lambda data: data["versions"].update(numpy="1.0")),
-    "run.json: its version": head(lambda data: data.update(version=1)),
+    "run.json: its version": head(lambda data: data.update(version=0)),
     "run.json is removed": file("run.json", None),
 }
 
@@ -169,7 +168,6 @@ TAMPERINGS = {
 def test_the_run_as_it_was_recorded_is_whole(recorded):
     report = rebuild(recorded)
     assert (report.problems, report.episodes, report.steps) == ([], 4, 4 * LINES)
-    assert report.chained
 
 
 @pytest.mark.parametrize("name", TAMPERINGS)
@@ -248,7 +246,7 @@ def test_what_an_agent_was_given_is_of_a_kind_and_always_the_same(run, changes, 
     assert any(problem in found for found in rebuild(run).problems)
 
 
-def test_a_record_of_version_3_without_what_was_given_is_incomplete(run):
+def test_a_record_without_what_was_given_is_incomplete(run):
     def dropped(row):
         return {key: value for key, value in row.items() if key != "given"}
 
@@ -256,18 +254,16 @@ def test_a_record_of_version_3_without_what_was_given_is_incomplete(run):
     path.write_text(json.dumps(dropped(json.loads(path.read_text()))))
     journal(lambda rows: [dropped(row) if row["id"] == MARKS else row for row in rows])(run)
     chained_anew(run)
-    missing = "given is missing; records have it since version 3"
+    missing = "given is missing: every record says what its agent was given, or null"
     assert rebuild(run).problems == [f"episodes/{MARKS}/episode.json: {missing}"]
 
 
-def test_a_later_library_goes_on_with_a_run_and_an_earlier_one_does_not(run):
-    head(lambda data: data.update(version=2))(run)
+def test_another_version_is_refused_by_name(run):
+    both(MARKS, version=0)(run)
     chained_anew(run)
-    assert rebuild(run).problems == []
-    head(lambda data: data.update(version=3))(run)
-    both(MARKS, version=2)(run)
-    chained_anew(run)
-    assert "is of version 2, run.json is of version 3" in rebuild(run).problems[0]
+    assert any("version: is 0; this library reads" in found for found in rebuild(run).problems)
+    head(lambda data: data.update(version=0))(run)
+    assert any(found.startswith("run.json: version 0 ") for found in rebuild(run).problems)
 
 
 def test_with_the_hashes_of_one_file_written_anew_the_next_one_tells(run):
@@ -347,69 +343,6 @@ def test_what_is_not_whole_is_not_signed(run, keys, tmp_path):
     seal.sign(run, str(mine))
     with pytest.raises(seal.SealError, match=r"ends in \.pub"):
         rebuild(run, str(mine))
-
-
-# Runs of version 1
-
-
-def as_version_1(run):
-    """The run as the library wrote it before there were hashes."""
-    head(lambda data: (data.update(version=1), data.pop("episodes")))(run)
-    later = ("version", "lines", "chain", "cause", "traceback", "ended", "max_steps", "allow_code")
-    kept = {}
-    new = ("said", "previous", "image_sha256")
-
-    def shorten(rows):
-        return [{key: value for key, value in row.items() if key not in new} for row in rows]
-
-    for name in IDS:
-        path = home(run, name) / "episode.json"
-        old = {
-            key: value for key, value in json.loads(path.read_text()).items() if key not in later
-        }
-        old["planner"] = None if old["planner"] == "clean" else old["planner"]
-        kept[name] = old
-        path.write_text(json.dumps({key: value for key, value in old.items() if key != "said"}))
-        steps(shorten, name)(run)
-    write_lines(run / "records.jsonl", [kept[name] for name in IDS])
-
-
-def test_runs_of_version_1_are_still_read_and_told_what_cannot_be_proved(run):
-    as_version_1(run)
-    report = rebuild(run)
-    assert report.problems == []
-    assert not report.chained
-    assert "version 1, without hashes" in "\n".join(report.lines())
-    assert command("report", run).exit_code == 0
-
-
-V1 = (
-    "the score in the journal",
-    "the score in the episode",
-    "a record is removed",
-    "a record is doubled",
-    "an episode is removed",
-    "probes everywhere",
-    "effects and events",
-    "a step is removed",
-    "the raw answer",
-    "what ran",
-    "what ran, where it is mapped",
-    "the params in both",
-    "the label in both",
-    "the label, wherever it stands",
-    "one plan is replaced by clean",
-    "all plans are replaced by clean",
-    "the seed in both",
-    "steps are swapped",
-)
-
-
-@pytest.mark.parametrize("name", V1)
-def test_what_follows_from_something_else_is_found_in_version_1_too(name, run):
-    as_version_1(run)
-    TAMPERINGS[name](run)
-    assert rebuild(run).problems, f"{name}: not found"
 
 
 @pytest.mark.parametrize("name", ["records.jsonl", f"episodes/{MARKS}/steps.jsonl"])

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from hijack_data.runs.run_log import VERSION, digest_of
+
 SIZE = (320, 200)
 
 
@@ -21,13 +23,18 @@ def make_run(folder: Path) -> Path:
     folder.mkdir()
     run = {
         "format": "agenthijack-run",
-        "version": 1,
+        "version": VERSION,
         "config": {},
         "versions": {},
         "created": "2026-01-01",
     }
     (folder / "run.json").write_text(json.dumps(run))
-    records = [episode(folder, "clean", 1.0), episode(folder, "app_minimization", 0.0)]
+    before = (folder / "run.json").read_bytes()
+    records = []
+    for corruption, score in (("clean", 1.0), ("app_minimization", 0.0)):
+        record = episode(folder, corruption, score) | {"previous": digest_of(before)}
+        before = json.dumps(record).encode()
+        records.append(record)
     lines_of(folder / "records.jsonl", records)
     return folder
 
@@ -40,6 +47,7 @@ def episode(folder: Path, corruption: str, score: float) -> dict[str, Any]:
     steps = [step(home, k, corruption) for k in range(3)]
     lines_of(home / "steps.jsonl", steps)
     record = {
+        "version": VERSION,
         "id": slug,
         "agent": "oracle",
         "task": "write_note",

@@ -21,7 +21,7 @@ from ..output_folder import new_folder, write_report
 from ..stored_rows import stored_rows
 from .messages import NONE, chat, reminder_messages, summarise, summary_messages
 from .report import OnlookerReport
-from .sampling import NEEDED, READ, OnlookerSampler
+from .sampling import COLUMNS_READ, WITH_REMINDER, OnlookerSampler
 from .screen_change import ScreenChange, measure
 from .step_frames import RowFrame, StepFrames, frames_by_step, transitions
 from .tables import TABLES, TableWriter, about
@@ -54,14 +54,14 @@ def export_onlooker(
         new_folder(Path(out), Path(folder)) as place,
         _Tables(place, report, keep_hidden) as tables,
     ):
-        done = 0
+        rows_done = 0
         for index, shard in enumerate(manifest["shards"]):
             file = dataset.folder / shard["file"]
-            choice = sampler.chosen(shard_rows(file, READ))
+            choice = sampler.choose_rows(shard_rows(file, COLUMNS_READ))
             tables.shard(index, _frames(file, is_lazy(manifest)), choice)
-            done += int(shard["rows"])
+            rows_done += int(shard["rows"])
             if progress is not None:
-                progress(done, len(dataset), "rows")
+                progress(rows_done, len(dataset), "rows")
         report.short = sampler.short
         content = {"keep_hidden": keep_hidden, "content": dataset.fingerprint}
         write_report(place, report.to_data() | content)
@@ -99,7 +99,7 @@ class _Tables:
 
     def _finish_shard(self) -> None:
         for table in self.tables.values():
-            table.done()
+            table.finish_file()
 
     def _add(self, table: str, row: Mapping[str, Any]) -> None:
         self.tables[table].add(self.index, row)
@@ -109,7 +109,7 @@ class _Tables:
         if kind is None or self._lacks_task("reminder", row):
             return
         reminder = NONE
-        if kind == NEEDED:
+        if kind == WITH_REMINDER:
             reminder = str(row["reminder"])
             self.report.reminders[row["corruption"]] += 1
         else:
@@ -165,9 +165,9 @@ class _Tables:
             self._skip(f"summary of {row['action']['type']}", error)
             return
         self.report.summaries[frame.row["corruption"]] += 1
-        changed = None
+        changed_share = None
         if event is None and change is not None:
-            changed = change.share
+            changed_share = change.share
         summary = summarise(row, event, change)
         example = {
             "before_id": row["id"],
@@ -176,7 +176,7 @@ class _Tables:
             "action_text": action,
             "after": frame.png,
             "event": event,
-            "changed": changed,
+            "changed": changed_share,
             "summary": summary,
             "made_by": MADE_BY,
             "messages": summary_messages(row["instruction"], action, summary),
@@ -184,7 +184,12 @@ class _Tables:
         self._add("summaries", about(frame.row) | example)
 
     def _action(self, row: Row) -> str:
-        """Return the action as text of the dialect, or as recorded."""
+        """Return the action as text of the dialect, or as recorded.
+
+        Raises:
+            ActionError: the dialect cannot express the action, and no code was recorded.
+            ParameterError: a value of the action is out of its range, and no code was recorded.
+        """
         try:
             return action_text(row, self.report.dialect)
         except (ActionError, ParameterError):
@@ -192,20 +197,20 @@ class _Tables:
                 raise
             return str(row["action_code"])
 
-    def _lacks_task(self, what: str, row: Row) -> bool:
+    def _lacks_task(self, example_kind: str, row: Row) -> bool:
         """Return whether a row has no instruction, and count it if so."""
         try:
             check_task(row)
         except ActionError as error:
-            self._skip(what, error)
+            self._skip(example_kind, error)
             return True
         return False
 
     def _skip_event(self, label: str, reason: str) -> None:
         self._skip(f"summary of {label}", reason)
 
-    def _skip(self, what: str, reason: object) -> None:
-        self.report.skipped[f"{what}: {reason}"] += 1
+    def _skip(self, example_kind: str, reason: object) -> None:
+        self.report.skipped[f"{example_kind}: {reason}"] += 1
 
 
 def _frames(file: Path, lazy: bool) -> Iterator[RowFrame]:
@@ -226,8 +231,8 @@ def _check_reminders(dataset: Dataset) -> None:
     counts = dataset.manifest.get("counts", {})
     unfit: Mapping[str, Mapping[str, int]] = counts.get("not_applicable", {})
     reasons = [f"{name}: {reason}" for name in REMINDING for reason in unfit.get(name, {})]
-    why = f" (not applicable there: {'; '.join(reasons)})" if reasons else ""
+    explanation = f" (not applicable there: {'; '.join(reasons)})" if reasons else ""
     raise BuildError(
         f"{dataset.folder}: no row has a reminder, so there is nothing for an onlooker to learn"
-        f" from; build it with --corruptions all, or with {' or '.join(REMINDING)}{why}"
+        f" from; build it with --corruptions all, or with {' or '.join(REMINDING)}{explanation}"
     )

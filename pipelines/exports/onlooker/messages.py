@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
-from ..example import IMAGE, plain
+from ..example import IMAGE, escape_tokens
 from .screen_change import ScreenChange
 
 _Fields: TypeAlias = Mapping[str, Any]
@@ -30,15 +30,18 @@ MAX_QUOTED_CHARS = 200
 
 def reminder_messages(instruction: str, reminder: str) -> Messages:
     """Return the chat of one frame."""
-    return chat(f"{IMAGE}\nTask: {plain(instruction)}\n{REMIND}", f"Reminder: {plain(reminder)}")
+    return chat(
+        f"{IMAGE}\nTask: {escape_tokens(instruction)}\n{REMIND}",
+        f"Reminder: {escape_tokens(reminder)}",
+    )
 
 
 def summary_messages(instruction: str, action: str, summary: str) -> Messages:
     """Return the chat of two frames and the action between them."""
-    task = f"Task: {plain(instruction)}"
-    done = f"Action: {plain(action)}"
-    question = "\n".join((IMAGE, IMAGE, task, done, SUMMARISE))
-    return chat(question, plain(summary))
+    task = f"Task: {escape_tokens(instruction)}"
+    action_text = f"Action: {escape_tokens(action)}"
+    question = "\n".join((IMAGE, IMAGE, task, action_text, SUMMARISE))
+    return chat(question, escape_tokens(summary))
 
 
 def summarise(row: _Fields, event: str | None, change: ScreenChange | None) -> str:
@@ -62,15 +65,15 @@ def summarise(row: _Fields, event: str | None, change: ScreenChange | None) -> s
 def describe_action(action: _Fields, code: str) -> str:
     """Return an action as the end of a sentence that begins with "The agent"."""
     kind = str(action["type"])
-    held = ""
+    modifiers = ""
     if action["keys"] and kind not in _KEYS:
-        held = f" while holding {'+'.join(action['keys'])}"
+        modifiers = f" while holding {'+'.join(action['keys'])}"
     if kind in _POINTER:
-        return _POINTER[kind] + _at(action) + held
+        return _POINTER[kind] + _at(action) + modifiers
     if kind in _OTHER:
-        return _OTHER[kind](action) + held
+        return _OTHER[kind](action) + modifiers
     if code:
-        return f"did what was recorded as {_quoted(code)}"
+        return f"did what was recorded as {_quote(code)}"
     return "did something that was not recorded"
 
 
@@ -82,7 +85,7 @@ def _at(action: _Fields, end: str = "", word: str = "at") -> str:
     return f" {word} ({x}, {y})"
 
 
-def _scrolled(action: _Fields) -> str:
+def _describe_scroll(action: _Fields) -> str:
     amount = action["amount"] or 0
     direction = ""
     if amount:
@@ -90,13 +93,13 @@ def _scrolled(action: _Fields) -> str:
     return f"scrolled{direction}{_at(action)}"
 
 
-def _typed(action: _Fields) -> str:
+def _describe_typing(action: _Fields) -> str:
     if action["text"] is None:
         return "typed"
-    return f"typed {_quoted(action['text'])}"
+    return f"typed {_quote(action['text'])}"
 
 
-def _keyed(verb: str) -> Callable[[_Fields], str]:
+def _describe_keys(verb: str) -> Callable[[_Fields], str]:
     def words(action: _Fields) -> str:
         keys = "+".join(action["keys"] or ())
         return f"{verb} {keys or 'a key'}"
@@ -104,7 +107,7 @@ def _keyed(verb: str) -> Callable[[_Fields], str]:
     return words
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     short = text if len(text) <= MAX_QUOTED_CHARS else f"{text[:MAX_QUOTED_CHARS]}..."
     return json.dumps(short, ensure_ascii=False)
 
@@ -122,11 +125,11 @@ _KEYS = ("hotkey", "key_down", "key_up")
 _OTHER: Mapping[str, Callable[[_Fields], str]] = {
     "move": lambda action: f"moved the pointer{_at(action, word='to')}",
     "drag": lambda action: f"dragged{_at(action, word='from')}{_at(action, '2', 'to')}",
-    "scroll": _scrolled,
-    "type": _typed,
-    "hotkey": _keyed("pressed"),
-    "key_down": _keyed("held down"),
-    "key_up": _keyed("let go of"),
+    "scroll": _describe_scroll,
+    "type": _describe_typing,
+    "hotkey": _describe_keys("pressed"),
+    "key_down": _describe_keys("held down"),
+    "key_up": _describe_keys("let go of"),
     "wait": lambda _: "waited",
     "done": lambda _: "said that the task is done",
     "fail": lambda _: "said that the task cannot be done",

@@ -68,16 +68,17 @@ class OnlookerReport:
         """Return the report as lines of text."""
         lines = [
             f"{self.out}: {self.total} examples ({self.to}, actions in {self.dialect})",
-            f"  reminders: {self.reminders.total()} frames with one ({_listed(self.reminders)})",
-            f"  reminders: {self.none.total()} frames without ({_listed(self.none)})",
+            f"  reminders: {self.reminders.total()} frames with one"
+            f" ({_counts_text(self.reminders)})",
+            f"  reminders: {self.none.total()} frames without ({_counts_text(self.none)})",
         ]
         if self.short:
             lines.append(
                 f"  reminders: {self.short} more frames without one were asked for and are not in"
                 " the dataset"
             )
-        lines.append(f"  summaries: {_listed(self.summaries) or 0}")
-        lines.append(f"  recovery: {_listed(self.recovery) or 0}")
+        lines.append(f"  summaries: {_counts_text(self.summaries) or 0}")
+        lines.append(f"  recovery: {_counts_text(self.recovery) or 0}")
         for label, count in self.hidden.items():
             lines.append(f"  {label}: {counted(count, 'recovery step')} left out, target hidden")
         for reason, count in self.skipped.items():
@@ -85,5 +86,5 @@ class OnlookerReport:
         return lines
 
 
-def _listed(counts: Mapping[str, int]) -> str:
+def _counts_text(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{name} {count}" for name, count in counts.items())

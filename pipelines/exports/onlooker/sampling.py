@@ -17,13 +17,13 @@ from hijack_data.rng import Stream
 from ..example import Row
 
 # The columns that a choice depends on.
-READ = ["trajectory_id", "step", "corruption", "event", "reminder"]
-NEEDED = "reminder"
+COLUMNS_READ = ["trajectory_id", "step", "corruption", "event", "reminder"]
+WITH_REMINDER = "reminder"
 # The kinds of frames without a reminder: the clean screen of the step of the event, another clean
 # screen, a screen with something drawn over it, and one with an event that an agent can undo by
 # itself. All kinds are equally likely.
 SAME_STEP, OTHER_STEP, PICTURE, EVENT = KINDS = ("same_step", "clean", "picture", "event")
-MOST = 1000
+MAX_BALANCE = 1000
 _PRECISION = 10**6
 NumberedRow: TypeAlias = tuple[int, Row]
 
@@ -42,24 +42,24 @@ class OnlookerSampler:
 
     def __init__(self, seed: int, balance: float) -> None:
         self.seed = seed
-        self.ratio = Fraction(_checked(balance)).limit_denominator(_PRECISION)
-        self.owed = Fraction(0)
+        self.ratio = Fraction(_check_balance(balance)).limit_denominator(_PRECISION)
+        self.missing_frames = Fraction(0)
 
     @property
     def short(self) -> int:
         """Number of frames without a reminder that are missing so far."""
-        return int(self.owed)
+        return int(self.missing_frames)
 
-    def chosen(self, rows: Iterable[Row]) -> dict[int, str]:
-        """Return the chosen rows of a shard by number, and why: `NEEDED` or one of `KINDS`.
+    def choose_rows(self, rows: Iterable[Row]) -> dict[int, str]:
+        """Return the chosen rows of a shard by number, and why: `WITH_REMINDER` or one of `KINDS`.
 
         Args:
-            rows: the rows of the shard, with at least the columns `READ`.
+            rows: the rows of the shard, with at least the columns `COLUMNS_READ`.
         """
-        found: dict[int, str] = {}
-        for trajectory, group in groupby(enumerate(rows), key=_trajectory_of):
-            found.update(self._of_trajectory(trajectory, list(group)))
-        return found
+        choices: dict[int, str] = {}
+        for trajectory, group in groupby(enumerate(rows), key=_trajectory_id):
+            choices.update(self._of_trajectory(trajectory, list(group)))
+        return choices
 
     def _of_trajectory(
         self, trajectory: str, rows: Sequence[NumberedRow]
@@ -68,8 +68,8 @@ class OnlookerSampler:
         for number, row in rows:
             if row["reminder"] is not None:
                 steps.append(row["step"])
-                yield number, NEEDED
-        self.owed += self.ratio * len(steps)
+                yield number, WITH_REMINDER
+        self.missing_frames += self.ratio * len(steps)
         pools = _pools(rows, set(steps))
         stream = Stream(self.seed, "onlooker-v1", trajectory)
         available = sum(map(len, pools.values()))
@@ -78,10 +78,10 @@ class OnlookerSampler:
             pool = pools[kind]
             index = stream.integer(0, len(pool) - 1)
             yield pool.pop(index), kind
-            self.owed -= 1
+            self.missing_frames -= 1
 
 
-def _trajectory_of(item: NumberedRow) -> str:
+def _trajectory_id(item: NumberedRow) -> str:
     return str(item[1]["trajectory_id"])
 
 
@@ -102,15 +102,15 @@ def _kind(row: Row, steps: set[int]) -> str:
     return SAME_STEP if row["step"] in steps else OTHER_STEP
 
 
-def _checked(balance: Any) -> float:
+def _check_balance(balance: Any) -> float:
     if isinstance(balance, bool) or not isinstance(balance, int | float):
         kind = type(balance).__name__
         raise ParameterTypeError(f"balance must be a number, got {balance!r} ({kind})")
-    valid = f"balance must be in [0, {MOST}]"
+    valid = f"balance must be in [0, {MAX_BALANCE}]"
     try:
         value = float(balance)
     except OverflowError:
         raise ParameterError(f"{valid}, got an integer beyond any float") from None
-    if not 0 <= value <= MOST:
+    if not 0 <= value <= MAX_BALANCE:
         raise ParameterError(f"{valid}, got {value!r}")
     return value

@@ -10,7 +10,7 @@ from hijack_data.types import UInt8Array
 # equal.
 TOLERANCE = 8
 # A part of the screen with at least this share of the change is named as its place.
-MOSTLY = 0.6
+MIN_PLACE_SHARE = 0.6
 _ROWS = ("upper", "middle", "lower")
 _COLUMNS = ("left", "middle", "right")
 
@@ -21,12 +21,12 @@ class ScreenChange:
 
     Args:
         share: share of the changed pixels, 0..1; 1 if the size changed.
-        where: the part of the screen with most of it, as the end of a sentence, or empty.
+        place: the part of the screen with most of it, as the end of a sentence, or empty.
         resized: whether the two screens differ in size.
     """
 
     share: float
-    where: str = ""
+    place: str = ""
     resized: bool = False
 
     def text(self) -> str:
@@ -36,8 +36,8 @@ class ScreenChange:
         if not self.share:
             return "No change of the screen was measured."
         percent = round(100 * self.share)
-        much = f"About {percent} %" if percent else "Less than 1 %"
-        return f"{much} of the screen changed, {self.where}."
+        amount = f"About {percent} %" if percent else "Less than 1 %"
+        return f"{amount} of the screen changed, {self.place}."
 
 
 def measure(before: UInt8Array, after: UInt8Array) -> ScreenChange:
@@ -45,25 +45,25 @@ def measure(before: UInt8Array, after: UInt8Array) -> ScreenChange:
     if before.shape != after.shape:
         return ScreenChange(1.0, resized=True)
     difference = np.maximum(before, after) - np.minimum(before, after)
-    changed = (difference > TOLERANCE).any(axis=2)
+    changed_mask = (difference > TOLERANCE).any(axis=2)
     counts = np.zeros((3, 3))
-    for row, band in enumerate(np.array_split(changed, 3)):
+    for row, band in enumerate(np.array_split(changed_mask, 3)):
         for column, part in enumerate(np.array_split(band, 3, axis=1)):
             counts[row, column] = part.sum()
     shares = counts / max(1, counts.sum())
-    return ScreenChange(float(changed.mean()), _where(shares))
+    return ScreenChange(float(changed_mask.mean()), _where(shares))
 
 
 def _where(shares: "np.ndarray[tuple[int, int], np.dtype[np.float64]]") -> str:
     """Return the smallest part of a grid of three by three that has most of the change."""
     row, column = divmod(int(shares.argmax()), 3)
-    if shares[row, column] >= MOSTLY:
+    if shares[row, column] >= MIN_PLACE_SHARE:
         if row == column == 1:
             return "mostly in the middle"
         return f"mostly in the {_ROWS[row]} {_COLUMNS[column]}"
     rows = shares.sum(axis=1)
     columns = shares.sum(axis=0)
-    if max(rows.max(), columns.max()) < MOSTLY:
+    if max(rows.max(), columns.max()) < MIN_PLACE_SHARE:
         return "in several places"
     if rows.max() >= columns.max():
         return f"mostly in the {_ROWS[int(rows.argmax())]} third"

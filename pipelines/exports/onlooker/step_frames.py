@@ -11,8 +11,8 @@ from hijack_data.types import UInt8Array
 from ...dataset.image_codec import decode
 from ..example import Row
 
-FIRST = "nothing was recorded before the event"
-HELD = "what the agent met before the event is not in the dataset"
+NO_STEP_BEFORE = "nothing was recorded before the event"
+NO_FRAME_BEFORE = "what the agent met before the event is not in the dataset"
 
 
 @dataclass(frozen=True)
@@ -52,10 +52,10 @@ class StepFrames:
     @cached_property
     def first(self) -> dict[str, RowFrame]:
         """The first frame of each corruption: of an inserted step, else of the recorded one."""
-        found: dict[str, RowFrame] = {}
+        frames_by_label: dict[str, RowFrame] = {}
         for frame in self.frames:
-            found.setdefault(frame.label, frame)
-        return found
+            frames_by_label.setdefault(frame.label, frame)
+        return frames_by_label
 
     def acted(self, label: str) -> RowFrame | None:
         """Return the frame of a corruption on which the agent took its recorded action, or `None`.
@@ -68,16 +68,16 @@ class StepFrames:
                 return frame
         return None
 
-    def follows(self, other: "StepFrames | None") -> bool:
+    def follows(self, previous: "StepFrames | None") -> bool:
         """Return whether no step is missing between the two."""
-        if other is None:
+        if previous is None:
             return False
-        return self.trajectory == other.trajectory and self.step == other.step + 1
+        return self.trajectory == previous.trajectory and self.step == previous.step + 1
 
 
 def frames_by_step(frames: Iterable[RowFrame]) -> Iterator[StepFrames]:
     """Group frames by step; one step is in memory at a time."""
-    for (trajectory, step), group in groupby(frames, key=_step_of):
+    for (trajectory, step), group in groupby(frames, key=_step_key):
         yield StepFrames(str(trajectory), int(step), tuple(group))
 
 
@@ -94,17 +94,17 @@ def transitions(
         after: the frames of this step.
         skip: called with the corruption and the reason for each event without a frame before it.
     """
-    known = before if after.follows(before) else None
+    previous = before if after.follows(before) else None
     for label, frame in after.first.items():
         is_event = frame.row["event"] is not None
-        start = known.acted(label) if known else None
-        if start is None and known and is_event:
-            start = known.clean
+        start = previous.acted(label) if previous else None
+        if start is None and previous and is_event:
+            start = previous.clean
         if start is not None:
             yield start, frame
         elif is_event:
-            skip(label, FIRST if known is None else HELD)
+            skip(label, NO_STEP_BEFORE if previous is None else NO_FRAME_BEFORE)
 
 
-def _step_of(frame: RowFrame) -> tuple[str, int]:
+def _step_key(frame: RowFrame) -> tuple[str, int]:
     return frame.row["trajectory_id"], frame.row["step"]

@@ -73,7 +73,7 @@ class TableWriter:
         self._bytes = 0
 
     def add(self, shard: int, row: Mapping[str, Any]) -> None:
-        """Write a row of a shard; see `done`.
+        """Write a row of a shard; see `finish_file`.
 
         Args:
             shard: index of the shard.
@@ -91,7 +91,7 @@ class TableWriter:
         if len(self._group) == GROUP_ROWS or self._bytes >= GROUP_BYTES:
             self._flush()
 
-    def done(self) -> None:
+    def finish_file(self) -> None:
         """Finish the file of the shard."""
         if self._writer is not None:
             self._flush()

@@ -10,19 +10,19 @@ from hijack_data.actions.agent_actions import REINIT
 from hijack_data.errors import HijackError
 from hijack_data.plan import CLEAN, Effect, Plan
 from hijack_data.planner import Planner
-from hijack_data.runs.run_log import CHAINED, EPISODE, RUN, STEPS, VERSION, digest_of
-from hijack_data.runs.run_planners import dump_planner, load_planner, planner_params
+from hijack_data.runs.run_log import EPISODE, RUN, STEPS, VERSION, digest_of
+from hijack_data.runs.run_planners import load_planner, planner_params
 from hijack_data.types import Scene, Size
 
 from ...readers import fields
-from ...readers.fields import FieldError
+from ...readers.fields import FieldError, FieldTypeError
 from ...readers.safe_files import lines, parse_file
 from . import field_checks
 from .journal import Journal, privileged_input_problems
 from .observation import ReplayedObservation, ReplayInputs, answer_points, check_observation
 
 BEFORE = -1  # the step number of effects before the episode
-SAID = 2000  # characters of the agent's last words that the record keeps
+MAX_LAST_WORDS = 2000  # characters of the agent's last words that the record keeps
 
 
 @dataclass
@@ -36,42 +36,41 @@ class EpisodeReplay:
     disturbed: int = 0
     last: str = ""  # the hash of the previous line
 
-    def add(self, line: Mapping[str, Any], found: ReplayedObservation) -> None:
+    def add(self, line: Mapping[str, Any], observation: ReplayedObservation) -> None:
         """Add an observation."""
         self.lines.append(line)
-        self.plans.append(found.plan)
-        self.disturbed += bool(found.plan.ops)
+        self.plans.append(observation.plan)
+        self.disturbed += bool(observation.plan.ops)
 
 
-def check_episode(folder: Path, journal: Journal, seen: EpisodeReplay) -> Iterator[str]:
+def check_episode(folder: Path, journal: Journal, replay: EpisodeReplay) -> Iterator[str]:
     """Yield the problems of an episode, each with its file.
 
     Args:
         folder: the episode.
         journal: that of its run.
-        seen: collects the record and the observations.
+        replay: collects the record and the observations.
     """
     try:
         record = parse_file(folder / EPISODE)
-        seen.record = record
-        version = _version(record)
+        replay.record = record
+        _check_version(record)
         yield from _in_record(_identity(folder, record))
         yield from _in_record(privileged_input_problems(record))
-        planner, known = _planner(record, journal)
-        yield from _in_record(_agrees(record, planner, known))
-        key = _key(record, planner, known)
-        whole = True
-        for problem in _lines(folder, key, seen, version):
-            whole = False
+        planner, is_stated = _planner(record, journal)
+        yield from _in_record(_agrees(record, planner, is_stated))
+        key = _key(record, planner, is_stated)
+        is_whole = True
+        for problem in _lines(folder, key, replay):
+            is_whole = False
             yield f"{STEPS}: {problem}"
-        if version >= CHAINED:
-            yield from _in_record(_end(seen))
-        if whole or len(seen.lines) == seen.steps:
+        yield from _in_record(_end(replay))
+        if is_whole or len(replay.lines) == replay.steps:
             if not journal.exists:  # otherwise the journal's line is checked, which is the same
                 yield from _in_record(field_checks.unknown_fields(record, EPISODE))
                 yield from _in_record(field_checks.outcome_problems(record))
-            yield from _in_record(_record_problems(seen, key))
-            yield from field_checks.episode_file_problems(folder, seen.lines)
+            yield from _in_record(_record_problems(replay, key))
+            yield from field_checks.episode_file_problems(folder, replay.lines)
     except FieldError as error:
         yield f"{EPISODE}: {error}"
     except OSError as error:
@@ -100,24 +99,26 @@ def _planner(record: Mapping[str, Any], journal: Journal) -> tuple[Planner | Non
     """Return the planner of the episode, and whether the log states it outside the plans.
 
     The configuration of the run comes first, then the record of the episode.
+
+    Raises:
+        FieldError: the label is not one of the run, or the record's planner cannot be read.
     """
     label = fields.text(record, "corruption")
     if journal.planners is not None:
         if label not in journal.planners:
             raise FieldError("corruption", f"{label!r} is none of the corruptions of {RUN}")
         return journal.planners[label], True
-    if record.get("planner") is None:
-        is_clean = label == CLEAN and not record.get("params")
-        return None, is_clean
+    if record.get("planner") is None and label != CLEAN:
+        return None, False  # no file can hold this planner
     try:
         return load_planner(fields.text(record, "planner")), True
     except HijackError as error:
         raise FieldError("planner", f"is {error}") from None
 
 
-def _agrees(record: Mapping[str, Any], planner: Planner | None, known: bool) -> Iterator[str]:
+def _agrees(record: Mapping[str, Any], planner: Planner | None, is_stated: bool) -> Iterator[str]:
     """Yield the differences of the planner between the record and the configuration."""
-    if known:
+    if is_stated:
         params = json.loads(json.dumps(planner_params(planner), default=repr))
         if record.get("params") != params:
             yield "params are not those of the corruption"
@@ -126,167 +127,160 @@ def _agrees(record: Mapping[str, Any], planner: Planner | None, known: bool) -> 
             yield f"planner is not what {RUN} has under {record.get('corruption')!r}"
 
 
-def _key(record: Mapping[str, Any], planner: Planner | None, known: bool) -> ReplayInputs:
+def _key(record: Mapping[str, Any], planner: Planner | None, is_stated: bool) -> ReplayInputs:
     return ReplayInputs(
         seed=_seed(record),
         sample=fields.text(record, "sample"),
         apps=fields.strings(record.get("apps")),
         planner=planner,
-        known=known,
+        is_stated=is_stated,
         size=_size(record),
-        allow_code=record.get("allow_code"),
-        hashed=_version(record) >= CHAINED,
+        allow_code=_allow_code(record),
     )
 
 
-def _lines(folder: Path, key: ReplayInputs, seen: EpisodeReplay, version: int) -> Iterator[str]:
+def _lines(folder: Path, key: ReplayInputs, replay: EpisodeReplay) -> Iterator[str]:
     """Check each line on its own, and the hashes that chain the lines."""
-    seen.last = digest_of(folder.name.encode())
+    replay.last = digest_of(folder.name.encode())
     for place, line in enumerate(lines(folder / STEPS)):
-        where = f"line {line.number}"
+        line_name = f"line {line.number}"
         try:
-            seen.steps += 1
+            replay.steps += 1
             data = line.record()
             step = fields.step_number(data, "step")
             if step != place:
-                yield f"{where}: has step {step} where step {place} belongs"
-            if version >= CHAINED and data.get("previous") != seen.last:
-                yield f"{where}: does not follow on the line before (previous)"
+                yield f"{line_name}: has step {step} where step {place} belongs"
+            if data.get("previous") != replay.last:
+                yield f"{line_name}: does not follow on the line before (previous)"
             for text in field_checks.line_problems(data):
                 yield f"step {step}: {text}"
-            found = check_observation(folder, data, key)
-            seen.add(data, found)
-            for problem in found.problems:
+            observation = check_observation(folder, data, key)
+            replay.add(data, observation)
+            for problem in observation.problems:
                 yield f"step {step}: {problem}"
         except HijackError as error:
-            yield f"{where}: {error}"
+            yield f"{line_name}: {error}"
         content = line.data or b""
-        seen.last = digest_of(content.rstrip(b"\r\n"))
+        replay.last = digest_of(content.rstrip(b"\r\n"))
 
 
-def _end(seen: EpisodeReplay) -> Iterator[str]:
+def _end(replay: EpisodeReplay) -> Iterator[str]:
     """Yield a problem if the lines do not end with the last one of the record."""
-    number = seen.record.get("lines")
-    if number != seen.steps:
-        yield f"lines is {number}, {STEPS} has {seen.steps}"
-    if seen.record.get("chain") != seen.last:
+    number = replay.record.get("lines")
+    if number != replay.steps:
+        yield f"lines is {number}, {STEPS} has {replay.steps}"
+    if replay.record.get("chain") != replay.last:
         yield f"does not follow on the last line of {STEPS} (chain)"
 
 
-def _record_problems(seen: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
+def _record_problems(replay: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
     """Yield the differences between the record of the episode and its lines."""
-    record = seen.record
+    record = replay.record
     is_ok = record.get("status") == "ok"
-    for name, value in _counted(seen, is_ok).items():
+    for name, value in _derived_fields(replay, is_ok).items():
         if record.get(name) != value:
             yield f"{name} is {record.get(name)!r}, by {STEPS} it is {value!r}"
-    asked = sum(line.get("code") == REINIT for line in seen.lines)
-    yield from field_checks.recovery_problems(record, seen.lines, asked)
-    yield from field_checks.time_problems(record, seen.lines)
-    for line in seen.lines:
-        is_last = line is seen.lines[-1]
+    requests = sum(line.get("code") == REINIT for line in replay.lines)
+    yield from field_checks.recovery_problems(record, replay.lines, requests)
+    yield from field_checks.time_problems(record, replay.lines)
+    for line in replay.lines:
+        is_last = line is replay.lines[-1]
         if line.get("raw") is None and not is_last:
             yield f"each line of {STEPS} but the last has an action"
             break
     if is_ok:
-        if seen.lines and seen.lines[-1].get("raw") is not None:
+        if replay.lines and replay.lines[-1].get("raw") is not None:
             yield f"the last line of {STEPS} has an action, and no observation follows"
-        yield from _effects(seen, key)
-    elif seen.lines:
-        has_effects = any(plan.effects for plan in _plans(seen, key))
-        yield from field_checks.early_end_problems(record, seen.lines, has_effects)
+        yield from _effect_problems(replay, key)
+    elif replay.lines:
+        has_effects = any(plan.effects for plan in _plans(replay, key))
+        yield from field_checks.early_end_problems(record, replay.lines, has_effects)
 
 
-def _counted(seen: EpisodeReplay, is_ok: bool) -> dict[str, Any]:
+def _derived_fields(replay: EpisodeReplay, is_ok: bool) -> dict[str, Any]:
     """Return the fields of the record that can be computed from the lines."""
-    acted = [line for line in seen.lines if line.get("raw") is not None]
-    taken = [_taken(line) for line in acted]
+    acted = [line for line in replay.lines if line.get("raw") is not None]
+    actions = [_action_text(line) for line in acted]
     steps = len(acted)
-    is_cut = not is_ok and steps == len(seen.lines) > 0
-    if is_cut and seen.record.get("steps") == steps - 1:
+    is_cut = not is_ok and steps == len(replay.lines) > 0
+    if is_cut and replay.record.get("steps") == steps - 1:
         steps -= 1  # the desktop died while it carried out the last action
-    found: dict[str, Any] = {
+    points = [answer_points(line["raw"], _allow_code(replay.record)) for line in acted]
+    texts = [line["said"] for line in replay.lines if isinstance(line.get("said"), str)]
+    fields_from_lines: dict[str, Any] = {
         "steps": steps,
         "malformed": sum(line.get("error") is not None for line in acted),
-        "last_action": taken[-1] if taken else None,
-    }
-    if "points" in seen.record:
-        allow_code = seen.record.get("allow_code") is True
-        points = [answer_points(line["raw"], allow_code) for line in acted]
-        found["points"] = {
-            "named": sum(named for named, _ in points),
+        "last_action": actions[-1] if actions else None,
+        "points": {
+            "named": sum(point_count for point_count, _ in points),
             "fractions": sum(fractions for _, fractions in points),
-        }
-    if _version(seen.record) >= CHAINED:
-        found["said"] = ""
-        for line in seen.lines:
-            said = line.get("said")
-            if isinstance(said, str):
-                found["said"] = said[:SAID]
-        if is_ok:
-            found["ended"] = _ended(seen, taken)
-    return found
+        },
+        "said": texts[-1][:MAX_LAST_WORDS] if texts else "",
+    }
+    if is_ok:
+        fields_from_lines["ended"] = _end_reason(replay, actions)
+    return fields_from_lines
 
 
-def _taken(line: Mapping[str, Any]) -> Any:
+def _action_text(line: Mapping[str, Any]) -> Any:
     """Return the code that ran, or the answer of the agent if none did."""
     if line.get("code") is None:
         return line["raw"]
     return line["code"]
 
 
-def _ended(seen: EpisodeReplay, taken: list[Any]) -> str:
-    if taken and taken[-1] in ("DONE", "FAIL"):
+def _end_reason(replay: EpisodeReplay, actions: list[Any]) -> str:
+    if actions and actions[-1] in ("DONE", "FAIL"):
         return "agent"
-    if len(taken) == seen.record.get("max_steps"):
+    if len(actions) == replay.record.get("max_steps"):
         return "max_steps"
     return "outside"
 
 
-def _effects(seen: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
+def _effect_problems(replay: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
     """Yield the effects that were due but are not done, not proved, or not recorded."""
-    done: list[Mapping[str, Any]] = []
-    for line in seen.lines:
-        done += _objects(line.get("events"))
-    kept = _objects(seen.record.get("effects"))
-    due = _due(seen, key)
-    named = [(step, effect.kind) for step, effect in due]
-    if [(event.get("step"), event.get("effect")) for event in done] != named:
-        yield f"events of {STEPS} are not what was due: {_shown(named)}"
-    if [(entry.get("step"), _record(entry).get("effect")) for entry in kept] != named:
-        yield f"effects are not what was due: {_shown(named)}"
+    events: list[Mapping[str, Any]] = []
+    for line in replay.lines:
+        events += _objects(line.get("events"))
+    entries = _objects(replay.record.get("effects"))
+    due_effects = _due_effects(replay, key)
+    expected = [(step, effect.kind) for step, effect in due_effects]
+    if [(event.get("step"), event.get("effect")) for event in events] != expected:
+        yield f"events of {STEPS} are not what was due: {_list_effects(expected)}"
+    if [(entry.get("step"), _record(entry).get("effect")) for entry in entries] != expected:
+        yield f"effects are not what was due: {_list_effects(expected)}"
         return
-    for (step, effect), entry in zip(due, kept, strict=True):
+    for (step, effect), entry in zip(due_effects, entries, strict=True):
         if _record(entry).get("params") != dict(effect.params):
             yield f"{effect.kind} at step {step} has other params than its plan"
         for text in field_checks.unknown_fields(entry, field_checks.EFFECT):
             yield f"effects: {text}"
-    for event, entry in zip(done, kept, strict=False):
-        yield from _proof(event, entry)
+    for event, entry in zip(events, entries, strict=False):
+        yield from _probe_problems(event, entry)
 
 
-def _proof(event: Mapping[str, Any], entry: Mapping[str, Any]) -> Iterator[str]:
+def _probe_problems(event: Mapping[str, Any], entry: Mapping[str, Any]) -> Iterator[str]:
     """Yield a problem if the first probe of an effect failed, or its two accounts differ.
 
     The record has what the line has, and the probes that followed.
     """
     name = f"{event.get('effect')} at step {event.get('step')}"
-    first, whole = _record(event), _record(entry)
-    probes = _objects(whole.get("probes"))
+    first, recorded = _record(event), _record(entry)
+    probes = _objects(recorded.get("probes"))
     if not probes or probes[0].get("ok") is not True:
         yield f"{name} was not proved, and the status is 'ok'"
     for key in ("effect", "params", "at", "seconds"):
-        if first.get(key) != whole.get(key):
+        if first.get(key) != recorded.get(key):
             yield f"{name} has another {key} in {STEPS}"
     for key in ("probes", "undone"):
         early = _objects(first.get(key))
-        if early != _objects(whole.get(key))[: len(early)]:
+        if early != _objects(recorded.get(key))[: len(early)]:
             yield f"{name} has other {key} in {STEPS}"
 
 
-def _due(seen: EpisodeReplay, key: ReplayInputs) -> list[tuple[int, Effect]]:
+def _due_effects(replay: EpisodeReplay, key: ReplayInputs) -> list[tuple[int, Effect]]:
     """Return the effects of the plans with their steps, in their order."""
-    plans = _plans(seen, key)
+    plans = _plans(replay, key)
     return [
         (step, effect)
         for step, plan in zip(range(BEFORE, len(plans)), plans, strict=False)
@@ -294,17 +288,17 @@ def _due(seen: EpisodeReplay, key: ReplayInputs) -> list[tuple[int, Effect]]:
     ]
 
 
-def _plans(seen: EpisodeReplay, key: ReplayInputs) -> list[Plan]:
+def _plans(replay: EpisodeReplay, key: ReplayInputs) -> list[Plan]:
     """Return the plans whose effects were due: before the episode, then at each step."""
-    if not seen.plans:
+    if not replay.plans:
         return []
-    plans = list(seen.plans)
+    plans = list(replay.plans)
     # No effect is applied before the last observation, unless the episode was ended from outside.
-    if seen.record.get("ended") != "outside":
+    if replay.record.get("ended") != "outside":
         plans.pop()
-    first = Plan.clean(seen.plans[0].size)
-    if key.known and key.planner is not None:
-        scene = Scene(seen.plans[0].size, apps=key.apps)
+    first = Plan.clean(replay.plans[0].size)
+    if key.is_stated and key.planner is not None:
+        scene = Scene(replay.plans[0].size, apps=key.apps)
         first = key.planner.plan(scene, seed=key.seed, sample=key.sample, step=BEFORE)
     return [first, *plans]
 
@@ -316,20 +310,25 @@ def _objects(value: object) -> list[Mapping[str, Any]]:
 
 
 def _record(entry: Mapping[str, Any]) -> Mapping[str, Any]:
-    found = entry.get("record")
-    return found if isinstance(found, dict) else {}
+    record = entry.get("record")
+    return record if isinstance(record, dict) else {}
 
 
-def _shown(due: list[tuple[int, str]]) -> str:
-    return ", ".join(f"{kind} at step {step}" for step, kind in due) or "nothing"
+def _list_effects(effects: list[tuple[int, str]]) -> str:
+    return ", ".join(f"{kind} at step {step}" for step, kind in effects) or "nothing"
 
 
-def _version(record: Mapping[str, Any]) -> int:
-    version = record.get("version", 1)
-    is_number = isinstance(version, int) and not isinstance(version, bool)
-    if not is_number or not 1 <= version <= VERSION:
-        raise FieldError("version", f"is {version!r}; this library reads 1 to {VERSION}")
-    return version
+def _check_version(record: Mapping[str, Any]) -> None:
+    version = record.get("version")
+    if isinstance(version, bool) or version != VERSION:
+        raise FieldError("version", f"is {version!r}; this library reads {VERSION}")
+
+
+def _allow_code(record: Mapping[str, Any]) -> bool:
+    value = record.get("allow_code")
+    if not isinstance(value, bool):
+        raise FieldTypeError("allow_code", "true or false", value)
+    return value
 
 
 def _seed(record: Mapping[str, Any]) -> int:

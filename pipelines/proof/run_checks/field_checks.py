@@ -31,7 +31,7 @@ from hijack_data.runs.run_log import (
 )
 
 from ...readers import fields
-from .library import HELP, Library
+from .library import LIBRARY_INPUTS, Library
 
 DERIVED: Final = "derived"  # computed again from other files
 COPIED: Final = "copied"  # stands elsewhere, too, and is compared
@@ -39,7 +39,7 @@ LIBRARY: Final = "library"  # follows from what the library knows
 FREE: Final = "free"  # only a hash protects it
 
 CONFIG, DESKTOP, RECOVERY, EVENT, EFFECT = "config", "desktop", "recovery", "event", "effect"
-_CODE_OF = ("agents", "tasks")  # the lists whose names may have an entry in `config.code`
+_CODE_LISTS = ("agents", "tasks")  # the lists whose names may have an entry in `config.code`
 
 FIELDS: Mapping[str, Mapping[str, str]] = {
     RUN: {
@@ -146,20 +146,20 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
     EFFECT: {"step": DERIVED, "record": COPIED},
 }
 # Files and folders of a run. Those of agents are the requests of models and what OCR has read.
-AT_THE_TOP = frozenset({RUN, RECORDS, SESSIONS, LOCK, SEAL, SIGNATURE, EPISODES, REQUESTS, TEXTS})
-OF_AN_EPISODE = frozenset({EPISODE, STEPS, FRAMES})
+RUN_FILES = frozenset({RUN, RECORDS, SESSIONS, LOCK, SEAL, SIGNATURE, EPISODES, REQUESTS, TEXTS})
+EPISODE_FILES = frozenset({EPISODE, STEPS, FRAMES})
 STATUSES = ("ok", "invalid", "error")
 CAUSES = ("agent", "machine")  # of an error in a run; "outside" ends a run, and is played again
 SECONDS = ("settle", "tree", "boxes", "effects", "corrupt", "action")  # of a step
-WITHIN = ("tree",)  # those that another one includes
+NESTED_SECONDS = ("tree",)  # those that another one includes
 _HALF_WRITTEN = f".{EPISODE}.*.tmp"  # what a killed `write_atomic` leaves
 ROUNDING_S = 0.001  # by which the sum of rounded seconds may be too large, for each step
 
 
-def unknown_fields(data: Mapping[str, Any], kind: str, more: Sequence[str] = ()) -> Iterator[str]:
+def unknown_fields(data: Mapping[str, Any], kind: str, extra: Sequence[str] = ()) -> Iterator[str]:
     """Yield a problem for each field that files of a run do not have."""
     for name in data:
-        if name not in FIELDS[kind] and name not in more:
+        if name not in FIELDS[kind] and name not in extra:
             yield f"has a field {fields.shown(name)}, which no {kind} has"
 
 
@@ -181,9 +181,7 @@ def expected_id(record: Mapping[str, Any]) -> str:
     if ROW not in record:
         return episode_slug(task, label, seed, agent, attempt)
     variant = str(record.get("task_seed"))
-    before = episode_slug(f"{task}/{variant}", label, seed, agent, attempt)
-    # Runs of earlier versions have ids without a digest.
-    return before if record.get("id") == before else row_slug(task, variant, label, seed, agent)
+    return row_slug(task, variant, label, seed, agent)
 
 
 # run.json and sessions.jsonl
@@ -209,10 +207,10 @@ def head_problems(
     for text in unknown_fields(config, CONFIG):
         yield f"config: {text}"
     code = config.get("code", {})
-    named = {str(name) for key in _CODE_OF for name in config.get(key, ())}
-    named.add(str(_mapping(config.get("desktop")).get("provider")))
+    plugin_names = {str(name) for key in _CODE_LISTS for name in config.get(key, ())}
+    plugin_names.add(str(_mapping(config.get("desktop")).get("provider")))
     for name in code if isinstance(code, dict) else [fields.shown(code)]:
-        if name not in named:
+        if name not in plugin_names:
             yield f"config.code has {fields.shown(name)}, which the config does not use"
     episodes = head.get("episodes")
     if not isinstance(episodes, list) or not labels:
@@ -220,21 +218,21 @@ def head_problems(
     planned = library.planned(config, labels)
     if planned is not None and Counter(planned) != Counter(episodes):
         only = next(iter(Counter(episodes) - Counter(planned)), None)
-        what = f"such as {only}" if only else f"{len(planned) - len(episodes)} are missing"
-        yield f"episodes are not those of the config ({what})"
+        example = f"such as {only}" if only else f"{len(planned) - len(episodes)} are missing"
+        yield f"episodes are not those of the config ({example})"
     elif len(set(episodes)) != len(episodes) or len(episodes) != _count(config):
         yield f"episodes are {len(episodes)}, by the config there are {_count(config)}"
 
 
 def session_problems(
-    sessions: Sequence[Mapping[str, Any]], head: Mapping[str, Any], made: int
+    sessions: Sequence[Mapping[str, Any]], head: Mapping[str, Any], record_count: int
 ) -> Iterator[str]:
     """Yield the problems of `sessions.jsonl`.
 
     Args:
         sessions: its lines.
         head: the content of `run.json`.
-        made: the number of records.
+        record_count: the number of records.
     """
     before = 0
     for number, session in enumerate(sessions, 1):
@@ -248,8 +246,8 @@ def session_problems(
         ):
             yield f"line {number}: versions have another {package} than {RUN}"
         records = session.get("records")
-        if not isinstance(records, int) or not before <= records <= made:
-            yield f"line {number}: records is {fields.shown(records)}, there are {made}"
+        if not isinstance(records, int) or not before <= records <= record_count:
+            yield f"line {number}: records is {fields.shown(records)}, there are {record_count}"
         else:
             before = records
 
@@ -262,16 +260,16 @@ def record_problems(
 ) -> Iterator[str]:
     """Yield the differences of a record of `hijack bench` from configuration and library."""
     for name, value, source in _expected(record, config, library):
-        found = _at(record, name)
-        if found != value:
-            yield f"{name} is {fields.shown(found)}, by {source} it is {fields.shown(value)}"
+        stored = _at(record, name)
+        if stored != value:
+            yield f"{name} is {fields.shown(stored)}, by {source} it is {fields.shown(value)}"
     name = str(record.get("task")).rpartition("-")[0]
     is_known = library.task_fields(name, record.get("seed")) is not None
     if is_known and name not in config.get("tasks", [name]):
         yield f"task {name!r} is none of the tasks of {RUN}"
-    steps, most = record.get("steps"), config.get("max_steps")
-    if isinstance(steps, int) and isinstance(most, int) and steps > most:
-        yield f"steps is {steps}, max_steps of {RUN} is {most}"
+    steps, max_steps = record.get("steps"), config.get("max_steps")
+    if isinstance(steps, int) and isinstance(max_steps, int) and steps > max_steps:
+        yield f"steps is {steps}, max_steps of {RUN} is {max_steps}"
     is_error = record.get("status") == "error" and "cause" in record
     if is_error and record["cause"] not in CAUSES:
         yield f"cause is {fields.shown(record.get('cause'))}: the episode is to be played again"
@@ -314,19 +312,21 @@ def alike_problems(records: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     first: dict[tuple[str, str], Any] = {}
     for number, record in enumerate(records, 1):
         task = str(record.get("task"))
-        same: list[tuple[str, str]] = [(task, key) for key in ("instruction", "apps", "infeasible")]
+        names: list[tuple[str, str]] = [
+            (task, key) for key in ("instruction", "apps", "infeasible")
+        ]
         if _mapping(record.get(DESKTOP)):
-            same += [("", f"{DESKTOP}.{key}") for key in ("provider", "settle")]
-        for owner, name in same:
+            names += [("", f"{DESKTOP}.{key}") for key in ("provider", "settle")]
+        for owner, name in names:
             value = _at(record, name)
             if value in (None, ""):
                 continue
             before = first.setdefault((owner, name), value)
             if value != before:
-                whose = f"of {owner} " if owner else ""
+                owner_text = f"of {owner} " if owner else ""
                 yield (
-                    f"line {number}: {name} {whose}is {fields.shown(value)}, in an earlier line it"
-                    f" is {fields.shown(before)}"
+                    f"line {number}: {name} {owner_text}is {fields.shown(value)}, in an earlier"
+                    f" line it is {fields.shown(before)}"
                 )
 
 
@@ -336,17 +336,24 @@ def _expected(
     """Yield the fields that have one right value: name, value, and from what it follows."""
     seed = record.get("seed")
     name = str(record.get("task")).rpartition("-")[0]
-    known = library.task_fields(name, seed)
-    for key, value in (known or {}).items():
+    task_fields = library.task_fields(name, seed)
+    for key, value in (task_fields or {}).items():
         yield key, value, f"task {name!r} and seed {seed}"
     is_played = isinstance(record.get("steps"), int) and record["steps"] > 0
-    given = library.given(record.get("agent"))
-    found = record.get(GIVEN)
-    if is_played and given is not None and record.get("agent") not in config.get("code", {}):
-        other = [kind for kind in found if kind not in HELP] if isinstance(found, list) else []
-        yield GIVEN, [*(kind for kind in HELP if kind in given), *other], "the agent"
-    if "allow_code" in record:
-        yield "allow_code", False, "hijack bench"
+    inputs = library.privileged_inputs(record.get("agent"))
+    recorded_inputs = record.get(GIVEN)
+    if is_played and inputs is not None and record.get("agent") not in config.get("code", {}):
+        other_inputs = (
+            [kind for kind in recorded_inputs if kind not in LIBRARY_INPUTS]
+            if isinstance(recorded_inputs, list)
+            else []
+        )
+        yield (
+            GIVEN,
+            [*(kind for kind in LIBRARY_INPUTS if kind in inputs), *other_inputs],
+            "the agent",
+        )
+    yield "allow_code", False, "hijack bench"
     if record.get("max_steps") is not None and "max_steps" in config:
         yield "max_steps", config["max_steps"], RUN
     if _mapping(record.get(RECOVERY)) and "recovery" in config:
@@ -356,7 +363,7 @@ def _expected(
         return  # no desktop came up
     if desktop.get("size") is not None and "size" in planned:
         yield f"{DESKTOP}.size", planned["size"], RUN
-    if known is not None:
+    if task_fields is not None:
         for key, value in library.desktop_fields(planned.get("provider")):
             yield f"{DESKTOP}.{key}", value, f"the provider {planned.get('provider')!r}"
 
@@ -386,10 +393,10 @@ def line_problems(line: Mapping[str, Any]) -> Iterator[str]:
         yield "there is a result, and nothing ran"
     times = line.get("seconds")
     if times is not None:
-        known = isinstance(times, dict) and all(
+        is_valid = isinstance(times, dict) and all(
             key in SECONDS and _is_time(value) for key, value in times.items()
         )
-        if not known:
+        if not is_valid:
             yield f"seconds are {fields.shown(times)}: not times of {', '.join(SECONDS)}"
 
 
@@ -398,35 +405,39 @@ def time_problems(record: Mapping[str, Any], lines: Sequence[Mapping[str, Any]])
     total, setup = record.get("seconds"), record.get("setup_seconds") or 0.0
     if not _is_time(total) or not _is_time(setup):
         return
-    spent = setup
+    seconds = setup
     for line in lines:
         times = _mapping(line.get("seconds"))
-        spent += sum(value for key, value in times.items() if key not in WITHIN and _is_time(value))
-    if spent > total + ROUNDING_S * (1 + len(lines)):
-        yield f"seconds is {total}, setting up and the steps took {spent:.3f}"
+        seconds += sum(
+            value for key, value in times.items() if key not in NESTED_SECONDS and _is_time(value)
+        )
+    if seconds > total + ROUNDING_S * (1 + len(lines)):
+        yield f"seconds is {total}, setting up and the steps took {seconds:.3f}"
 
 
 def recovery_problems(
-    record: Mapping[str, Any], lines: Sequence[Mapping[str, Any]], asked: int
+    record: Mapping[str, Any], lines: Sequence[Mapping[str, Any]], requests: int
 ) -> Iterator[str]:
     """Yield the contradictions between the requests for recovery and their results.
 
     Args:
         record: of the episode.
         lines: its steps.
-        asked: in how many of them the agent asked for recovery.
+        requests: in how many of them the agent asked for recovery.
     """
     recovery = _mapping(record.get(RECOVERY))
     if not recovery:
         return
     counts = {key: recovery.get(key) for key in ("requests", "repaired", "false_alarms")}
     helped = sum(_mapping(line.get("result")).get("helped") is True for line in lines)
-    for key, value in (("requests", asked), ("repaired", helped)):
+    for key, value in (("requests", requests), ("repaired", helped)):
         if counts[key] != value:
             yield f"recovery.{key} is {counts[key]!r}, by {STEPS} it is {value}"
     alarms = counts["false_alarms"]
-    if not isinstance(alarms, int) or not 0 <= alarms <= asked - helped:
-        yield f"recovery.false_alarms is {alarms!r} of {asked} requests, of which {helped} helped"
+    if not isinstance(alarms, int) or not 0 <= alarms <= requests - helped:
+        yield (
+            f"recovery.false_alarms is {alarms!r} of {requests} requests, of which {helped} helped"
+        )
 
 
 def early_end_problems(
@@ -468,12 +479,12 @@ def file_problems(
         records: of the run.
     """
     for path in sorted(folder.iterdir()):
-        if path.name not in AT_THE_TOP and not path.name.startswith("."):
+        if path.name not in RUN_FILES and not path.name.startswith("."):
             yield f"{path.name}: is no part of the run; move it elsewhere"
-    made = {str(record.get("id")) for record in records}
+    record_ids = {str(record.get("id")) for record in records}
     home = folder / REQUESTS
     for path in sorted(home.iterdir()) if home.is_dir() else ():
-        if path.name.removesuffix(".jsonl") not in made | set(names):
+        if path.name.removesuffix(".jsonl") not in record_ids | set(names):
             yield f"{REQUESTS}/{path.name}: is of no episode of the run"
     home = folder / EPISODES
     for path in sorted(home.iterdir()) if home.is_dir() else ():
@@ -487,12 +498,12 @@ def file_problems(
 def episode_file_problems(folder: Path, lines: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Yield the files in the folder of an episode that no line names."""
     for path in sorted(folder.iterdir()):
-        if path.name not in OF_AN_EPISODE and not fnmatch(path.name, _HALF_WRITTEN):
+        if path.name not in EPISODE_FILES and not fnmatch(path.name, _HALF_WRITTEN):
             yield f"{path.name}: is no part of an episode"
-    named = {str(line.get(key)) for line in lines for key in ("image", "seen")}
+    frames = {str(line.get(key)) for line in lines for key in ("image", "seen")}
     home = folder / FRAMES
     for path in sorted(home.iterdir()) if home.is_dir() else ():
-        if f"{FRAMES}/{path.name}" not in named:
+        if f"{FRAMES}/{path.name}" not in frames:
             yield f"{FRAMES}/{path.name}: no line of {STEPS} names it"
 
 
@@ -503,14 +514,14 @@ def _may_be_begun(name: str, names: Sequence[str], records: Sequence[Mapping[str
     """
     if any(record.get("id") == name and record.get("status") != "ok" for record in records):
         return True
-    made: Counter[str] = Counter()
+    attempts: Counter[str] = Counter()
     last: dict[str, Mapping[str, Any]] = {}
     for record in records:
         base = first_attempt_id(record)
-        made[base] += 1
+        attempts[base] += 1
         last[base] = record
     for base in names:
-        attempt = made[base]
+        attempt = attempts[base]
         record = last.get(base)
         if record is None:
             if name == base:

@@ -5,7 +5,6 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +13,10 @@ from hijack_data.file_io import read_regular
 from hijack_data.planner import Planner
 from hijack_data.runs.run_head import check_head
 from hijack_data.runs.run_log import (
-    CHAINED,
     EPISODE,
     EPISODES,
     GIVEN,
     GIVEN_KINDS,
-    GIVING,
     LINKS,
     RECORDS,
     RUN,
@@ -39,8 +36,6 @@ from .field_checks import first_attempt_id
 from .library import Library
 
 LISTED = ("agents", "tasks", "seeds", "corruptions")  # of a configuration
-# In version 1, only the journal had this field, and not the episode.
-SAID_LATER = frozenset({"said"})
 NAME_BYTES = 255  # of a folder, at most
 
 
@@ -53,10 +48,9 @@ class Journal:
         head: the content of `run.json`; empty if there is none.
         exists: whether there is a journal; environments outside `hijack bench` write none.
         planners: those of `run.json`, by label; `None` if it names none.
-        found: the problems of the files themselves.
+        file_problems: the problems of the files themselves.
         lines: those of `records.jsonl`, as bytes.
         records: the parsed lines.
-        oldest: the lowest version of the journal and its episodes.
         sessions: the lines of `sessions.jsonl`.
     """
 
@@ -64,18 +58,17 @@ class Journal:
     head: Mapping[str, Any] = field(default_factory=dict[str, Any])
     exists: bool = False
     planners: Mapping[str, Planner | None] | None = None
-    found: list[str] = field(default_factory=list[str])
+    file_problems: list[str] = field(default_factory=list[str])
     lines: list[bytes] = field(default_factory=list[bytes])
     records: list[Mapping[str, Any]] = field(default_factory=list[Mapping[str, Any]])
-    oldest: int = VERSION
     sessions: list[Mapping[str, Any]] = field(default_factory=list[Mapping[str, Any]])
     _episodes: dict[str, tuple[Path, Mapping[str, Any]]] = field(default_factory=dict[str, Any])
 
     @property
     def config(self) -> Mapping[str, Any]:
         """The configuration; empty if there is none."""
-        found = self.head.get("config")
-        return found if isinstance(found, dict) else {}
+        config = self.head.get("config")
+        return config if isinstance(config, dict) else {}
 
     @property
     def is_scored(self) -> bool:
@@ -87,12 +80,6 @@ class Journal:
         """What is known of the version of the library that played the run."""
         return Library.for_run(self.head.get("versions"))
 
-    @property
-    def version(self) -> int:
-        """The version of `run.json`; the current version if there is no such file."""
-        found = self.head.get("version", VERSION)
-        return found if isinstance(found, int) else VERSION
-
     @cached_property
     def lacks_episodes(self) -> bool:
         """Whether there are records of episodes, but no folder of any; for a journal that is read.
@@ -103,27 +90,13 @@ class Journal:
             return False
         return any(record.get("steps") for record in self.records)
 
-    def note(self, folder: Path, record: Mapping[str, Any]) -> None:
+    def add_episode(self, folder: Path, record: Mapping[str, Any]) -> None:
         """Add the record of an episode."""
         self._episodes[folder.name] = folder, record
-        version = record.get("version", 1)
-        self.oldest = min(self.oldest, version if isinstance(version, int) else 1)
-        if self.exists and not self._goes_with(version):
-            what = f"is of version {version}, {RUN} is of version {self.version}"
-            self.found.append(f"{EPISODES}/{folder.name}/{EPISODE}: {what}")
-
-    def _goes_with(self, version: object) -> bool:
-        """Return whether an episode of a version may be in this run.
-
-        A newer library may continue a run with hashes; an older library never may.
-        """
-        if version == self.version or not isinstance(version, int):
-            return version == self.version
-        return CHAINED <= self.version < version
 
     def problems(self) -> Iterator[str]:
         """Yield the problems of the journal; call it after all episodes were added."""
-        yield from self.found
+        yield from self.file_problems
         listed = self.head.get("episodes")
         names = listed if isinstance(listed, list) else []
         yield from field_checks.file_problems(self.folder, names, self.records)
@@ -131,13 +104,12 @@ class Journal:
             return
         for text in field_checks.head_problems(self.head, tuple(self.planners or ()), self.library):
             yield f"{RUN}: {text}"
-        made = len(self.records)
-        for text in field_checks.session_problems(self.sessions, self.head, made):
+        count = len(self.records)
+        for text in field_checks.session_problems(self.sessions, self.head, count):
             yield f"{SESSIONS}: {text}"
-        if self.version >= CHAINED:
-            yield from self._broken_links()
-        found = Counter(str(record.get("id")) for record in self.records)
-        for name, times in found.items():
+        yield from self._broken_links()
+        occurrences = Counter(str(record.get("id")) for record in self.records)
+        for name, times in occurrences.items():
             if times > 1:
                 yield f"{RECORDS}: {name} is there {times} times"
         if self.lacks_episodes:
@@ -146,35 +118,35 @@ class Journal:
                 " the run where it was played, or copy its whole folder"
             )
         for number, record in enumerate(self.records, 1):
-            for text in self._record(record):
+            for text in self._record_problems(record):
                 yield f"{RECORDS}: line {number}: {text}"
-        yield from self._given_otherwise()
+        yield from self._changing_inputs()
         if not self.is_scored:
             for text in field_checks.alike_problems(self.records):
                 yield f"{RECORDS}: {text}"
-        for name in self._episodes.keys() - found.keys():
+        for name in self._episodes.keys() - occurrences.keys():
             yield f"{RECORDS}: has no line of {EPISODES}/{name}"
-        yield from self._missing()
+        yield from self._missing_episodes()
 
     def _broken_links(self) -> Iterator[str]:
         before = file_digest(self.folder / RUN)
         name = RUN
         pairs = zip(self.lines, self.records, strict=True)
         for number, (line, record) in enumerate(pairs, 1):
-            here = f"line {number}"
+            line_name = f"line {number}"
             if record.get("previous") != before:
-                yield f"{RECORDS}: {here}: does not follow on {name} (previous)"
+                yield f"{RECORDS}: {line_name}: does not follow on {name} (previous)"
             before = digest_of(line)
-            name = here
+            name = line_name
             if self.lacks_episodes:
                 continue
             path = f"{EPISODES}/{record.get('id')}/{EPISODE}"
             if record.get("episode_sha256") != file_digest(self.folder / path):
-                yield f"{RECORDS}: {here}: {path} is not what it was (episode_sha256)"
+                yield f"{RECORDS}: {line_name}: {path} is not what it was (episode_sha256)"
 
-    def _record(self, record: Mapping[str, Any]) -> Iterator[str]:
+    def _record_problems(self, record: Mapping[str, Any]) -> Iterator[str]:
         """Yield the differences of one record from the configuration and from its episode."""
-        yield from self._planned(record)
+        yield from self._plan_problems(record)
         if self.is_scored:
             yield from privileged_input_problems(record)
             return  # rows of a dataset, not episodes
@@ -190,27 +162,24 @@ class Journal:
             yield f"there is no {EPISODES}/{name}"
             return
         _, episode = self._episodes[name]
-        left_out = set(LINKS)
-        if self.version < CHAINED:
-            left_out |= SAID_LATER
-        for key in sorted({*record, *episode} - left_out):
+        for key in sorted({*record, *episode} - set(LINKS)):
             if record.get(key) != episode.get(key):
                 yield f"{key} of {name} is another than in its {EPISODE}"
 
-    def _given_otherwise(self) -> Iterator[str]:
+    def _changing_inputs(self) -> Iterator[str]:
         """Yield the agents that were not given the same in all episodes."""
         kinds: dict[str, set[str]] = {}
         for record in self.records:
-            given = record.get(GIVEN)
-            if isinstance(given, list):
-                said = ", ".join(map(str, given)) or "nothing"
-                kinds.setdefault(str(record.get("agent")), set()).add(said)
-        for agent, found in kinds.items():
-            if len(found) > 1:
-                listed = "; ".join(sorted(found))
+            inputs = record.get(GIVEN)
+            if isinstance(inputs, list):
+                text = ", ".join(map(str, inputs)) or "nothing"
+                kinds.setdefault(str(record.get("agent")), set()).add(text)
+        for agent, texts in kinds.items():
+            if len(texts) > 1:
+                listed = "; ".join(sorted(texts))
                 yield f"{RECORDS}: {agent} was not always given the same ({GIVEN}): {listed}"
 
-    def _planned(self, record: Mapping[str, Any]) -> Iterator[str]:
+    def _plan_problems(self, record: Mapping[str, Any]) -> Iterator[str]:
         config = self.config
         expected = {"agents": record.get("agent"), "seeds": record.get("seed")}
         for key, value in expected.items():
@@ -223,51 +192,42 @@ class Journal:
         if record.get("attempt", 0) > config.get("retries", 0):
             yield f"{record.get('id')} is one attempt more than retries allow ({RUN})"
 
-    def _missing(self) -> Iterator[str]:
+    def _missing_episodes(self) -> Iterator[str]:
         """Yield the planned episodes and the due attempts that are missing."""
-        made: dict[str, list[Mapping[str, Any]]] = {}
+        attempts_by_id: dict[str, list[Mapping[str, Any]]] = {}
         for record in self.records:
-            made.setdefault(first_attempt_id(record), []).append(record)
+            attempts_by_id.setdefault(first_attempt_id(record), []).append(record)
         retries = self.config.get("retries", 0)
-        for name, attempts in made.items():
-            if len(attempts) <= retries and _ours(attempts[-1]):
+        for name, attempts in attempts_by_id.items():
+            if len(attempts) <= retries and _needs_retry(attempts[-1]):
                 yield f"{RUN}: {name} was not run again, and retries is {retries}"
-        episodes = self.head.get("episodes")
-        if isinstance(episodes, list):
-            planned = len(episodes)
-            missing = [name for name in episodes if name not in made]
-            count = len(missing)
-        else:
-            planned = self._planned_number()
-            missing = []
-            count = max(0, planned - len(made))
-        example = f", such as {missing[0]}" if missing else ""
-        if count:
-            yield f"{RUN}: {count} of {planned} planned episodes are not there{example}"
-
-    def _planned_number(self) -> int:
-        """Return the number of episodes that the configuration asks for."""
-        return prod(len(self.config.get(key, ())) for key in LISTED)
+        planned = self.head.get("episodes")
+        if not isinstance(planned, list):
+            yield f"{RUN}: episodes: must be a list of ids, got {fields.shown(planned)}"
+            return
+        missing = [name for name in planned if name not in attempts_by_id]
+        if missing:
+            yield (
+                f"{RUN}: {len(missing)} of {len(planned)} planned episodes are not there, such as"
+                f" {missing[0]}"
+            )
 
 
 def privileged_input_problems(record: Mapping[str, Any]) -> Iterator[str]:
     """Yield the problems of a record's field `given`."""
-    version = record.get("version", 1)
-    if isinstance(version, int) and version < GIVING and GIVEN not in record:
-        return
     if GIVEN not in record:
-        yield f"{GIVEN} is missing; records have it since version {GIVING}"
+        yield f"{GIVEN} is missing: every record says what its agent was given, or null"
         return
-    given = record[GIVEN]
-    if given is None:
+    inputs = record[GIVEN]
+    if inputs is None:
         return
-    known = isinstance(given, list) and all(kind in GIVEN_KINDS for kind in given)
-    if not known or len(set(given)) != len(given):
-        wanted = f"null or a list of {', '.join(GIVEN_KINDS)}"
-        yield f"{GIVEN} must be {wanted}, got {fields.shown(given)}"
+    is_valid = isinstance(inputs, list) and all(kind in GIVEN_KINDS for kind in inputs)
+    if not is_valid or len(set(inputs)) != len(inputs):
+        expected = f"null or a list of {', '.join(GIVEN_KINDS)}"
+        yield f"{GIVEN} must be {expected}, got {fields.shown(inputs)}"
 
 
-def _ours(record: Mapping[str, Any]) -> bool:
+def _needs_retry(record: Mapping[str, Any]) -> bool:
     """Return whether an episode failed in a way that calls for another attempt."""
     return record.get("status") == "invalid" or record.get("cause") == "machine"
 
@@ -277,12 +237,12 @@ def read_journal(folder: Path) -> Journal:
     journal = Journal(folder)
     if not (folder / RUN).is_file():
         if (folder / RECORDS).is_file():
-            journal.found.append(f"{RUN}: is missing")
+            journal.file_problems.append(f"{RUN}: is missing")
         return journal
     try:
         _read_head(journal)
     except HijackError as error:
-        journal.found.append(f"{RUN}: {error}")
+        journal.file_problems.append(f"{RUN}: {error}")
     _read_records(journal)
     return journal
 
@@ -290,9 +250,10 @@ def read_journal(folder: Path) -> Journal:
 def _read_head(journal: Journal) -> None:
     head = check_head(parse_file(journal.folder / RUN))
     _check_config(head.get("config", {}))
+    if head["version"] != VERSION:
+        raise FieldError("version", f"is {head['version']}; this library reads {VERSION}")
     journal.head = head
     journal.exists = True
-    journal.oldest = head["version"]
     journal.sessions = list(_sessions(journal.folder / SESSIONS))
     if "corruptions" in journal.config:
         journal.planners = read_planners(journal.config["corruptions"])
@@ -311,7 +272,7 @@ def _check_config(config: Mapping[str, Any]) -> None:
     """Check the kinds of the fields that records are compared with.
 
     Raises:
-        FieldError: One of them is of another kind.
+        FieldTypeError: one of them is of another kind.
     """
     for key in LISTED:
         if not isinstance(config.get(key, []), list):
@@ -324,7 +285,8 @@ def _check_record(record: Mapping[str, Any]) -> None:
     """Check the fields that say which episode a line of `records.jsonl` is about.
 
     Raises:
-        FieldError: One of them is of another kind, or missing.
+        FieldTypeError: one of them is of another kind.
+        FieldError: `id` is missing.
     """
     name = fields.text(record, "id")
     if len(name.encode()) > NAME_BYTES or "/" in name or "\0" in name:
@@ -343,10 +305,10 @@ def _read_records(journal: Journal) -> None:
     try:
         content = read_regular(path)
     except OSError as error:
-        journal.found.append(f"{RECORDS}: cannot be read ({error.strerror or error})")
+        journal.file_problems.append(f"{RECORDS}: cannot be read ({error.strerror or error})")
         return
     if content and not content.endswith(b"\n"):
-        journal.found.append(f"{RECORDS}: the last line is cut off")
+        journal.file_problems.append(f"{RECORDS}: the last line is cut off")
     for number, line in enumerate(content.split(b"\n"), 1):
         if not line.strip():
             continue
@@ -354,7 +316,7 @@ def _read_records(journal: Journal) -> None:
             record = fields.mapping(parse(line), "")
             _check_record(record)
         except FieldError as error:
-            journal.found.append(f"{RECORDS}: line {number}: {error}")
+            journal.file_problems.append(f"{RECORDS}: line {number}: {error}")
             continue
         journal.lines.append(line)
         journal.records.append(record)

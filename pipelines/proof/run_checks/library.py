@@ -1,4 +1,4 @@
-"""What the installed library knows of a run without reading it: its tasks, agents and desktops.
+"""Facts of a run that follow from the installed library: about its tasks, agents and desktops.
 
 This is the one module of `pipelines` that asks `online_env`, and only when a run is verified.
 """
@@ -20,7 +20,7 @@ _TASKS = "online_env.tasks"
 _SETTLE = "online_env.environment.settle"
 EMBEDDED = "embedded"  # the provider of this library
 TASK_FIELDS = ("task", "task_seed", "sample", "instruction", "apps", "infeasible")
-HELP = ("task", "plan")  # what an agent of this library is always or never given
+LIBRARY_INPUTS = ("task", "plan")  # kinds that are fixed for each agent of this library
 
 
 @dataclass(frozen=True)
@@ -36,15 +36,15 @@ class Library:
     @classmethod
     def for_run(cls, versions: object) -> "Library":
         """Return the facts for a run that was played with these versions of packages."""
-        played = versions.get(PACKAGE) if isinstance(versions, Mapping) else None
+        run_version = versions.get(PACKAGE) if isinstance(versions, Mapping) else None
         try:
             present = version(PACKAGE)
             importlib.import_module(_SETTLE)
             importlib.import_module(_TASKS)
         except (ImportError, PackageNotFoundError) as error:
             return cls(f"tasks and agents of the library cannot be asked ({error})")
-        if played != present:
-            return cls(f"played with {PACKAGE} {shown(played)}, this is {present}")
+        if run_version != present:
+            return cls(f"played with {PACKAGE} {shown(run_version)}, this is {present}")
         return cls()
 
     def task_fields(self, name: object, seed: object) -> Mapping[str, Any] | None:
@@ -62,23 +62,23 @@ class Library:
         Returns:
             `None` if one of its tasks does not come with this library.
         """
-        found: list[str] = []
+        ids: list[str] = []
         for seed in config.get("seeds", ()):
             for name in config.get("tasks", ()):
                 fields = self.task_fields(name, seed)
                 if fields is None:
                     return None
-                found += [
+                ids += [
                     episode_slug(fields["task"], label, seed, str(agent), 0)
                     for label in labels
                     for agent in config.get("agents", ())
                 ]
-        return found
+        return ids
 
-    def given(self, agent: object) -> frozenset[str] | None:
-        """Return what an agent of this library is given; `None` for any other agent."""
-        known = LIBRARY_AGENTS.get(str(agent))
-        return None if known is None else frozenset(known)
+    def privileged_inputs(self, agent: object) -> frozenset[str] | None:
+        """Return the privileged inputs of an agent of this library; `None` for other agents."""
+        kinds = LIBRARY_AGENTS.get(str(agent))
+        return None if kinds is None else frozenset(kinds)
 
     def desktop_fields(self, provider: object) -> Iterator[tuple[str, Any]]:
         """Yield the fields of a record's `desktop` that follow from the provider."""

@@ -20,7 +20,9 @@ from ...dataset.image_codec import decode
 from ...readers import fields
 from ...readers.safe_files import inside
 
-NO_TEXT = "an action must be a string"  # the log has the `repr` of an answer that was not a string
+NOT_A_STRING = (
+    "an action must be a string"  # the log has the `repr` of an answer that was not a string
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,20 +34,18 @@ class ReplayInputs:
         sample: the task's id.
         apps: normalised names of the task's applications.
         planner: the corruption; `None` for a clean episode.
-        known: whether the log states `planner`; otherwise it is derived from the logged plans.
+        is_stated: whether the log states `planner`; otherwise it is derived from the logged plans.
         size: `(height, width)` of the screen; `None` if the log does not contain it.
-        allow_code: whether any code was allowed; `None` if the log does not contain it.
-        hashed: whether each line has the hash of its clean picture.
+        allow_code: whether any code was allowed.
     """
 
     seed: int
     sample: str
     apps: tuple[str, ...]
     planner: Planner | None
-    known: bool
+    is_stated: bool
     size: Size | None
-    allow_code: bool | None
-    hashed: bool
+    allow_code: bool
 
     @property
     def needs_elements(self) -> bool:
@@ -54,7 +54,7 @@ class ReplayInputs:
 
     def plan(self, scene: Scene, step: int, logged: Plan) -> Plan:
         """Return the plan of a step on a screen."""
-        planner = self.planner if self.known else _planner_in(logged)
+        planner = self.planner if self.is_stated else _planner_in(logged)
         if planner is None:
             return Plan.clean(scene.size)
         return planner.plan(scene, seed=self.seed, sample=self.sample, step=step)
@@ -75,66 +75,75 @@ def check_observation(
 
     Args:
         folder: the episode.
-        line: one line of its steps. Raises `HijackError` if it cannot be read.
+        line: one line of its steps.
         key: what decides its plans.
+
+    Raises:
+        HijackError: the line, or its picture, cannot be read.
     """
     logged = Plan.from_data(line.get("plan"))
     boxes = as_boxes(fields.items(line, "boxes"))
     apps = fields.strings(line.get("apps"))
     name = fields.text(line, "image")
-    clean = _picture(folder, name)
+    clean = _read_picture(folder, name)
     height, width = clean.shape[:2]
     scene = Scene((height, width), boxes, apps)
     plan = key.plan(scene, fields.step_number(line, "step"), logged)
-    seen = ReplayedObservation(plan)
+    observation = ReplayedObservation(plan)
     if apps != key.apps:
-        seen.problems.append(f"apps are {list(apps)}, those of the record are {list(key.apps)}")
+        observation.problems.append(
+            f"apps are {list(apps)}, those of the record are {list(key.apps)}"
+        )
     if key.size is not None and scene.size != key.size:
-        told = f"{key.size[1]}x{key.size[0]}"
-        seen.problems.append(f"{name}: is {width}x{height}, the screen was {told}")
-    if len(boxes) and key.known and not key.needs_elements:
-        seen.problems.append("there are boxes, and no plan needs them")
-    seen.problems += _plan_problems(line, logged, plan)
-    seen.problems += _picture_problems(folder, line, clean, plan, key.hashed)
-    seen.problems += _action_problems(line, plan, key.allow_code)
-    said = line.get("said")
-    if said is not None and not isinstance(said, str):
-        seen.problems.append(f"said must be a string, got {fields.shown(said)}")
-    return seen
+        screen_size = f"{key.size[1]}x{key.size[0]}"
+        observation.problems.append(f"{name}: is {width}x{height}, the screen was {screen_size}")
+    if len(boxes) and key.is_stated and not key.needs_elements:
+        observation.problems.append("there are boxes, and no plan needs them")
+    observation.problems += _plan_problems(line, logged, plan)
+    observation.problems += _picture_problems(folder, line, clean, plan)
+    observation.problems += _action_problems(line, plan, key.allow_code)
+    text = line.get("said")
+    if text is not None and not isinstance(text, str):
+        observation.problems.append(f"said must be a string, got {fields.shown(text)}")
+    return observation
 
 
 def _plan_problems(line: Mapping[str, Any], logged: Plan, plan: Plan) -> list[str]:
-    found: list[str] = []
+    problems: list[str] = []
     stored = line.get("plan_digest")
-    was = logged.digest()
-    now = plan.digest()
-    if was != stored:
-        found.append(f"plan_digest is not that of the plan ({stored})")
-    if now != was:
-        found.append(f"planned again the plan is another: {now[:16]}, it was {was[:16]}")
-    return found
+    logged_digest = logged.digest()
+    new_digest = plan.digest()
+    if logged_digest != stored:
+        problems.append(f"plan_digest is not that of the plan ({stored})")
+    if new_digest != logged_digest:
+        problems.append(
+            f"planned again the plan is another: {new_digest[:16]}, it was {logged_digest[:16]}"
+        )
+    return problems
 
 
 def _picture_problems(
-    folder: Path, line: Mapping[str, Any], clean: UInt8Array, plan: Plan, hashed: bool
+    folder: Path, line: Mapping[str, Any], clean: UInt8Array, plan: Plan
 ) -> list[str]:
     name = line["image"]
     stored = line.get("seen")
-    told = line.get("seen_sha256")
-    found: list[str] = []
-    made = apply(plan, clean) if plan.ops else clean
-    if pixel_sha256(made) != told:
-        found.append(f"{name}: disturbed again it is not what the agent saw (seen_sha256)")
-    elif hashed and pixel_sha256(clean) != line.get("image_sha256"):
-        found.append(f"{name}: is not what was on the screen (image_sha256)")
+    agent_digest = line.get("seen_sha256")
+    problems: list[str] = []
+    picture = apply(plan, clean) if plan.ops else clean
+    if pixel_sha256(picture) != agent_digest:
+        problems.append(f"{name}: disturbed again it is not what the agent saw (seen_sha256)")
+    elif pixel_sha256(clean) != line.get("image_sha256"):
+        problems.append(f"{name}: is not what was on the screen (image_sha256)")
     if (stored is not None) != bool(plan.ops):
-        found.append(f"seen is {fields.shown(stored)}, and the plan has {len(plan.ops)} operations")
-    if stored is not None and pixel_sha256(_picture(folder, str(stored))) != told:
-        found.append(f"{stored}: is not what the agent saw (seen_sha256)")
-    return found
+        problems.append(
+            f"seen is {fields.shown(stored)}, and the plan has {len(plan.ops)} operations"
+        )
+    if stored is not None and pixel_sha256(_read_picture(folder, str(stored))) != agent_digest:
+        problems.append(f"{stored}: is not what the agent saw (seen_sha256)")
+    return problems
 
 
-def _action_problems(line: Mapping[str, Any], plan: Plan, allow_code: bool | None) -> list[str]:
+def _action_problems(line: Mapping[str, Any], plan: Plan, allow_code: bool) -> list[str]:
     """Compare the code that ran with the agent's answer, mapped to the real screen."""
     raw = line.get("raw")
     logged = line.get("code")
@@ -144,17 +153,16 @@ def _action_problems(line: Mapping[str, Any], plan: Plan, allow_code: bool | Non
         return ["code ran without an answer of the agent (raw is null)"]
     if not isinstance(raw, str):
         return [f"raw must be a string, got {fields.shown(raw)}"]
-    if logged is None and str(line.get("error")).startswith(NO_TEXT):
+    if logged is None and str(line.get("error")).startswith(NOT_A_STRING):
         return []
-    allowed = logged is not None if allow_code is None else allow_code
-    code = _mapped(raw, plan, allowed)
+    code = _map_to_screen(raw, plan, allow_code)
     if code == logged:
         return []
-    made = "is refused" if code is None else f"gives {fields.shown(code)}"
-    return [f"read again the agent's answer (raw) {made}, code is {fields.shown(logged)}"]
+    outcome = "is refused" if code is None else f"gives {fields.shown(code)}"
+    return [f"read again the agent's answer (raw) {outcome}, code is {fields.shown(logged)}"]
 
 
-def _mapped(raw: str, plan: Plan, allow_code: bool) -> str | None:
+def _map_to_screen(raw: str, plan: Plan, allow_code: bool) -> str | None:
     """Return the code for an answer, in pixels of the screen; `None` if it is refused."""
     try:
         request = read_action(raw, allow_code)
@@ -195,7 +203,7 @@ def _corruption(name: str, params: object) -> Corruption:
 class _Fixed(Planner):
     """A planner that always returns the logged plan."""
 
-    made: Plan
+    logged: Plan
 
     @property
     def needs_elements(self) -> bool:
@@ -210,8 +218,8 @@ class _Fixed(Planner):
         step: int | None = None,
         epoch: int = 0,
     ) -> Plan:
-        return self.made
+        return self.logged
 
 
-def _picture(folder: Path, name: str) -> UInt8Array:
+def _read_picture(folder: Path, name: str) -> UInt8Array:
     return decode(inside(folder, name).read_bytes(), name)

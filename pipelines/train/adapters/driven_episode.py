@@ -72,7 +72,7 @@ class DrivenEpisode:
         for attempt in range(ATTEMPTS):
             try:
                 self._env = self._env or self._make()
-                seen, _ = self._env.reset(seed=request.seed, options=request.options())
+                observation, _ = self._env.reset(seed=request.seed, options=request.options())
             except UnknownNameError:
                 raise
             except Exception as error:  # noqa: BLE001  (whatever a foreign environment raises)
@@ -81,7 +81,7 @@ class DrivenEpisode:
                     self._fail("reset", error)
                 continue
             self.is_over = self._record() is not None
-            return None if self.is_over else seen
+            return None if self.is_over else observation
         return None
 
     def step(self, action: str) -> AgentObservation | None:
@@ -90,14 +90,14 @@ class DrivenEpisode:
             return None
         self.rollout.answers += 1
         try:
-            seen, score, terminated, truncated, _ = self._env.step(action)
+            observation, score, terminated, truncated, _ = self._env.step(action)
         except Exception as error:  # noqa: BLE001  (whatever a foreign environment raises)
             self._fail("step", error)
             self.close()
             return None
         self.rollout.take_reward(score)
         self.is_over = bool(terminated or truncated) or self.rollout.status != "ok"
-        return None if self.is_over else seen
+        return None if self.is_over else observation
 
     def finish(self) -> TokenRollout:
         """End the episode in its present state, and return the judged rollout; may be called again.
@@ -133,15 +133,15 @@ class DrivenEpisode:
         with contextlib.suppress(Exception):  # a failed machine may fail to close, too
             env.close()
 
-    def _fail(self, where: str, error: Exception) -> None:
+    def _fail(self, call: str, error: Exception) -> None:
         self.is_over = True
         if self.rollout is not None:
-            self.rollout.fail("error", f"{where}: {type(error).__name__}: {error}")
+            self.rollout.fail("error", f"{call}: {type(error).__name__}: {error}")
 
     def _record(self) -> Any:
         return None if self._env is None else getattr(self._env.unwrapped, "record", None)
 
 
-def screenshot_image(seen: AgentObservation) -> Image.Image:
+def screenshot_image(observation: AgentObservation) -> Image.Image:
     """Return the screenshot of an observation, a copy."""
-    return Image.fromarray(seen["screenshot"])
+    return Image.fromarray(observation["screenshot"])

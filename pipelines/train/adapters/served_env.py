@@ -59,13 +59,13 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
         token_variable: str = TOKEN_VARIABLE,
         timeout: float = ANSWER_TIMEOUT_S,
     ) -> None:
-        known = [addresses] if isinstance(addresses, str) else list(addresses)
-        if not known:
+        servers = [addresses] if isinstance(addresses, str) else list(addresses)
+        if not servers:
             raise ParameterError("addresses: name at least one server, such as http://node-1:8000")
         if not timeout > 0:
             raise ParameterError(f"timeout is in seconds and above 0, got {timeout:g}")
         self._client_type = _client_type()
-        self.address = known[(next(_numbers) if number is None else number) % len(known)]
+        self.address = servers[(next(_numbers) if number is None else number) % len(servers)]
         self.record: Mapping[str, Any] | None = None
         self.observation_space = observations(size)
         self.action_space = Actions(size)
@@ -90,17 +90,19 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
                 or cannot be reached.
         """
         super().reset(seed=seed)
-        given = dict(options or {})
-        wanted: dict[str, Any] = {"seed": seed, "task": given.get("task")}
-        planner: Planner | None = given.get("corruption")
-        if "corruption" in given:
-            wanted["corruption"] = CLEAN if planner is None else given.get("label", planner.label)
+        choices = dict(options or {})
+        request: dict[str, Any] = {"seed": seed, "task": choices.get("task")}
+        planner: Planner | None = choices.get("corruption")
+        if "corruption" in choices:
+            request["corruption"] = (
+                CLEAN if planner is None else choices.get("label", planner.label)
+            )
         self.record = None
-        sent = {key: value for key, value in wanted.items() if value is not None}
-        result = self._asked("reset", lambda client: client.reset(**sent))
-        if "corruption" in given:
-            self._check_planner(planner, wanted["corruption"])
-        return self._seen(result), {}
+        arguments = {key: value for key, value in request.items() if value is not None}
+        result = self._call("reset", lambda client: client.reset(**arguments))
+        if "corruption" in choices:
+            self._check_planner(planner, request["corruption"])
+        return self._read_observation(result), {}
 
     def step(self, action: str) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Take an action; once the episode is over, every further step is truncated.
@@ -110,11 +112,11 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
         """
         if self.record is not None or self._client is None:
             return dict(self._last), 0.0, False, True, {}
-        result = self._asked("step", lambda client: client.step({"action": action}))
-        seen = self._seen(result)
+        result = self._call("step", lambda client: client.step({"action": action}))
+        observation = self._read_observation(result)
         truncated = bool(result.observation.get("truncated"))
         score = float(result.reward or 0.0)
-        return seen, score, bool(result.done) and not truncated, truncated, {}
+        return observation, score, bool(result.done) and not truncated, truncated, {}
 
     def truncate(self) -> None:
         """Have the episode judged in its present state.
@@ -130,16 +132,16 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
         if client is not None:
             client.close()
 
-    def _asked(self, what: str, ask: Any) -> Any:
+    def _call(self, call: str, ask: Any) -> Any:
         try:
             if self._client is None:
-                self._client = self._connected()
+                self._client = self._connect()
             return ask(self._client)
         except Exception as error:  # the client passes on the exceptions of lower layers
             self._drop()
-            raise TrainError(f"{self.address}: {what}: {type(error).__name__}: {error}") from error
+            raise TrainError(f"{self.address}: {call}: {type(error).__name__}: {error}") from error
 
-    def _connected(self) -> Any:
+    def _connect(self) -> Any:
         token = os.environ.get(self._token_variable)
         client = self._client_type(
             base_url=self.address,
@@ -163,25 +165,25 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
             TrainError: the server plays the label with other parameters.
         """
         config = None if planner is None else json.loads(json.dumps(planner.to_config()))
-        played = self._asked("state", lambda client: client.state()).get("planner")
-        if played == config:
+        served = self._call("state", lambda client: client.state()).get("planner")
+        if served == config:
             return
         self._drop()
         raise TrainError(
-            f"{self.address}: plays {label} as {played}, and the trainer wants {config}: start the"
+            f"{self.address}: plays {label} as {served}, and the trainer wants {config}: start the"
             " server with the trainer's corruptions"
         )
 
-    def _seen(self, result: Any) -> dict[str, Any]:
+    def _read_observation(self, result: Any) -> dict[str, Any]:
         """Return the observation; keep the record of an episode that is over."""
-        found = result.observation
-        picture = Image.open(io.BytesIO(base64.b64decode(found["screenshot"])))
+        observation = result.observation
+        picture = Image.open(io.BytesIO(base64.b64decode(observation["screenshot"])))
         self._last = {
             "screenshot": np.asarray(picture.convert("RGB")),
-            "instruction": found["instruction"],
+            "instruction": observation["instruction"],
         }
         if result.done:
-            self.record = self._asked("state", lambda client: client.state()).get("record") or {}
+            self.record = self._call("state", lambda client: client.state()).get("record") or {}
         return dict(self._last)
 
 

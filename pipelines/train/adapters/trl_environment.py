@@ -68,10 +68,10 @@ class TrlEnvironment:
             self._owner.begin_batch()
         self._replayed = None
         self._is_logged = False
-        seen = self._episode.reset(self._owner.request(task, self._number, seed))
-        if seen is None:
+        observation = self._episode.reset(self._owner.request(task, self._number, seed))
+        if observation is None:
             return [{"type": "text", "text": OVER}]
-        return [{"type": "text", "text": seen["instruction"]}, _image(seen)]
+        return [{"type": "text", "text": observation["instruction"]}, _image(observation)]
 
     def computer(self, action: str) -> Content:
         """Act on the computer, then look at its screen.
@@ -82,8 +82,8 @@ class TrlEnvironment:
         Returns:
             The next screenshot.
         """
-        seen = self._episode.step(str(action))
-        return [{"type": "text", "text": OVER}] if seen is None else [_image(seen)]
+        observation = self._episode.step(str(action))
+        return [{"type": "text", "text": OVER}] if observation is None else [_image(observation)]
 
     def get_reward(self) -> float | None:
         """Return the success of the rollout, or `None` if it does not count.
@@ -101,15 +101,15 @@ class TrlEnvironment:
         """
         if self._replayed is not None:
             return self._replayed
-        return self._own(completion)
+        return self._judged_rollout(completion)
 
-    def _own(self, completion: Sequence[Any] | None) -> TokenRollout:
+    def _judged_rollout(self, completion: Sequence[Any] | None) -> TokenRollout:
         was_over = self._episode.is_over
         rollout = self._episode.finish()
         if self._is_logged:
             return rollout
         if completion is not None and not was_over:
-            rollout.is_well_formed &= _ended_with_a_call(completion)
+            rollout.is_well_formed &= _ends_with_tool_call(completion)
         self._is_logged = True
         self._owner.log(rollout)
         return rollout
@@ -148,20 +148,20 @@ class TrlEnvironments:
         self._make = make
         self._report = report
         self._rank = int(args.process_index)
-        self._log = _log_of(folder, self._rank, int(args.world_size))
-        self._made: list[TrlEnvironment] = []
+        self._log = _log_path(folder, self._rank, int(args.world_size))
+        self._environments: list[TrlEnvironment] = []
         self._batch = -1
         self._epoch = 0
         self._is_set = False
         self._failed: list[str] = []
-        self._ended = 0
+        self._finished_count = 0
         atexit.register(self.close)  # TRL never closes an environment
 
     def __call__(self) -> TrlEnvironment:
         """Make the next environment; no machine starts before its first `reset`."""
-        made = TrlEnvironment(len(self._made), self, self._make)
-        self._made.append(made)
-        return made
+        environment = TrlEnvironment(len(self._environments), self, self._make)
+        self._environments.append(environment)
+        return environment
 
     def set_batch(self, number: int, epoch: int = 0) -> None:
         """Set the number of the next generation batch, so that a resumed run makes the same draws.
@@ -194,10 +194,10 @@ class TrlEnvironments:
         Raises:
             TrainError: none of its rollouts could be played.
         """
-        failed, ended = self._failed, self._ended
-        self._failed, self._ended = [], 0
-        if ended and len(failed) == ended:
-            raise TrainError(f"none of {ended} rollouts could be played; the first: {failed[0]}")
+        failed, count = self._failed, self._finished_count
+        self._failed, self._finished_count = [], 0
+        if count and len(failed) == count:
+            raise TrainError(f"none of {count} rollouts could be played; the first: {failed[0]}")
 
     def request(self, task: str, number: int, seed: int | None) -> RolloutRequest:
         """Return the request for an environment in the current batch."""
@@ -210,8 +210,13 @@ class TrlEnvironments:
         return RolloutRequest(step=self._batch, group=task, slot=slot, seed=seed, draw=draw)
 
     def log(self, rollout: TokenRollout) -> None:
-        """Write the line of a finished rollout."""
-        self._ended += 1
+        """Write the line of a finished rollout.
+
+        Raises:
+            StorageError: the disk is full or fails.
+            HijackError: the file cannot be written for another reason.
+        """
+        self._finished_count += 1
         if not rollout.counts:
             request = rollout.request
             line = (
@@ -225,13 +230,14 @@ class TrlEnvironments:
         try:
             with self._log.open("a", encoding="utf-8") as stream:
                 stream.write(json.dumps(rollout.to_data()) + "\n")
-        except OSError as error:
-            raise unwritable(self._log, error) from None
+        except OSError as cause:
+            error = unwritable(self._log, cause)
+            raise error from None
 
     def close(self) -> None:
         """Close all environments; may be called again."""
-        for each in self._made:
-            each._episode.close()
+        for environment in self._environments:
+            environment._episode.close()
 
 
 def format_reward(
@@ -256,7 +262,7 @@ def format_reward(
 
 
 def training_rows(
-    tasks: Iterable[str], how: str, *, evaluation: Iterable[str] = ()
+    tasks: Iterable[str], answer_form: str, *, evaluation: Iterable[str] = ()
 ) -> list[dict[str, Any]]:
     """Return a row for each training task: `prompt` (how to answer) and `task`.
 
@@ -265,7 +271,7 @@ def training_rows(
 
     Args:
         tasks: names of training tasks.
-        how: what the model is told before the instruction, such as the form of an action.
+        answer_form: what the model is told before the instruction, such as the form of an action.
         evaluation: names of the tasks that are reported.
 
     Raises:
@@ -275,21 +281,24 @@ def training_rows(
     names = list(dict.fromkeys(tasks))
     if not names:
         raise ParameterError("training_rows: there are no tasks")
-    check_split(names, evaluation, what="training_rows")
-    return [{"prompt": [{"role": "user", "content": f"{how}\n"}], "task": name} for name in names]
+    check_split(names, evaluation, source="training_rows")
+    return [
+        {"prompt": [{"role": "user", "content": f"{answer_form}\n"}], "task": name}
+        for name in names
+    ]
 
 
-def _ended_with_a_call(completion: Sequence[Any]) -> bool:
+def _ends_with_tool_call(completion: Sequence[Any]) -> bool:
     """Return whether the last answer called a tool, whose result TRL may have dropped."""
     answers = [message for message in completion if message.get("role") == "assistant"]
     return bool(answers) and bool(answers[-1].get("tool_calls"))
 
 
-def _image(seen: AgentObservation) -> dict[str, Any]:
-    return {"type": "image", "image": screenshot_image(seen)}
+def _image(observation: AgentObservation) -> dict[str, Any]:
+    return {"type": "image", "image": screenshot_image(observation)}
 
 
-def _log_of(folder: Path | None, rank: int, processes: int) -> Path | None:
+def _log_path(folder: Path | None, rank: int, processes: int) -> Path | None:
     if folder is None:
         return None
     make_folder(folder)

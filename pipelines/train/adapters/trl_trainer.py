@@ -23,7 +23,7 @@ GRPOTrainer: Any = extras.load("trl", "DAGRPOTrainer", "trl").GRPOTrainer
 
 
 @dataclass(kw_only=True)
-class _Tokens:
+class _TrlRollout:
     """A rollout in TRL's form; see `GRPOTrainer._generate`."""
 
     prompt_ids: list[int]
@@ -58,12 +58,12 @@ class DAGRPOTrainer(GRPOTrainer):
         reward_funcs: Any = None,
         **kwargs: Any,
     ) -> None:
-        made = environment_factory
-        if replay is not None and made.per_process % made.rollouts:
+        environments = environment_factory
+        if replay is not None and environments.per_process % environments.rollouts:
             raise ParameterError(
                 f"replay needs whole groups in each process: per_device_train_batch_size x"
-                f" steps_per_generation is {made.per_process}, and a group has {made.rollouts}"
-                " rollouts; make one a multiple of the other"
+                f" steps_per_generation is {environments.per_process}, and a group has"
+                f" {environments.rollouts} rollouts; make one a multiple of the other"
             )
         _check_tasks(kwargs.get("train_dataset"))
         super().__init__(
@@ -73,13 +73,13 @@ class DAGRPOTrainer(GRPOTrainer):
             **kwargs,
         )
         self.replay = replay
-        self._made = made
+        self._hijack_environments = environments
         self._at = (-1, 0)  # the optimiser's step, and the generation batches within it
         self.add_callback(FiniteCallback())
 
     def _generate_and_score_completions(self, inputs: list[Any]) -> Any:
         if self.model.training:
-            self._made.set_batch(self._next_batch(), int(self.state.epoch or 0))
+            self._hijack_environments.set_batch(self._next_batch(), int(self.state.epoch or 0))
         return super()._generate_and_score_completions(inputs)
 
     def _next_batch(self) -> int:
@@ -87,34 +87,36 @@ class DAGRPOTrainer(GRPOTrainer):
         step = int(self.state.global_step)
         before, within = self._at
         self._at = (step, within + 1 if step == before else 0)
-        every = self.args.steps_per_generation * self.num_iterations
-        return step * max(1, self.args.gradient_accumulation_steps // every) + self._at[1]
+        steps_per_batch = self.args.steps_per_generation * self.num_iterations
+        return step * max(1, self.args.gradient_accumulation_steps // steps_per_batch) + self._at[1]
 
     def _generate(self, prompts: list[Any]) -> Any:
         """Play the rollouts, then put stored successes into groups that have none."""
-        played = super()._generate(prompts)
+        generation = super()._generate(prompts)
         if not self.model.training:
-            return played
+            return generation
         environments: list[TrlEnvironment] = self.environments or []
-        prompt_ids, completion_ids, tool_mask, completions, logprobs, extra, images, seen = played
+        prompt_ids, completion_ids, tool_mask, completions, logprobs, extra, images, tool_images = (
+            generation
+        )
         rollouts = [
             environment._outcome(completion)
             for environment, completion in zip(environments, completions, strict=True)
         ]
-        self._made.check_played()
+        self._hijack_environments.check_played()
         if self.replay is None:
-            return played
+            return generation
         for i, rollout in enumerate(rollouts):
-            rollout.tokens = _Tokens(
+            rollout.tokens = _TrlRollout(
                 prompt_ids=prompt_ids[i],
                 completion_ids=completion_ids[i],
                 tool_mask=tool_mask[i],
                 completion=completions[i],
                 images=None if images is None else images[i],
-                tool_images=seen[i] if seen else [],
+                tool_images=tool_images[i] if tool_images else [],
             )
-        for i, rollout in self._stored(rollouts):
-            stored: _Tokens = rollout.tokens
+        for i, rollout in self._replacements(rollouts):
+            stored: _TrlRollout = rollout.tokens
             environments[i]._replayed = rollout
             prompt_ids[i] = stored.prompt_ids
             completion_ids[i] = stored.completion_ids
@@ -122,18 +124,27 @@ class DAGRPOTrainer(GRPOTrainer):
             completions[i] = stored.completion
             if images is not None:
                 images[i] = stored.images
-            if seen:
-                seen[i] = stored.tool_images
+            if tool_images:
+                tool_images[i] = stored.tool_images
             # Log-probabilities of the policy that played it; NaN counts as on-policy.
             if logprobs is not None:
                 logprobs[i] = [float("nan")] * len(stored.completion_ids)
-        return prompt_ids, completion_ids, tool_mask, completions, logprobs, extra, images, seen
+        return (
+            prompt_ids,
+            completion_ids,
+            tool_mask,
+            completions,
+            logprobs,
+            extra,
+            images,
+            tool_images,
+        )
 
-    def _stored(self, rollouts: list[Any]) -> list[tuple[int, Any]]:
+    def _replacements(self, rollouts: list[Any]) -> list[tuple[int, Any]]:
         """Return the stored rollouts to insert, with their places; store the groups' successes."""
-        found: list[tuple[int, Any]] = []
+        replacements: list[tuple[int, Any]] = []
         if self.replay is None:
-            return found
+            return replacements
         size = self.num_generations
         for first in range(0, len(rollouts), size):
             places = [i for i in range(first, first + size) if rollouts[i].counts]
@@ -143,14 +154,14 @@ class DAGRPOTrainer(GRPOTrainer):
                 [rollout.reward() for rollout in group],
                 group[0].request.step if group else 0,
             )
-            found += [
+            replacements += [
                 (i, new)
                 for i, old, new in zip(places, group, filled, strict=True)
                 if new is not old
             ]
             for rollout in group:
                 self.replay.add(rollout)
-        return found
+        return replacements
 
     def _compute_loss(self, model: Any, inputs: Any) -> Any:
         loss = super()._compute_loss(model, inputs)
@@ -174,4 +185,4 @@ def _check_tasks(dataset: Any) -> None:
         raise ParameterError(
             f"train_dataset needs a column 'task', has {columns}; training_rows(...) makes the rows"
         )
-    check_split(dataset["task"], what="train_dataset")
+    check_split(dataset["task"], source="train_dataset")

@@ -79,7 +79,7 @@ class HijackLoop(AgentLoopBase):
             UnknownNameError: the environment does not know the task.
         """
         request = self._request(kwargs)
-        key, episode = self._taken()
+        key, episode = self._take_idle()
         try:
             output = await self._play(episode, request, list(kwargs["raw_prompt"]), sampling_params)
         finally:
@@ -95,11 +95,11 @@ class HijackLoop(AgentLoopBase):
     ) -> Any:
         metrics: dict[str, Any] = {}
         with simple_timer("tool_calls", metrics):
-            seen = await self._off(episode.reset, request)
-        if seen is None:
-            rollout = await self._off(episode.finish)
-            return self._left_out(rollout)
-        messages.append(_message(seen, seen["instruction"]))
+            observation = await self._in_thread(episode.reset, request)
+        if observation is None:
+            rollout = await self._in_thread(episode.finish)
+            return self._report_left_out(rollout)
+        messages.append(_message(observation, observation["instruction"]))
         pictures = [messages[-1]["content"][0]["image"]]
         self._assert_mm_supported(True)
         ids = await self.ct_build_initial_tokens(messages, images=pictures)
@@ -109,7 +109,7 @@ class HijackLoop(AgentLoopBase):
         server = uuid4().hex
         for _ in range(self.max_steps):
             with simple_timer("generate_sequences", metrics):
-                said = await self.server_manager.generate(
+                answer = await self.server_manager.generate(
                     request_id=server,
                     prompt_ids=ids,
                     sampling_params=sampling_params,
@@ -117,20 +117,20 @@ class HijackLoop(AgentLoopBase):
                 )
             merged, mask, new = await self.ct_merge_assistant_token(
                 ids,
-                said.token_ids,
+                answer.token_ids,
                 mask,
-                logprobs if said.log_probs else None,
-                assistant_logprobs=said.log_probs,
+                logprobs if answer.log_probs else None,
+                assistant_logprobs=answer.log_probs,
             )
             ids = merged.token_ids
             logprobs = new or []
-            text = self.tokenizer.decode(said.token_ids, skip_special_tokens=True)
+            text = self.tokenizer.decode(answer.token_ids, skip_special_tokens=True)
             messages.append({"role": "assistant", "content": text})
             with simple_timer("tool_calls", metrics):
-                seen = await self._off(episode.step, text)
-            if seen is None or len(mask) >= self.rollout_config.response_length:
+                observation = await self._in_thread(episode.step, text)
+            if observation is None or len(mask) >= self.rollout_config.response_length:
                 break
-            message = _message(seen)
+            message = _message(observation)
             merged, longer, new = await self.ct_merge_context_msg(
                 messages, [*messages, message], ids, mask, logprobs or None
             )
@@ -143,10 +143,10 @@ class HijackLoop(AgentLoopBase):
             logprobs = new or []
             messages.append(message)
             pictures.append(message["content"][0]["image"])
-        rollout = await self._off(episode.finish)
+        rollout = await self._in_thread(episode.finish)
         total = rollout.reward(self.format_weight)
         if total is None:
-            return self._left_out(rollout)
+            return self._report_left_out(rollout)
         end = self.rollout_config.response_length  # only text is cut, since pictures were checked
         return _agents.AgentLoopOutput(
             prompt_ids=ids[:prompt],
@@ -160,7 +160,7 @@ class HijackLoop(AgentLoopBase):
             extra_fields={"reward_extra_info": _facts(rollout)},
         )
 
-    def _left_out(self, rollout: TokenRollout) -> None:
+    def _report_left_out(self, rollout: TokenRollout) -> None:
         request = rollout.request
         print(
             f"step {request.step}: {request.group}, rollout {request.slot} is left out:"
@@ -195,7 +195,7 @@ class HijackLoop(AgentLoopBase):
             draw=draw,
         )
 
-    def _taken(self) -> tuple[str, DrivenEpisode]:
+    def _take_idle(self) -> tuple[str, DrivenEpisode]:
         """Return an idle environment, and the key for giving it back."""
         key = f"{self.environment} {sorted(self.environment_args.items())}"
         idle = _idle.setdefault(key, [])
@@ -205,7 +205,7 @@ class HijackLoop(AgentLoopBase):
         arguments = self.environment_args
         return key, DrivenEpisode(lambda: make(**arguments))
 
-    async def _off(self, function: Any, *args: Any) -> Any:
+    async def _in_thread(self, function: Any, *args: Any) -> Any:
         """Call a blocking function in a thread, so that the worker's other episodes continue."""
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(None, function, *args)
@@ -222,8 +222,8 @@ def make_planner(corruptions: Sequence[Any]) -> Planner | None:
     """
     if not corruptions:
         return None
-    found = list(load_config({"corruptions": list(corruptions)}).corruptions.values())
-    return found[0] if len(found) == 1 else OneOf(found)
+    planners = list(load_config({"corruptions": list(corruptions)}).corruptions.values())
+    return planners[0] if len(planners) == 1 else OneOf(planners)
 
 
 def close_idle() -> None:
@@ -244,8 +244,8 @@ def _facts(rollout: TokenRollout) -> dict[str, Any]:
     }
 
 
-def _message(seen: AgentObservation, text: str = "") -> dict[str, Any]:
-    content: list[dict[str, Any]] = [{"type": "image", "image": screenshot_image(seen)}]
+def _message(observation: AgentObservation, text: str = "") -> dict[str, Any]:
+    content: list[dict[str, Any]] = [{"type": "image", "image": screenshot_image(observation)}]
     if text:
         content.append({"type": "text", "text": text})
     return {"role": "user", "content": content}

@@ -22,9 +22,9 @@ _module = extras.load("verl.trainer.ppo.v1.replay_buffer", "HijackReplay", "verl
 VerlBuffer: Any = _module.ReplayBuffer
 
 TRAINING = "train"  # verl's name of the partition
-_STATED = ("status", "prompt_len", "response_len", "seq_len")
+_TAG_KEYS = ("status", "prompt_len", "response_len", "seq_len")
 # The columns about the place of a row; all others belong to the rollout.
-_PLACE = ("uid", "session_id", "global_steps", "index")
+_PLACE_COLUMNS = ("uid", "session_id", "global_steps", "index")
 
 
 class HijackReplay(VerlBuffer):
@@ -58,7 +58,7 @@ class HijackReplay(VerlBuffer):
             _rollout(rows[place], key, batch.tags[place]) for place, key in enumerate(batch.keys)
         ]
         check_split(
-            (rollout.request.group for rollout in rollouts), what="the rows of data.train_files"
+            (rollout.request.group for rollout in rollouts), source="the rows of data.train_files"
         )
         for places in groups.values():
             group = [rollouts[place] for place in places]
@@ -73,14 +73,14 @@ class HijackReplay(VerlBuffer):
     def _put(self, batch: Any, place: int, row: Any, stored: Any) -> None:
         """Replace the rollout at `place` by a stored one, keeping group and number of the place."""
         fields, tag = stored.tokens
-        whole = fields.clone(recurse=False)
-        for name in _PLACE:
+        row_fields = fields.clone(recurse=False)
+        for name in _PLACE_COLUMNS:
             if name in row.keys():  # noqa: SIM118  (of a TensorDict)
-                whole[name] = row[name]
+                row_fields[name] = row[name]
         batch.tags[place] = {**batch.tags[place], **tag}
         transfer_queue.kv_batch_put(
             keys=[batch.keys[place]],
-            fields=whole.unsqueeze(0),
+            fields=row_fields.unsqueeze(0),
             tags=[batch.tags[place]],
             partition_id=TRAINING,
         )
@@ -101,5 +101,5 @@ def _rollout(row: Any, key: str, tag: Any) -> TokenRollout:
         request=request,
         success=float(facts["success"]),
         is_well_formed=bool(facts["well_formed"]),
-        tokens=(row, {name: tag[name] for name in _STATED if name in tag}),
+        tokens=(row, {name: tag[name] for name in _TAG_KEYS if name in tag}),
     )

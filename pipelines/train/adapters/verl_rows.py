@@ -22,14 +22,14 @@ _KINDS: dict[str, Kind] = {
 
 
 def write_rows(
-    path: Path, tasks: Iterable[str], how: str, *, evaluation: Iterable[str] = ()
+    path: Path, tasks: Iterable[str], answer_form: str, *, evaluation: Iterable[str] = ()
 ) -> int:
     """Write a Parquet file with a row for each training task; returns their number.
 
     Args:
         path: the file (verl: `data.train_files`).
         tasks: names of training tasks.
-        how: the system message, such as the form of an action.
+        answer_form: the system message, such as the form of an action.
         evaluation: names of the tasks that are reported.
 
     Raises:
@@ -37,28 +37,28 @@ def write_rows(
         ParameterError: there are no tasks.
     """
     names = list(dict.fromkeys(tasks))
-    check_split(names, evaluation, what=str(path))
-    return _write(path, names, how, "")
+    check_split(names, evaluation, source=str(path))
+    return _write(path, names, answer_form, "")
 
 
 def write_evaluation_rows(
-    path: Path, tasks: Iterable[str], how: str, *, corruption: str = "clean"
+    path: Path, tasks: Iterable[str], answer_form: str, *, corruption: str = "clean"
 ) -> int:
     """Write a Parquet file for `data.val_files`; every rollout meets the same corruption.
 
     Args:
         path: the file.
         tasks: names of the tasks.
-        how: the system message, as in training.
+        answer_form: the system message, as in training.
         corruption: `clean`, or the name of one with its default parameters.
 
     Raises:
         ParameterError: there are no tasks.
     """
-    return _write(path, list(dict.fromkeys(tasks)), how, corruption)
+    return _write(path, list(dict.fromkeys(tasks)), answer_form, corruption)
 
 
-def _write(path: Path, names: list[str], how: str, corruption: str) -> int:
+def _write(path: Path, names: list[str], answer_form: str, corruption: str) -> int:
     if not names:
         raise ParameterError(f"{path}: there are no tasks")
     rows: list[dict[str, Any]] = []
@@ -68,7 +68,7 @@ def _write(path: Path, names: list[str], how: str, corruption: str) -> int:
             {
                 "data_source": "agenthijack",
                 "agent_name": LOOP,
-                "prompt": [{"role": "system", "content": how}],
+                "prompt": [{"role": "system", "content": answer_form}],
                 "ability": "computer_use",
                 "reward_model": {"style": "rule", "ground_truth": ""},
                 "extra_info": about,

@@ -30,7 +30,7 @@ PICTURES = {
 }
 _UUID = re.compile(r"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 _SEED = re.compile(r"-\d+$")
-_SHOWN = 60  # characters of a text in a message
+_MAX_SHOWN_CHARS = 60  # characters of a text in a message
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,20 +51,20 @@ class ChatRow:
     trajectory: str
     place: str
 
-    def opened(self) -> list[Image.Image]:
+    def open_images(self) -> list[Image.Image]:
         """Return the pictures, in RGB.
 
         Raises:
             DatasetError: one is missing or damaged.
         """
-        return [_opened(picture, self.place) for picture in self.pictures]
+        return [_open_image(picture, self.place) for picture in self.pictures]
 
     def example(self) -> dict[str, Any]:
         """Return the row as `SFTTrainer` takes it: `prompt`, `completion` and `images`."""
         return {
             "prompt": [{"role": "user", "content": self.question}],
             "completion": [{"role": "assistant", "content": self.answer}],
-            "images": self.opened(),
+            "images": self.open_images(),
         }
 
 
@@ -90,25 +90,25 @@ def read_rows(folder: Path) -> list[ChatRow]:
     )
 
 
-def check_rows(rows: Sequence[ChatRow], evaluation: Sequence[str] = (), *, what: str) -> None:
+def check_rows(rows: Sequence[ChatRow], evaluation: Sequence[str] = (), *, source: str) -> None:
     """Refuse rows of tasks that are held out or reported.
 
     Args:
         rows: the rows.
         evaluation: names of the tasks that are reported.
-        what: their folder, for the message.
+        source: their folder, for the message.
 
     Raises:
         LeakError: there are such rows; the message names the tasks.
     """
-    known = _known() | set(evaluation)
+    task_names = _split_tasks() | set(evaluation)
     names: dict[str, None] = {}
     for trajectory in dict.fromkeys(row.trajectory for row in rows):
-        names.update(dict.fromkeys(named_tasks(trajectory, known)))
-    check_split(names, evaluation, what=what)
+        names.update(dict.fromkeys(named_tasks(trajectory, task_names)))
+    check_split(names, evaluation, source=source)
 
 
-def named_tasks(trajectory: str, known: set[str] | None = None) -> list[str]:
+def named_tasks(trajectory: str, task_names: set[str] | None = None) -> list[str]:
     """Return the tasks that the id of a trajectory names.
 
     A build from a run has episodes as trajectories (`compare_ferries-3__marks__s0__agent`), one
@@ -116,17 +116,17 @@ def named_tasks(trajectory: str, known: set[str] | None = None) -> list[str]:
 
     Args:
         trajectory: the column `trajectory_id`.
-        known: the names that count; those of the splits of suite, OSWorld and toy if omitted.
+        task_names: the names that count; those of the splits of suite, OSWorld and toy if omitted.
     """
-    names = _known() if known is None else known
-    found = _UUID.findall(trajectory)
+    names = _split_tasks() if task_names is None else task_names
+    candidates = _UUID.findall(trajectory)
     for part in re.split(r"/|__", trajectory):
-        found += [part, _SEED.sub("", part)]
-    return [name for name in dict.fromkeys(found) if name in names]
+        candidates += [part, _SEED.sub("", part)]
+    return [name for name in dict.fromkeys(candidates) if name in names]
 
 
 @lru_cache(maxsize=1)
-def _known() -> set[str]:
+def _split_tasks() -> set[str]:
     families = ("toy", "suite", "osworld")
     return {name for family in families for side in SIDES for name in members(f"{family}/{side}")}
 
@@ -176,7 +176,7 @@ def _row(
     if not question.startswith(start) or IMAGE in text or IMAGE in answer:
         raise DatasetError(
             f"{place}: the question must begin with {IMAGE} for each of {len(pictures)} pictures,"
-            f" and have it nowhere else, got {question[:_SHOWN]!r}"
+            f" and have it nowhere else, got {question[:_MAX_SHOWN_CHARS]!r}"
         )
     return ChatRow(
         question=text,
@@ -187,17 +187,21 @@ def _row(
     )
 
 
-def _opened(picture: Path | tuple[Path, int, str], place: str) -> Image.Image:
+def _open_image(picture: Path | tuple[Path, int, str], place: str) -> Image.Image:
     try:
-        source = picture if isinstance(picture, Path) else io.BytesIO(_stored(*picture))
-        with Image.open(source) as opened:
-            return opened.convert("RGB")
+        source = picture if isinstance(picture, Path) else io.BytesIO(_read_image_bytes(*picture))
+        with Image.open(source) as image:
+            return image.convert("RGB")
     except (OSError, UnidentifiedImageError, ValueError) as error:
         raise DatasetError(f"{place}: a picture cannot be read ({error})") from None
 
 
-def _stored(path: Path, number: int, column: str) -> bytes:
-    """Return the bytes of a picture; only its group of rows is read."""
+def _read_image_bytes(path: Path, number: int, column: str) -> bytes:
+    """Return the bytes of a picture; only its group of rows is read.
+
+    Raises:
+        ValueError: the file has no such row.
+    """
     first = 0
     for group, length in enumerate(_groups(path)):
         if number < first + length:

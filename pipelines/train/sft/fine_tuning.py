@@ -30,14 +30,14 @@ def read_examples(settings: SftSettings) -> dict[str, list[ChatRow]]:
     """
     if not settings.data:
         raise ParameterError(f"{settings.source}: data names no folder; give some with --data DIR")
-    found: dict[str, list[ChatRow]] = {}
+    examples: dict[str, list[ChatRow]] = {}
     for folder in settings.folders:
         rows = read_rows(folder)
-        check_rows(rows, settings.evaluation, what=str(folder))
-        found[str(folder)] = rows
-    if not any(found.values()):
-        raise ParameterError(f"{', '.join(found)}: there are no examples")
-    return found
+        check_rows(rows, settings.evaluation, source=str(folder))
+        examples[str(folder)] = rows
+    if not any(examples.values()):
+        raise ParameterError(f"{', '.join(examples)}: there are no examples")
+    return examples
 
 
 def fine_tune(
@@ -64,22 +64,22 @@ def fine_tune(
             or there is no checkpoint to go on from.
     """
     rows = read_examples(settings) if rows is None else rows
-    for folder, some in rows.items():
-        say(f"{folder}: {len(some)} rows")
-    every = [row for some in rows.values() for row in some]
-    trainer = _trainer(settings, every, out)
+    for folder, examples in rows.items():
+        say(f"{folder}: {len(examples)} rows")
+    all_rows = [row for examples in rows.values() for row in examples]
+    trainer = _trainer(settings, all_rows, out)
     checkpoint = _last_checkpoint(out) if resume else None
     trainer.train(resume_from_checkpoint=checkpoint)
     trainer.save_model(str(out / MODEL))
     losses = [
-        {"step": each["step"], "loss": each["loss"]}
-        for each in trainer.state.log_history
-        if "loss" in each
+        {"step": entry["step"], "loss": entry["loss"]}
+        for entry in trainer.state.log_history
+        if "loss" in entry
     ]
     summary = {
         "method": "sft",
         "model": settings.model,
-        "rows": {folder: len(some) for folder, some in rows.items()},
+        "rows": {folder: len(examples) for folder, examples in rows.items()},
         "settings": {**asdict(settings), "trl": dict(settings.trl)},
         "steps": int(trainer.state.global_step),
         "first_loss": losses[0]["loss"] if losses else None,
@@ -106,7 +106,7 @@ def _trainer(settings: SftSettings, rows: list[ChatRow], out: Path) -> Any:
     if images is None:
         raise TrainError(f"model {settings.model!r} takes no pictures: it has no image processor")
     if settings.max_pixels is not None:
-        _limit(images, settings.max_pixels)
+        _limit_pixels(images, settings.max_pixels)
     trl: Any = extras.load("trl", "method sft", "trl")
     return trl.SFTTrainer(
         model=model,
@@ -117,7 +117,7 @@ def _trainer(settings: SftSettings, rows: list[ChatRow], out: Path) -> Any:
     )
 
 
-def _limit(images: Any, most: int) -> None:
+def _limit_pixels(images: Any, max_pixels: int) -> None:
     """Have an image processor of Qwen's kind scale pictures to at most `most` pixels.
 
     Raises:
@@ -129,7 +129,7 @@ def _limit(images: Any, most: int) -> None:
             f"max_pixels: the image processor has sizes of another kind ({images.size}); set it to"
             " null, and scale the pictures of the dataset"
         )
-    images.size = type(images.size)(shortest_edge=min(least, most), longest_edge=most)
+    images.size = type(images.size)(shortest_edge=min(least, max_pixels), longest_edge=max_pixels)
 
 
 def _config(settings: SftSettings, out: Path) -> Any:
@@ -139,7 +139,7 @@ def _config(settings: SftSettings, out: Path) -> Any:
         UnknownNameError: `trl` has a field that TRL does not know, or one that is a key of ours.
     """
     trl: Any = extras.load("trl", "method sft", "trl")
-    ours: dict[str, Any] = {
+    fixed: dict[str, Any] = {
         "output_dir": str(out / CHECKPOINTS),
         "num_train_epochs": settings.epochs,
         "per_device_train_batch_size": settings.batch,
@@ -155,42 +155,42 @@ def _config(settings: SftSettings, out: Path) -> Any:
         "report_to": [],
         "save_strategy": "epoch",
     }
-    known = {each.name for each in fields(trl.SFTConfig)}
+    names = {config_field.name for config_field in fields(trl.SFTConfig)}
     for name in settings.trl:
-        if name in ours:
+        if name in fixed:
             raise UnknownNameError(f"{settings.source}: trl: {name} is set by the keys beside trl")
-        if name not in known:
+        if name not in names:
             raise UnknownNameError(
-                f"{settings.source}: trl: SFTConfig has no {name!r}{suggest(name, sorted(known))}"
+                f"{settings.source}: trl: SFTConfig has no {name!r}{suggest(name, sorted(names))}"
             )
-    return trl.SFTConfig(**{**defaults, **settings.trl, **ours})
+    return trl.SFTConfig(**{**defaults, **settings.trl, **fixed})
 
 
 def _dataset(rows: list[ChatRow]) -> Any:
     """Return a dataset that opens pictures when an example is asked for."""
     from datasets import Dataset
 
-    def opened(batch: dict[str, list[int]]) -> dict[str, list[Any]]:
+    def open_rows(batch: dict[str, list[int]]) -> dict[str, list[Any]]:
         examples = [rows[number].example() for number in batch["number"]]
         return {name: [example[name] for example in examples] for name in examples[0]}
 
-    return Dataset.from_dict({"number": list(range(len(rows)))}).with_transform(opened)
+    return Dataset.from_dict({"number": list(range(len(rows)))}).with_transform(open_rows)
 
 
 def _last_checkpoint(out: Path) -> str:
     from transformers.trainer_utils import get_last_checkpoint
 
     folder = out / CHECKPOINTS
-    found = get_last_checkpoint(str(folder)) if os.path.isdir(folder) else None
-    if found is None:
+    checkpoint = get_last_checkpoint(str(folder)) if os.path.isdir(folder) else None
+    if checkpoint is None:
         raise TrainError(f"{folder}: there is no checkpoint to go on from; leave out --resume")
-    return found
+    return checkpoint
 
 
-def overridden(
+def override_settings(
     settings: SftSettings, *, model: str | None, data: tuple[str, ...], epochs: int | None
 ) -> SftSettings:
     """Return the settings with what the command line says instead."""
     changes: dict[str, Any] = {"model": model, "data": data or None, "epochs": epochs}
-    given = {name: value for name, value in changes.items() if value is not None}
-    return replace(settings, **given)
+    values = {name: value for name, value in changes.items() if value is not None}
+    return replace(settings, **values)

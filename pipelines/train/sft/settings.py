@@ -95,15 +95,17 @@ def read_method(path_or_name: str | os.PathLike[str]) -> str | None:
 def load_sft(path_or_name: str | os.PathLike[str]) -> SftSettings:
     """Read a configuration from a path, or by the bare name of a packaged one (`"sft"`).
 
-    Raises `ConfigError` with all mistakes, each as `file:line:column: message`.
+    Raises:
+        ConfigError: the configuration has mistakes; the message lists all of them, each as
+            `file:line:column: message`.
     """
     problems = Problems()
     name, data = read_config(path_or_name)
     tree = read_yaml(data, name, problems)
     if not isinstance(tree, MappingNode):
-        what = "the file is empty" if tree is None else f"got {kind_of(tree)}"
-        problems.stop(Position(name, 1, 1), f"a training configuration is a mapping, {what}")
-    found: dict[str, Any] = {"source": name}
+        problem = "the file is empty" if tree is None else f"got {kind_of(tree)}"
+        problems.stop(Position(name, 1, 1), f"a training configuration is a mapping, {problem}")
+    values: dict[str, Any] = {"source": name}
     for key, place in tree.keys.items():
         if key not in _KEYS:
             problems.add(place, f"unknown key {key!r}{suggest(key, _KEYS)}")
@@ -111,17 +113,17 @@ def load_sft(path_or_name: str | os.PathLike[str]) -> SftSettings:
         problems.add(Position(name, 1, 1), "model is missing; see docs/train.md")
     for key, item in tree.items.items():
         if key in _NUMBERS:
-            found[key] = check(problems, _NUMBERS[key], key, item)
+            values[key] = check(problems, _NUMBERS[key], key, item)
         elif key in _NAMES:
-            found[key] = _names(key, item, problems)
+            values[key] = _names(key, item, problems)
         elif key == "model":
-            found[key] = _text(key, item, problems)
+            values[key] = _text(key, item, problems)
         elif key == "trl":
-            found[key] = _plain(item)
-    if not isinstance(found.get("trl", {}), dict):
+            values[key] = _plain(item)
+    if not isinstance(values.get("trl", {}), dict):
         problems.add(tree.items["trl"].place, "trl: fields of SFTConfig, as a mapping")
     problems.check()
-    return SftSettings(**found)
+    return SftSettings(**values)
 
 
 def _text(key: str, item: ConfigNode, problems: Problems) -> str:

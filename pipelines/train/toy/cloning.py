@@ -48,7 +48,7 @@ def expert_answer(env: ToyEnv) -> tuple[str, tuple[int, int]]:
     box = next_target(env.screen)
     if box is None:
         raise HijackError(f"{env.task.name}: nothing to click leads on")
-    x, y = (_middle(low, high) for low, high in ((box[0], box[2]), (box[1], box[3])))
+    x, y = (_middle_pixel(low, high) for low, high in ((box[0], box[2]), (box[1], box[3])))
     return f"click({x}, {y})", answer_at(x, y)
 
 
@@ -64,7 +64,7 @@ def record_demonstrations(names: Sequence[str], seed: int, malformed: float) -> 
     turns: list[PolicyTurn] = []
     for name in names:
         stream = Stream(seed, "toy_demonstration-v1", name)
-        seen, _ = env.reset(options={"task": name})
+        observation, _ = env.reset(options={"task": name})
         over = False
         while not over:
             action, tokens = expert_answer(env)
@@ -73,8 +73,8 @@ def record_demonstrations(names: Sequence[str], seed: int, malformed: float) -> 
                     ((SAY, NOWHERE), (CLICK, NOWHERE), (FINISH, tokens[1] % PLACES))
                 )
             answer = PolicyAnswer(action=action, tokens=tokens, logprobs=(), is_well_formed=True)
-            turns.append(PolicyTurn(seen, answer))
-            seen, _, terminated, truncated, _ = env.step(action)
+            turns.append(PolicyTurn(observation, answer))
+            observation, _, terminated, truncated, _ = env.step(action)
             over = terminated or truncated
     return turns
 
@@ -101,8 +101,8 @@ def imitate_expert(names: Sequence[str], seed: int, settings: CloningSettings) -
     )
     for _ in range(settings.epochs):
         order = torch.randperm(len(turns), generator=generator)
-        for some in order.split(settings.batch):
-            chances, _ = policy.log_probs([turns[i] for i in some.tolist()])
+        for indices in order.split(settings.batch):
+            chances, _ = policy.log_probs([turns[i] for i in indices.tolist()])
             loss = -chances.sum(1).mean()
             optimiser.zero_grad()
             loss.backward()
@@ -112,9 +112,9 @@ def imitate_expert(names: Sequence[str], seed: int, settings: CloningSettings) -
     return network
 
 
-def _middle(low: int, high: int) -> int:
+def _middle_pixel(low: int, high: int) -> int:
     """Return the middle of a place, the one nearest to the middle of a side."""
     first = -(-(low - CELL // 2) // CELL)
     last = (high - 1 - CELL // 2) // CELL
-    wanted = round(((low + high - 1) / 2 - CELL // 2) / CELL)
-    return min(max(wanted, first), last) * CELL + CELL // 2
+    nearest = round(((low + high - 1) / 2 - CELL // 2) / CELL)
+    return min(max(nearest, first), last) * CELL + CELL // 2

@@ -72,11 +72,11 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
             ParameterTypeError: `corruption` is not a planner.
         """
         super().reset(seed=seed)
-        given = {**self._defaults, **(options or {})}
-        planner = given["corruption"]
+        settings = {**self._defaults, **(options or {})}
+        planner = settings["corruption"]
         if planner is not None and not isinstance(planner, Planner):
             raise ParameterTypeError(f"corruption must be a planner or None, got {planner!r}")
-        self._task = toy_task(given["task"])
+        self._task = toy_task(settings["task"])
         self._planner = planner
         self._state = ToyState()
         self._seed = seed or 0
@@ -85,7 +85,7 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
         self.record = None
         self._disturb(-1)
         self._disturb(0)
-        return self._seen(), {}
+        return self._observe(), {}
 
     def step(self, action: str) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Take one action; the reward is 1 for `DONE` after the task was done.
@@ -102,7 +102,7 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
             self._end(score)
             return dict(self._last), score, over, truncated, {}
         self._disturb(self._steps)
-        return self._seen(), score, False, False, {}
+        return self._observe(), score, False, False, {}
 
     def truncate(self) -> None:
         """End the episode as it stands."""
@@ -123,24 +123,26 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
     def is_solved(self) -> bool:
         """Whether only `DONE` is left to say; not for an agent."""
         state = self._state
-        return state.done == self._task.length and not state.cover and not state.menu
+        return state.clicks_done == self._task.length and not state.cover and not state.menu
 
     def _act(self, action: str) -> tuple[bool, float]:
         """Return whether the episode is over, and its score."""
         if action.strip() == DONE:
-            return True, float(self._state.done == self._task.length)
-        found = _CLICK.fullmatch(action.strip())
-        if found is None:
+            return True, float(self._state.clicks_done == self._task.length)
+        click = _CLICK.fullmatch(action.strip())
+        if click is None:
             self._malformed += 1
             return False, 0.0
-        return self._click(int(found[1]), int(found[2]))
+        return self._click(int(click[1]), int(click[2]))
 
     def _click(self, x: int, y: int) -> tuple[bool, float]:
         match self.screen.at(x, y):
             case "wrong":
                 return True, 0.0
             case "right":
-                self._state = replace(self._state, done=self._state.done + 1, menu=False)
+                self._state = replace(
+                    self._state, clicks_done=self._state.clicks_done + 1, menu=False
+                )
             case "menu":
                 self._state = replace(self._state, menu=True)
             case "close":
@@ -166,7 +168,11 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
         return self._planner.plan(scene, seed=self._seed, sample=self._task.name, step=step)
 
     def _disturb(self, step: int) -> None:
-        """Apply the effects that are due."""
+        """Apply the effects that are due.
+
+        Raises:
+            HijackError: the toy desktop has no such effect.
+        """
         if self._planner is None or not self._planner.effects:
             return
         plan = self._plan(step)
@@ -178,7 +184,7 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
             else:
                 raise HijackError(f"the toy desktop has no effect {effect.kind!r}")
 
-    def _seen(self) -> dict[str, Any]:
+    def _observe(self) -> dict[str, Any]:
         pixels = self.screen.pixels
         plan = self._plan(self._steps)
         if plan is not None and plan.ops:

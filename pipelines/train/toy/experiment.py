@@ -35,7 +35,7 @@ _PLAN = "replication.json"
 _PLAN_FORMAT = "agenthijack-replication"
 _START_FORMAT = "agenthijack-start"
 _FIRST_START = 50_000  # tasks that the expert shows
-_AT_ONCE = 64  # episodes of an evaluation side by side
+_PARALLEL_EPISODES = 64  # episodes of an evaluation side by side
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,8 @@ def run_replication(
         LeakError: a task is both trained on and reported.
         TrainError: the folder holds another replication, or a run failed.
     """
-    check_split(replication.training, replication.evaluation, what=replication.source)
-    _claim(replication, folder)
+    check_split(replication.training, replication.evaluation, source=replication.source)
+    _check_folder(replication, folder)
     seeds = range(replication.seeds)
     starts = [ToyJob(replication, START, seed, folder) for seed in seeds]
     runs = [ToyJob(replication, arm, seed, folder) for seed in seeds for arm in replication.arms]
@@ -82,11 +82,15 @@ def run_replication(
 
 
 def run_job(job: ToyJob) -> str:
-    """Make a start, or train from one; score it and write the scores. Returns a line on it."""
+    """Make a start, or train from one; score the policy and write the scores.
+
+    Returns:
+        A line of text about the result.
+    """
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        network, log = _started(job) if job.arm == START else _trained(job)
+        network, log = _make_start(job) if job.arm == START else _train(job)
         rates = evaluate(ToyPolicy(network, temperature=0), job.replication, job.seed)
     finally:
         torch.set_num_threads(threads)
@@ -105,7 +109,7 @@ def run_job(job: ToyJob) -> str:
 
 def evaluate(policy: ToyPolicy, replication: Replication, seed: int) -> dict[str, float]:
     """Return the success of a policy on the evaluation's tasks by condition, each in 0..1."""
-    envs = [ToyEnv(max_steps=replication.max_steps) for _ in range(_AT_ONCE)]
+    envs = [ToyEnv(max_steps=replication.max_steps) for _ in range(_PARALLEL_EPISODES)]
     conditions: dict[str, Planner | None] = {CLEAN: None}
     conditions.update(replication.trained)
     conditions.update(replication.untrained)
@@ -122,11 +126,11 @@ def evaluate(policy: ToyPolicy, replication: Replication, seed: int) -> dict[str
             for draw in range(replication.draws)
             for task in replication.evaluation
         ]
-        played: list[Rollout] = []
-        for first in range(0, len(requests), _AT_ONCE):
-            some = requests[first : first + _AT_ONCE]
-            played += play(envs, policy, some, max_steps=replication.max_steps)
-        rates[label] = sum(rollout.success for rollout in played) / len(played)
+        rollouts: list[Rollout] = []
+        for first in range(0, len(requests), _PARALLEL_EPISODES):
+            batch = requests[first : first + _PARALLEL_EPISODES]
+            rollouts += play(envs, policy, batch, max_steps=replication.max_steps)
+        rates[label] = sum(rollout.success for rollout in rollouts) / len(rollouts)
     return rates
 
 
@@ -158,7 +162,7 @@ def make_trainer(job: ToyJob, network: ToyNetwork, folder: Path | None) -> Train
     )
 
 
-def _started(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
+def _make_start(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
     """Make the start of a seed, and keep it for the runs."""
     replication = job.replication
     settings = CloningSettings(tasks=replication.start_tasks, epochs=replication.start_epochs)
@@ -171,7 +175,7 @@ def _started(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
     return network, {"rollouts": 0}
 
 
-def _trained(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
+def _train(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
     network = ToyNetwork()
     start = read_tensors(_start_path(job), _START_FORMAT, VERSION, "the start of a seed")
     network.load_state_dict(start["policy"])
@@ -186,10 +190,12 @@ def _trained(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
     return network, log
 
 
-def _curve(steps: Sequence[Mapping[str, Any]], each: int) -> list[float]:
+def _curve(steps: Sequence[Mapping[str, Any]], steps_per_epoch: int) -> list[float]:
     """Return the success of the rollouts of each epoch."""
-    chunks = [steps[first : first + each] for first in range(0, len(steps), each)]
-    return [sum(step["success"] for step in some) / len(some) for some in chunks]
+    chunks = [
+        steps[first : first + steps_per_epoch] for first in range(0, len(steps), steps_per_epoch)
+    ]
+    return [sum(step["success"] for step in epoch) / len(epoch) for epoch in chunks]
 
 
 def _lines(path: Path) -> Iterable[dict[str, Any]]:
@@ -208,28 +214,32 @@ def _scores(job: ToyJob) -> dict[str, Any]:
     )
 
 
-def _claim(replication: Replication, folder: Path) -> None:
-    """Note in the folder what it is for; refuse one that is for something else."""
+def _check_folder(replication: Replication, folder: Path) -> None:
+    """Write the replication into the folder, or compare it with the one stored there.
+
+    Raises:
+        TrainError: the folder holds another replication.
+    """
     data = json.loads(json.dumps(replication.to_data()))
-    given = {key: value for key, value in data.items() if key not in ("source", "arms", "seeds")}
+    identity = {key: value for key, value in data.items() if key not in ("source", "arms", "seeds")}
     path = folder / _PLAN
     if path.exists():
-        kept = read_versioned_json(
+        stored = read_versioned_json(
             path,
             format=_PLAN_FORMAT,
             version=VERSION,
             what="the plan of a replication",
             error=TrainError,
         )
-        found = kept.get("replication", {})
-        differs = sorted(key for key in given if found.get(key) != given[key])
+        stored_identity = stored.get("replication", {})
+        differs = sorted(key for key in identity if stored_identity.get(key) != identity[key])
         if differs:
             raise TrainError(
                 f"{folder}: holds a replication with other {', '.join(differs)}; give another --out"
             )
         return
     make_folder(folder)
-    plan = {"format": _PLAN_FORMAT, "version": VERSION, "replication": given}
+    plan = {"format": _PLAN_FORMAT, "version": VERSION, "replication": identity}
     write_atomic(path, json.dumps(plan, indent=1) + "\n")
 
 

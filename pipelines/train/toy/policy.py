@@ -55,19 +55,19 @@ class ToyNetwork(nn.Module):
         Returns:
             Float `[N, 3]`, what to do, and float `[N, 384]`, where.
         """
-        told = self.words(words)
-        scale, shift = told.unsqueeze(-1).unsqueeze(-1).chunk(2, 1)
+        embedding = self.words(words)
+        scale, shift = embedding.unsqueeze(-1).unsqueeze(-1).chunk(2, 1)
         pixels = screens.permute(0, 3, 1, 2).float() / 127.5 - 1
-        seen = functional.relu(self.patches(pixels))
-        seen = seen + functional.relu(self.near(seen * (1 + scale) + shift))
-        seen = seen + functional.relu(self.far(seen))
-        flat = seen.flatten(2)
-        summary = torch.cat([flat.mean(2), flat.amax(2), told], 1)
-        return self.verb(summary), self.point(seen).flatten(1)
+        features = functional.relu(self.patches(pixels))
+        features = features + functional.relu(self.near(features * (1 + scale) + shift))
+        features = features + functional.relu(self.far(features))
+        flat = features.flatten(2)
+        summary = torch.cat([flat.mean(2), flat.amax(2), embedding], 1)
+        return self.verb(summary), self.point(features).flatten(1)
 
-    def places(self, where: torch.Tensor, verbs: torch.Tensor) -> torch.Tensor:
+    def places(self, place_logits: torch.Tensor, verbs: torch.Tensor) -> torch.Tensor:
         """Return the log-probabilities of the second token, float `[N, 385]`, given the first."""
-        return torch.cat([where, self.nowhere(verbs)], 1).log_softmax(1)
+        return torch.cat([place_logits, self.nowhere(verbs)], 1).log_softmax(1)
 
 
 class ToyPolicy:
@@ -92,10 +92,10 @@ class ToyPolicy:
         """Answer each observation; two draws of its stream decide, whatever else is there."""
         draws = torch.tensor([[stream.random(), stream.random()] for stream in streams])
         with torch.inference_mode():
-            what, where = self._network(*_inputs(observations))
-            chances = self._scaled(what).log_softmax(1)
+            verb_logits, place_logits = self._network(*_inputs(observations))
+            chances = self._scale(verb_logits).log_softmax(1)
             verbs = self._pick(chances, draws[:, 0])
-            spread = self._network.places(self._scaled(where), verbs)
+            spread = self._network.places(self._scale(place_logits), verbs)
             places = self._pick(spread, draws[:, 1])
             first = chances.gather(1, verbs.unsqueeze(1)).squeeze(1)
             second = spread.gather(1, places.unsqueeze(1)).squeeze(1)
@@ -106,14 +106,14 @@ class ToyPolicy:
     def log_probs(self, turns: Sequence[PolicyTurn]) -> tuple[torch.Tensor, torch.Tensor]:
         """Return the log-probabilities of both tokens of each turn, float `[N, 2]`."""
         tokens = torch.tensor([turn.answer.tokens for turn in turns])
-        what, where = self._network(*_inputs([turn.observation for turn in turns]))
+        verb_logits, place_logits = self._network(*_inputs([turn.observation for turn in turns]))
         verbs, places = tokens[:, 0], tokens[:, 1]
-        first = self._scaled(what).log_softmax(1).gather(1, verbs.unsqueeze(1))
-        spread = self._network.places(self._scaled(where), verbs)
-        both = torch.cat([first, spread.gather(1, places.unsqueeze(1))], 1)
-        return both, torch.ones_like(both, dtype=torch.bool)
+        first = self._scale(verb_logits).log_softmax(1).gather(1, verbs.unsqueeze(1))
+        spread = self._network.places(self._scale(place_logits), verbs)
+        log_probs = torch.cat([first, spread.gather(1, places.unsqueeze(1))], 1)
+        return log_probs, torch.ones_like(log_probs, dtype=torch.bool)
 
-    def _scaled(self, logits: torch.Tensor) -> torch.Tensor:
+    def _scale(self, logits: torch.Tensor) -> torch.Tensor:
         return logits / self.temperature if self.temperature else logits
 
     def _pick(self, chances: torch.Tensor, draws: torch.Tensor) -> torch.Tensor:
@@ -143,8 +143,8 @@ def word_numbers(instruction: str) -> tuple[int, ...]:
 
 
 def _inputs(observations: Sequence[AgentObservation]) -> tuple[torch.Tensor, torch.Tensor]:
-    screens = np.stack([seen["screenshot"] for seen in observations])
-    words = [word_numbers(seen["instruction"]) for seen in observations]
+    screens = np.stack([observation["screenshot"] for observation in observations])
+    words = [word_numbers(observation["instruction"]) for observation in observations]
     return torch.from_numpy(screens), torch.tensor(words)
 
 

@@ -1,4 +1,4 @@
-"""What a replication found: gains with paired intervals, a table and a plot."""
+"""The results of a replication: gains with paired intervals, tables and a plot."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -22,7 +22,7 @@ VERSION = 1
 GROUPS = ("visual", CLEAN, "heldout")
 
 
-def paired(differences: Sequence[float]) -> dict[str, Any]:
+def paired_interval(differences: Sequence[float]) -> dict[str, Any]:
     """Return the mean of paired differences with its 95 % interval (Student's t over the seeds).
 
     Args:
@@ -42,7 +42,7 @@ def paired(differences: Sequence[float]) -> dict[str, Any]:
         "mean": mean,
         "ci_low": float(low),
         "ci_high": float(high),
-        "per_seed": [float(each) for each in values],
+        "per_seed": [float(value) for value in values],
     }
 
 
@@ -58,8 +58,10 @@ def summarise(replication: Replication, scores: ScoreTable) -> dict[str, Any]:
         replication: what was compared.
         scores: of every run.
     """
-    parts = _parts(replication)
-    table = {(each["arm"], each["seed"]): _means(each["success"], parts) for each in scores}
+    parts = _condition_groups(replication)
+    table = {
+        (score["arm"], score["seed"]): _mean_percents(score["success"], parts) for score in scores
+    }
     arms = [START, *replication.arms]
     seeds = range(replication.seeds)
     success = {
@@ -74,7 +76,7 @@ def summarise(replication: Replication, scores: ScoreTable) -> dict[str, Any]:
         "version": VERSION,
         "seeds": replication.seeds,
         "tasks": {"training": len(replication.training), "unseen": len(replication.evaluation)},
-        "rollouts": {each["arm"]: each["rollouts"] for each in scores},
+        "rollouts": {score["arm"]: score["rollouts"] for score in scores},
         "success": success,
         "arms": {},
     }
@@ -82,7 +84,9 @@ def summarise(replication: Replication, scores: ScoreTable) -> dict[str, Any]:
         for other in (BASE, MAIN):
             if other in arms and arm != other:
                 summary["arms"][f"{arm} - {other}"] = {
-                    name: paired([table[arm, s][name] - table[other, s][name] for s in seeds])
+                    name: paired_interval(
+                        [table[arm, s][name] - table[other, s][name] for s in seeds]
+                    )
                     for name in parts
                 }
     main = summary["arms"].get(f"{MAIN} - {BASE}")
@@ -127,13 +131,13 @@ def interval_text(gain: Mapping[str, Any]) -> str:
 
 def plot(summary: Mapping[str, Any], path: Path) -> None:
     """Write the gains over GRPO with their intervals as an SVG; equal data give equal bytes."""
-    what = "the plot"
-    rc_context = extras.load("matplotlib", what, "train").rc_context
-    figure_of = extras.load("matplotlib.figure", what, "train").Figure
+    purpose = "the plot"
+    rc_context = extras.load("matplotlib", purpose, "train").rc_context
+    figure_type = extras.load("matplotlib.figure", purpose, "train").Figure
     names = [name for name in GROUPS if name in summary["success"][START]]
     arms = [arm for arm in summary["success"] if f"{arm} - {BASE}" in summary["arms"]]
     with rc_context({"svg.hashsalt": "agenthijack", "svg.fonttype": "none"}):
-        figure = figure_of(figsize=(7, 1.2 + 0.5 * len(arms)), layout="constrained")
+        figure = figure_type(figsize=(7, 1.2 + 0.5 * len(arms)), layout="constrained")
         axes = figure.subplots()
         for offset, name in enumerate(names):
             gains = [summary["arms"][f"{arm} - {BASE}"][name] for arm in arms]
@@ -152,24 +156,27 @@ def plot(summary: Mapping[str, Any], path: Path) -> None:
         figure.savefig(path, format="svg", metadata={"Date": None})
 
 
-def _parts(replication: Replication) -> dict[str, list[str]]:
+def _condition_groups(replication: Replication) -> dict[str, list[str]]:
     """Return the conditions of each group that is reported."""
-    found = {
+    groups = {
         "visual": list(replication.trained),
         CLEAN: [CLEAN],
         "heldout": list(replication.untrained),
     }
-    return {name: labels for name, labels in found.items() if labels}
+    return {name: labels for name, labels in groups.items() if labels}
 
 
 def _conditions(parts: Mapping[str, Sequence[str]]) -> list[str]:
     return [label for labels in parts.values() for label in labels if label != CLEAN]
 
 
-def _means(rates: Mapping[str, float], parts: Mapping[str, Sequence[str]]) -> dict[str, float]:
+def _mean_percents(
+    rates: Mapping[str, float], parts: Mapping[str, Sequence[str]]
+) -> dict[str, float]:
     """Return the success in percent of each group and each condition."""
-    each = {label: 100 * rate for label, rate in rates.items()}
+    percents = {label: 100 * rate for label, rate in rates.items()}
     groups = {
-        name: float(np.mean([each[label] for label in labels])) for name, labels in parts.items()
+        name: float(np.mean([percents[label] for label in labels]))
+        for name, labels in parts.items()
     }
-    return {**each, **groups}
+    return {**percents, **groups}

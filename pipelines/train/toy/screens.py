@@ -32,13 +32,13 @@ class ToyState:
     """What the desktop shows of a task.
 
     Args:
-        done: how many of the task's clicks were made, 0 to 2.
+        clicks_done: how many of the task's clicks were made, 0 to 2.
         menu: whether the menu is open.
         cover: what keeps the agent from the window.
         beside: whether another application stands beside it.
     """
 
-    done: int = 0
+    clicks_done: int = 0
     menu: bool = False
     cover: Cover = ""
     beside: bool = False
@@ -101,9 +101,9 @@ def paint_screen(name: str, state: ToyState) -> ToyScreen:
 
 def next_target(screen: ToyScreen) -> Box | None:
     """Return where a careful user clicks next: to recover, else at what is right, else the menu."""
-    for wanted in ("recover", "right", "menu"):
+    for kind in ("recover", "right", "menu"):
         for box, click in screen.clicks:
-            if click == wanted:
+            if click == kind:
                 return box
     return None
 
@@ -137,7 +137,7 @@ def _window(screen: ToyScreen, task: ToyTask, state: ToyState) -> None:
     for number, widget in enumerate(task.widgets):
         box = _box(widget, x, y)
         _paint(screen, widget, box)
-        if task.goal != "menu" and number < min(state.done, task.length):
+        if task.goal != "menu" and number < min(state.clicks_done, task.length):
             _tick(screen, box)
         screen.clicks.append((box, _meaning(task, state, number)))
     if state.menu:
@@ -152,16 +152,16 @@ def _menu_button(screen: ToyScreen, task: ToyTask, state: ToyState, x: int, y: i
     for line in range(3):
         screen.fill((x + 4, y + 2 + 2 * line, x + 10, y + 3 + 2 * line), DARK)
     screen.clicks.append((button, "menu"))
-    if task.goal == "menu" and state.done:
+    if task.goal == "menu" and state.clicks_done:
         screen.panel((x + 44, y + 1, x + 60, y + TITLE), COLOURS[task.menu[0]])
 
 
 def _meaning(task: ToyTask, state: ToyState, number: int) -> ToyClick:
     """Return what a click on a widget does."""
     if task.goal != "menu" and number < task.length:
-        if number == state.done:
+        if number == state.clicks_done:
             return "right"
-        if number < state.done:
+        if number < state.clicks_done:
             return "other"
     return "wrong"
 
@@ -174,7 +174,7 @@ def _open_menu(screen: ToyScreen, task: ToyTask, state: ToyState, x: int, y: int
         box = (x + 2, top, x + 2 + ITEM[0], top + ITEM[1])
         screen.panel(box, WHITE)
         screen.fill((box[0] + 3, top + 2, box[2] - 3, top + ITEM[1] - 2), COLOURS[task.menu[item]])
-        is_right = task.goal == "menu" and item == 0 and not state.done
+        is_right = task.goal == "menu" and item == 0 and not state.clicks_done
         screen.clicks.append((box, "right" if is_right else "wrong"))
 
 

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 from hijack_data.config.build import Builder
@@ -22,13 +22,13 @@ from hijack_data.errors import UnknownNameError, suggest
 from hijack_data.params import Parameter, parameters
 from hijack_data.planner import Planner
 
-from ..replay import CAPACITY, WHEN
+from ..replay import CAPACITY, REPLAY_TRIGGERS
 from ..trainer import TrainSettings
 from .arms import ARMS
 from .tasks import toy_task
 
 ENVIRONMENTS = ("toy",)
-_OF_THE_TRAINER = (
+_TRAINER_NAMES = (
     "epochs",
     "rollouts",
     "batch",
@@ -41,9 +41,9 @@ _OF_THE_TRAINER = (
 _TRAINER_PARAMETERS = parameters(TrainSettings)
 _NUMBERS = {
     "seeds": Parameter("int", "Pairs of runs", low=2, high=1000),
-    **{name: _TRAINER_PARAMETERS[name][0] for name in _OF_THE_TRAINER},
+    **{name: _TRAINER_PARAMETERS[name][0] for name in _TRAINER_NAMES},
     "replay_capacity": CAPACITY,
-    "replay_when": Parameter("choice", "When a success is put in", choices=WHEN),
+    "replay_when": Parameter("choice", "When a success is put in", choices=REPLAY_TRIGGERS),
     "draws": Parameter("int", "Draws of each corruption for a task", low=1, high=100),
     "start_tasks": Parameter("int", "Tasks that the expert shows", low=1, high=100_000),
     "start_epochs": Parameter("int", "How often the start sees each", low=1, high=10_000),
@@ -115,18 +115,19 @@ _PLANNERS = ("trained", "untrained")
 def load_replication(path_or_name: str | os.PathLike[str]) -> Replication:
     """Read a configuration from a path, or by the bare name of a packaged one (`"toy"`).
 
-    Raises `ConfigError` with all mistakes, each as `file:line:column: message`, and `LeakError` if
-    a task is both trained on and reported, or the split forbids training on it.
+    Raises:
+        ConfigError: the configuration has mistakes; the message lists all of them, each as
+            `file:line:column: message`.
     """
     problems = Problems()
     name, data = read_config(path_or_name)
     tree = read_yaml(data, name, problems)
     if not isinstance(tree, MappingNode):
-        what = "the file is empty" if tree is None else f"got {kind_of(tree)}"
-        problems.stop(Position(name, 1, 1), f"a training configuration is a mapping, {what}")
-    found = _Reader(problems).read(tree, name)
+        problem = "the file is empty" if tree is None else f"got {kind_of(tree)}"
+        problems.stop(Position(name, 1, 1), f"a training configuration is a mapping, {problem}")
+    replication = _Reader(problems).read(tree, name)
     problems.check()
-    return found
+    return replication
 
 
 class _Reader:
@@ -136,7 +137,7 @@ class _Reader:
         self._problems = problems
 
     def read(self, tree: MappingNode, source: str) -> Replication:
-        found: dict[str, Any] = {"source": source}
+        values: dict[str, Any] = {"source": source}
         for key, place in tree.keys.items():
             if key not in _KEYS:
                 self._problems.add(place, f"unknown key {key!r}{suggest(key, _KEYS)}")
@@ -146,24 +147,24 @@ class _Reader:
                 self._problems.add(start, f"{key} is missing; see docs/train.md")
         for key, item in tree.items.items():
             if key in _NUMBERS:
-                found[key] = check(self._problems, _NUMBERS[key], key, item)
+                values[key] = check(self._problems, _NUMBERS[key], key, item)
             elif key in _PLANNERS:
-                found[key] = Builder(self._problems).build(item)
+                values[key] = Builder(self._problems).build(item)
             elif key == "arms":
-                found[key] = self._arms(item)
+                values[key] = self._arms(item)
             elif key in ("training", "evaluation"):
-                found[key] = self._tasks(key, item)
+                values[key] = self._tasks(key, item)
             elif key == "environment":
                 self._environment(item)
-        for label in found.get("untrained", {}):
-            if label in found.get("trained", {}):
+        for label in values.get("untrained", {}):
+            if label in values.get("trained", {}):
                 self._problems.add(
                     tree.items["untrained"].place,
                     f"untrained: {label!r} is in trained, too, so runs are trained with it; take it"
                     " out, or label it, such as as: other",
                 )
         self._problems.check()
-        return Replication(**found)
+        return Replication(**values)
 
     def _environment(self, item: ConfigNode) -> None:
         value = item.value if isinstance(item, ScalarNode) else None
@@ -226,12 +227,11 @@ def trainer_settings(replication: Replication) -> dict[str, Any]:
     return {name: getattr(replication, name) for name in names}
 
 
-def check_arm(name: str) -> dict[str, Any]:
-    """Return an arm as JSON data.
+def check_arm(name: str) -> None:
+    """Check the name of an arm.
 
     Raises:
         UnknownNameError: there is no such arm.
     """
     if name not in ARMS:
         raise UnknownNameError(f"no arm {name!r}{suggest(name, ARMS)}")
-    return asdict(ARMS[name])

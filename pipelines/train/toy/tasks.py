@@ -113,15 +113,15 @@ def toy_task(name: str) -> ToyTask:
     widgets = tuple(
         _widget(kind, slot, stream)
         for kind, slot in zip(
-            _drawn(kinds, WIDGETS, stream), _drawn(slots, WIDGETS, stream), strict=True
+            _draw(kinds, WIDGETS, stream), _draw(slots, WIDGETS, stream), strict=True
         )
     )
     return ToyTask(
         name=name,
         goal=stream.choice(GOALS),
         widgets=widgets,
-        menu=tuple(_drawn(list(COLOURS), MENU, stream)),
-        order=tuple(_drawn(list(range(MENU)), MENU, stream)),
+        menu=tuple(_draw(list(COLOURS), MENU, stream)),
+        order=tuple(_draw(list(range(MENU)), MENU, stream)),
         corner=(stream.integer(0, WIDTH - WINDOW[0]), stream.integer(0, HEIGHT - 7 - WINDOW[1])),
         wallpaper=tuple(_colour(stream) for _ in range(3)),
         shapes=tuple(_shape(stream) for _ in range(2)),
@@ -146,7 +146,7 @@ def _shape(stream: Stream) -> Box:
     return x, y, x + stream.integer(8, 40), y + stream.integer(8, 30)
 
 
-def _drawn(options: Sequence[T], count: int, stream: Stream) -> list[T]:
+def _draw(options: Sequence[T], count: int, stream: Stream) -> list[T]:
     """Return `count` different options.
 
     Raises:
@@ -154,5 +154,5 @@ def _drawn(options: Sequence[T], count: int, stream: Stream) -> list[T]:
     """
     if count > len(options):
         raise ParameterError(f"cannot draw {count} of {len(options)}")
-    left = list(options)
-    return [left.pop(stream.integer(0, len(left) - 1)) for _ in range(count)]
+    remaining = list(options)
+    return [remaining.pop(stream.integer(0, len(remaining) - 1)) for _ in range(count)]

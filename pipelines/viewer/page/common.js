@@ -10,7 +10,7 @@ const hijack = (() => {
     element.append(...children);
     return element;
   };
-  const drawn = (tag, attributes = {}, ...children) => {
+  const makeSvg = (tag, attributes = {}, ...children) => {
     const element = document.createElementNS(SVG, tag);
     for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
     element.append(...children);
@@ -18,7 +18,7 @@ const hijack = (() => {
   };
   // What is drawn over a picture, with a light edge around it.
   const shape = (tag, layer, attributes) =>
-    ["halo", layer].map((kind) => drawn(tag, { class: `${kind} for-${layer}`, ...attributes }));
+    ["halo", layer].map((kind) => makeSvg(tag, { class: `${kind} for-${layer}`, ...attributes }));
   const show = (element, text) => {
     element.hidden = !text;
     element.textContent = text || "";
@@ -32,13 +32,13 @@ const hijack = (() => {
     return `#${String(new URLSearchParams(all)).replaceAll("+", "%20")}`;
   };
 
-  const ended = "No answer. Was `hijack view` ended? Start it again and open the address that it prints.";
+  const noAnswer = "No answer. Was `hijack view` ended? Start it again and open the address that it prints.";
   const ask = async (path) => {
     let answer;
     try {
       answer = await fetch(path);
     } catch {
-      throw new Error(ended);
+      throw new Error(noAnswer);
     }
     if (!answer.ok) throw new Error(await answer.text());
     return answer.json();
@@ -57,11 +57,11 @@ const hijack = (() => {
   const isField = (element) => element.matches?.("input:not([type=checkbox]), select, textarea");
   const isPlain = (event) => !(event.ctrlKey || event.altKey || event.metaKey);
   const help = (rows, search) => {
-    const list = rows.map(([keys, what]) =>
-      make("div", {}, make("dt", {}, ...keys.split(" ").flatMap((key) => [make("kbd", {}, key), " "])), make("dd", {}, what)));
-    const done = make("button", { type: "button" }, "Close");
-    const dialog = make("dialog", { class: "help", "aria-label": "Keys" }, make("h2", {}, "Keys"), make("dl", { class: "parameters" }, ...list), done);
-    done.addEventListener("click", () => dialog.close());
+    const list = rows.map(([keys, description]) =>
+      make("div", {}, make("dt", {}, ...keys.split(" ").flatMap((key) => [make("kbd", {}, key), " "])), make("dd", {}, description)));
+    const closeButton = make("button", { type: "button" }, "Close");
+    const dialog = make("dialog", { class: "help", "aria-label": "Keys" }, make("h2", {}, "Keys"), make("dl", { class: "parameters" }, ...list), closeButton);
+    closeButton.addEventListener("click", () => dialog.close());
     dialog.addEventListener("click", (event) => event.target === dialog && dialog.close());
     document.body.append(dialog);
     for (const button of document.querySelectorAll("button.ask")) button.addEventListener("click", () => dialog.showModal());
@@ -75,5 +75,5 @@ const hijack = (() => {
     return dialog;
   };
 
-  return { $, make, drawn, shape, show, pairs, state, address, ask, reason, help, isField, isPlain };
+  return { $, make, makeSvg, shape, show, pairs, state, address, ask, reason, help, isField, isPlain };
 })();

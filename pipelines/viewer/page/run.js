@@ -14,7 +14,7 @@ document.addEventListener("DOMContentLoaded", async () => {
   const { FILTERS, isExport, source, run, ids, texts, numbers, total, places, text, outcomeClass, matches, toEpisode, sameCase } = data;
 
   // ---- the address ----
-  let seeking = false; // the search is wanted once the list stands
+  let focusSearch = false; // focus the search once the list is drawn
   const go = (changes, replace = false) => {
     if (!replace) location.hash = address(changes);
     else {
@@ -27,61 +27,61 @@ document.addEventListener("DOMContentLoaded", async () => {
   const list = hijack.runList(data, go);
   const { drawView, drawDamage } = hijack.runEpisode(data, views);
 
-  const showOverview = (wanted) => {
+  const showOverview = (fragment) => {
     const last = $("episode").hidden ? null : places.get($("episode").dataset.id);
     $("episode").hidden = true;
     $("overview").hidden = false;
     document.title = `${run.title} – hijack view`;
-    drawBoard(wanted);
-    fillFilters(wanted);
-    list.drawHeads(wanted);
-    list.drawList(wanted);
+    drawBoard(fragment);
+    fillFilters(fragment);
+    list.drawHeads(fragment);
+    list.drawList(fragment);
     $("count").textContent = list.size() ? `${list.size().toLocaleString("en")} of ${total.toLocaleString("en")} episodes` : total ? "No episode matches" : "There are no episodes yet";
-    $("clear").hidden = ![...Object.keys(FILTERS), "q"].some((name) => wanted[name]);
+    $("clear").hidden = ![...Object.keys(FILTERS), "q"].some((name) => fragment[name]);
     $("heads").hidden = !list.size();
-    if (seeking) {
-      seeking = false;
+    if (focusSearch) {
+      focusSearch = false;
       filters.elements.q.focus();
     } else if (last !== null && last !== undefined) {
-      window.scrollTo(0, scrolled);
+      window.scrollTo(0, scrollTop);
       list.focusRow(list.placeOf(last));
     }
   };
 
   // ---- one episode ----
-  const known = new Map(); // the last episodes that were read
-  let scrolled = 0;
-  let shown = null; // what is shown: { main, other, step, last }
+  const episodeCache = new Map(); // the last episodes that were read
+  let scrollTop = 0;
+  let shownEpisode = null; // { n, other, step, last, back, next }
 
   const read = async (n) => {
-    if (!known.has(n)) known.set(n, await source.episode(n));
-    const episode = known.get(n);
-    known.delete(n);
-    known.set(n, episode);
-    while (known.size > 8 || text("outcome", known.keys().next().value) === "unfinished" && known.size > 1) known.delete(known.keys().next().value);
+    if (!episodeCache.has(n)) episodeCache.set(n, await source.episode(n));
+    const episode = episodeCache.get(n);
+    episodeCache.delete(n);
+    episodeCache.set(n, episode);
+    while (episodeCache.size > 8 || text("outcome", episodeCache.keys().next().value) === "unfinished" && episodeCache.size > 1) episodeCache.delete(episodeCache.keys().next().value);
     return episode;
   };
   // What hijack verify finds in the files is asked for when somebody stays.
   const checks = new Map();
-  let waiting;
+  let checkTimer;
   const checkLater = (n, current) => {
-    clearTimeout(waiting);
-    const say = () => {
+    clearTimeout(checkTimer);
+    const showResult = () => {
       if (!current()) return;
-      const found = checks.get(n);
-      $("checked").className = found?.length === 0 && !run.scored ? "facts ok" : "facts";
-      $("checked").textContent = found?.length === 0 && !run.scored && known.get(n)?.steps.length ? "hijack verify finds nothing wrong with the files of this episode" : "";
-      if (found?.length) drawDamage(views[0], known.get(n), found);
+      const problems = checks.get(n);
+      $("checked").className = problems?.length === 0 && !run.scored ? "facts ok" : "facts";
+      $("checked").textContent = problems?.length === 0 && !run.scored && episodeCache.get(n)?.steps.length ? "hijack verify finds nothing wrong with the files of this episode" : "";
+      if (problems?.length) drawDamage(views[0], episodeCache.get(n), problems);
     };
-    say();
+    showResult();
     if (checks.has(n)) return;
-    waiting = setTimeout(async () => {
+    checkTimer = setTimeout(async () => {
       try {
         checks.set(n, await source.check(n));
       } catch {
         return; // the server has ended: the next click says so
       }
-      say();
+      showResult();
     }, 700);
   };
 
@@ -89,7 +89,7 @@ document.addEventListener("DOMContentLoaded", async () => {
     const group = (label, all, name) => {
       if (all.length < 2) return "";
       const { codes } = texts[name]; // numbered in the order of the configuration, whichever episode ended first
-      const ordered = all.sort((one, other) => codes[one] - codes[other] || one - other);
+      const ordered = all.sort((a, b) => codes[a] - codes[b] || a - b);
       const links = ordered.slice(0, 60).map((other) => {
         const link = make("a", { href: toEpisode(other, { step, beside: "" }), class: outcomeClass(text("outcome", other)), title: ids[other] }, text(name, other) + (numbers.attempt[other] ? ` #${numbers.attempt[other] + 1}` : ""));
         if (other === n) link.setAttribute("aria-current", "true");
@@ -99,44 +99,44 @@ document.addEventListener("DOMContentLoaded", async () => {
     };
     $("kin").replaceChildren(group("Under", sameCase(n, ["agent", "task", "seed"]), "corruption"), group("By", sameCase(n, ["task", "corruption", "seed"]), "agent"));
   };
-  const besides = (n) => {
+  const comparable = (n) => {
     const peers = sameCase(n, ["task", "corruption", "seed"]).filter((other) => other !== n);
     const clean = sameCase(n, ["agent", "task", "seed"]).filter((other) => other !== n && text("corruption", other) === "clean");
     return [...peers, ...clean];
   };
   const drawBeside = (n, other) => {
-    const all = besides(n);
+    const all = comparable(n);
     if (other !== undefined && !all.includes(other)) all.push(other);
-    const option = (one) => make("option", { value: ids[one] }, `${text("agent", one)}${texts.corruption.codes[one] === texts.corruption.codes[n] ? "" : `, ${text("corruption", one)}`} (${text("outcome", one)})`);
+    const option = (peer) => make("option", { value: ids[peer] }, `${text("agent", peer)}${texts.corruption.codes[peer] === texts.corruption.codes[n] ? "" : `, ${text("corruption", peer)}`} (${text("outcome", peer)})`);
     $("beside").replaceChildren(make("option", { value: "" }, "nothing"), ...all.map(option));
     $("beside").value = other === undefined ? "" : ids[other];
     $("beside").closest("label").hidden = !all.length;
   };
 
-  const showEpisode = async (wanted, current) => {
-    const n = places.get(wanted.episode);
-    if (n === undefined) throw new Error(`There is no episode ${wanted.episode} here.`);
-    const other = wanted.beside ? places.get(wanted.beside) : undefined;
-    if (wanted.beside && other === undefined) throw new Error(`There is no episode ${wanted.beside} here to set beside it.`);
+  const showEpisode = async (fragment, current) => {
+    const n = places.get(fragment.episode);
+    if (n === undefined) throw new Error(`There is no episode ${fragment.episode} here.`);
+    const other = fragment.beside ? places.get(fragment.beside) : undefined;
+    if (fragment.beside && other === undefined) throw new Error(`There is no episode ${fragment.beside} here to set beside it.`);
     const [episode, beside] = await Promise.all([read(n), other === undefined ? null : read(other)]);
     if (!current()) return;
     const first = $("episode").hidden;
-    if (first) scrolled = $("overview").hidden ? 0 : window.scrollY;
+    if (first) scrollTop = $("overview").hidden ? 0 : window.scrollY;
     $("overview").hidden = true;
     $("episode").hidden = false;
     $("episode").dataset.id = ids[n];
     const last = Math.max(0, episode.steps.length - 1, beside ? beside.steps.length - 1 : 0);
-    const asked = /^\d{1,6}$/.test(wanted.step || "") ? Number(wanted.step) : 0;
-    const step = Math.min(asked, last);
-    const found = matches(wanted);
-    const place = found.indexOf(n);
-    shown = { n, other, step, last, back: found[place - 1], next: place < 0 ? found[0] : found[place + 1] };
+    const requestedStep = /^\d{1,6}$/.test(fragment.step || "") ? Number(fragment.step) : 0;
+    const step = Math.min(requestedStep, last);
+    const matching = matches(fragment);
+    const place = matching.indexOf(n);
+    shownEpisode = { n, other, step, last, back: matching[place - 1], next: place < 0 ? matching[0] : matching[place + 1] };
     $("name").textContent = `${text("task", n) || ids[n]} · ${text("corruption", n)}${text("seed", n) ? ` · seed ${text("seed", n)}` : ""}`;
     show($("instruction"), text("instruction", n));
-    $("position").textContent = place < 0 ? "not in the filter" : `${(place + 1).toLocaleString("en")} of ${found.length.toLocaleString("en")}`;
+    $("position").textContent = place < 0 ? "not in the filter" : `${(place + 1).toLocaleString("en")} of ${matching.length.toLocaleString("en")}`;
     $("step").textContent = episode.steps.length ? `step ${step} of ${last}` : "no steps";
-    $("back").disabled = shown.back === undefined;
-    $("next").disabled = shown.next === undefined;
+    $("back").disabled = shownEpisode.back === undefined;
+    $("next").disabled = shownEpisode.next === undefined;
     $("step-back").disabled = step <= 0;
     $("step-next").disabled = step >= last;
     drawKin(n, step);
@@ -153,30 +153,30 @@ document.addEventListener("DOMContentLoaded", async () => {
     }
   };
   window.addEventListener("resize", () => {
-    if (shown && !$("episode").hidden) render();
+    if (shownEpisode && !$("episode").hidden) render();
   });
 
   // ---- buttons and keys ----
   const close = () => go({ episode: "", step: "", beside: "" });
   const move = (n) => n !== undefined && go({ episode: ids[n], step: "", beside: "" });
-  const toStep = (step) => step >= 0 && step <= shown.last && go({ step }, true);
+  const toStep = (step) => step >= 0 && step <= shownEpisode.last && go({ step }, true);
   $("close").addEventListener("click", close);
-  $("back").addEventListener("click", () => move(shown.back));
-  $("next").addEventListener("click", () => move(shown.next));
-  $("step-back").addEventListener("click", () => toStep(shown.step - 1));
-  $("step-next").addEventListener("click", () => toStep(shown.step + 1));
+  $("back").addEventListener("click", () => move(shownEpisode.back));
+  $("next").addEventListener("click", () => move(shownEpisode.next));
+  $("step-back").addEventListener("click", () => toStep(shownEpisode.step - 1));
+  $("step-next").addEventListener("click", () => toStep(shownEpisode.step + 1));
   $("beside").addEventListener("change", () => go({ beside: $("beside").value }));
   $("clear").addEventListener("click", () => {
     filters.elements.q.value = "";
     location.hash = address({}, { sort: state().sort });
     filters.elements.q.focus();
   });
-  let typing;
+  let typingTimer;
   filters.addEventListener("submit", (event) => event.preventDefault());
   filters.addEventListener("input", (event) => {
     const { name, value } = event.target;
-    clearTimeout(typing);
-    if (name === "q") typing = setTimeout(() => go({ q: value.trim() }, true), 120);
+    clearTimeout(typingTimer);
+    if (name === "q") typingTimer = setTimeout(() => go({ q: value.trim() }, true), 120);
     else go({ [name]: value });
   });
   const keys = help([
@@ -191,8 +191,8 @@ document.addEventListener("DOMContentLoaded", async () => {
     ["/", "search"],
     ["?", "this list"],
   ], () => {
-    seeking = !$("episode").hidden;
-    if (seeking) close();
+    focusSearch = !$("episode").hidden;
+    if (focusSearch) close();
     else filters.elements.q.focus();
   });
   const flip = () => {
@@ -202,16 +202,16 @@ document.addEventListener("DOMContentLoaded", async () => {
     }
   };
   const beside = () => {
-    const [first] = besides(shown.n);
-    go({ beside: shown.other === undefined && first !== undefined ? ids[first] : "" });
+    const [first] = comparable(shownEpisode.n);
+    go({ beside: shownEpisode.other === undefined && first !== undefined ? ids[first] : "" });
   };
   const inEpisode = (event) => {
-    const episodes = { ArrowLeft: () => move(shown.back), ArrowRight: () => move(shown.next) };
+    const episodes = { ArrowLeft: () => move(shownEpisode.back), ArrowRight: () => move(shownEpisode.next) };
     const steps = {
-      ArrowLeft: () => toStep(shown.step - 1),
-      ArrowRight: () => toStep(shown.step + 1),
+      ArrowLeft: () => toStep(shownEpisode.step - 1),
+      ArrowRight: () => toStep(shownEpisode.step + 1),
       Home: () => toStep(0),
-      End: () => toStep(shown.last),
+      End: () => toStep(shownEpisode.last),
       Escape: close,
       b: flip,
       c: beside,
@@ -235,7 +235,7 @@ document.addEventListener("DOMContentLoaded", async () => {
       return;
     }
     if (event.target.matches?.("pre, .board, .strip") && event.key.startsWith("Arrow")) return;
-    const work = $("episode").hidden ? inList(event) : shown && inEpisode(event);
+    const work = $("episode").hidden ? inList(event) : shownEpisode && inEpisode(event);
     if (!work) return;
     event.preventDefault();
     work();
@@ -248,12 +248,12 @@ document.addEventListener("DOMContentLoaded", async () => {
   // ---- both ----
   let turn = 0;
   const render = async () => {
-    const mine = ++turn;
-    const current = () => mine === turn;
-    const wanted = state();
+    const turnNumber = ++turn;
+    const current = () => turnNumber === turn;
+    const fragment = state();
     try {
-      if (wanted.episode === undefined) showOverview(wanted);
-      else await showEpisode(wanted, current);
+      if (fragment.episode === undefined) showOverview(fragment);
+      else await showEpisode(fragment, current);
       if (current()) show($("trouble"), "");
     } catch (error) {
       if (!current()) return;

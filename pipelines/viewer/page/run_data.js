@@ -7,14 +7,14 @@ hijack.runData = async () => {
   const FILTERS = { agent: "Agent", task: "Task", corruption: "Corruption", outcome: "Outcome", seed: "Seed" };
   const SEARCHED = ["instruction", "note", "said", "task", "agent", "corruption", "problem"];
 
-  const inside = JSON.parse($("run-data").textContent);
-  const isExport = Boolean(inside.episodes);
+  const embedded = JSON.parse($("run-data").textContent);
+  const isExport = Boolean(embedded.episodes);
   const source = isExport
     ? {
-        run: async () => inside,
-        episode: async (n) => inside.episodes[n],
-        check: async (n) => inside.episodes[n].checked,
-        picture: (kind, n, step) => inside.pictures[inside.places[`${kind === "strip" ? "seen" : kind}/${n}/${step}`]] || "data:,",
+        run: async () => embedded,
+        episode: async (n) => embedded.episodes[n],
+        check: async (n) => embedded.episodes[n].checked,
+        picture: (kind, n, step) => embedded.pictures[embedded.places[`${kind === "strip" ? "seen" : kind}/${n}/${step}`]] || "data:,",
       }
     : {
         run: () => ask("api/run"),
@@ -46,16 +46,16 @@ hijack.runData = async () => {
   // ---- which episodes match ----
   const lowered = Object.fromEntries(SEARCHED.map((name) => [name, texts[name].values.map((value) => value.toLowerCase())]));
   const loweredIds = ids.map((id) => id.toLowerCase());
-  const searched = (words) => {
-    const wanted = words.trim().toLowerCase();
-    if (!wanted) return null;
-    const hits = SEARCHED.map((name) => [texts[name].codes, lowered[name].map((value) => value.includes(wanted))]);
-    return loweredIds.map((id, n) => id.includes(wanted) || hits.some(([codes, has]) => has[codes[n]]));
+  const searchMask = (words) => {
+    const needle = words.trim().toLowerCase();
+    if (!needle) return null;
+    const hits = SEARCHED.map((name) => [texts[name].codes, lowered[name].map((value) => value.includes(needle))]);
+    return loweredIds.map((id, n) => id.includes(needle) || hits.some(([codes, has]) => has[codes[n]]));
   };
-  const filterOf = (wanted, name) => {
-    if (!wanted[name]) return null;
-    const code = texts[name].values.indexOf(wanted[name]);
-    return texts[name].codes.map((found) => found === code);
+  const filterMask = (fragment, name) => {
+    if (!fragment[name]) return null;
+    const code = texts[name].values.indexOf(fragment[name]);
+    return texts[name].codes.map((value) => value === code);
   };
   const SORTS = {
     outcome: (n) => texts.outcome.codes[n],
@@ -66,35 +66,35 @@ hijack.runData = async () => {
     tokens: (n) => numbers.tokens[n] ?? -1,
     time: (n) => numbers.seconds[n] ?? -1,
   };
-  const matching = (wanted) => {
-    const masks = [...Object.keys(FILTERS).map((name) => filterOf(wanted, name)), searched(wanted.q || "")].filter(Boolean);
-    const found = [];
-    for (let n = 0; n < total; n++) if (masks.every((mask) => mask[n])) found.push(n);
-    const [, down, by] = /^(-?)(.*)$/.exec(wanted.sort || "");
+  const matching = (fragment) => {
+    const masks = [...Object.keys(FILTERS).map((name) => filterMask(fragment, name)), searchMask(fragment.q || "")].filter(Boolean);
+    const episodes = [];
+    for (let n = 0; n < total; n++) if (masks.every((mask) => mask[n])) episodes.push(n);
+    const [, down, by] = /^(-?)(.*)$/.exec(fragment.sort || "");
     const key = SORTS[by];
-    if (!key) return found;
-    const keys = new Map(found.map((n) => [n, key(n)]));
+    if (!key) return episodes;
+    const keys = new Map(episodes.map((n) => [n, key(n)]));
     const way = down ? -1 : 1;
-    return found.sort((a, b) => (keys.get(a) < keys.get(b) ? -way : keys.get(a) > keys.get(b) ? way : a - b));
+    return episodes.sort((a, b) => (keys.get(a) < keys.get(b) ? -way : keys.get(a) > keys.get(b) ? way : a - b));
   };
-  let kept = { asked: null, found: [] };
-  const matches = (wanted) => {
-    const asked = JSON.stringify([...Object.keys(FILTERS), "q", "sort"].map((name) => wanted[name] || ""));
-    if (kept.asked !== asked) kept = { asked, found: matching(wanted) };
-    return kept.found;
+  let cache = { question: null, episodes: [] };
+  const matches = (fragment) => {
+    const question = JSON.stringify([...Object.keys(FILTERS), "q", "sort"].map((name) => fragment[name] || ""));
+    if (cache.question !== question) cache = { question, episodes: matching(fragment) };
+    return cache.episodes;
   };
 
   const toEpisode = (n, changes = {}) => address({ episode: ids[n], ...changes });
   const sameCase = (n, fields) => {
-    const found = [];
+    const episodes = [];
     for (let other = 0; other < total; other++) {
-      if (fields.every((name) => texts[name].codes[other] === texts[name].codes[n])) found.push(other);
+      if (fields.every((name) => texts[name].codes[other] === texts[name].codes[n])) episodes.push(other);
     }
-    return found;
+    return episodes;
   };
 
   return {
     FILTERS, isExport, source, run, ids, texts, numbers, total, places, text, tokenText, timeText, scoreText,
-    outcomeClass, outcome, searched, filterOf, matches, toEpisode, sameCase,
+    outcomeClass, outcome, searchMask, filterMask, matches, toEpisode, sameCase,
   };
 };

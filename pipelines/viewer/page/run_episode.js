@@ -6,9 +6,9 @@ hijack.runEpisode = (data, views) => {
   const { drawOver } = hijack.runStrokes;
   const { isExport, source, numbers, text, timeText, scoreText, outcomeClass, sameCase } = data;
   const part = (view, selector) => view.querySelector(selector);
-  const opened = new Set();
+  const openGroups = new Set();
 
-  const beforeOf = (n, step, data) => {
+  const beforePicture = (n, step, data) => {
     if (!step.no_before) return { src: source.picture("clean", n, step.step), tag: "clean", words: "" };
     if (!step.effects.length) return null;
     const last = data.steps[step.step - 1];
@@ -20,12 +20,12 @@ hijack.runEpisode = (data, views) => {
   const drawPictures = (view, n, step, data) => {
     const frame = part(view, ".frame");
     const trouble = part(view, ".stage > .trouble");
-    const lost = step.lost;
-    show(trouble, lost);
-    frame.hidden = part(view, ".under").hidden = Boolean(lost);
+    const lossReason = step.lost;
+    show(trouble, lossReason);
+    frame.hidden = part(view, ".under").hidden = Boolean(lossReason);
     view.dataset.place = `${n}/${step.step}`;
-    if (lost) return;
-    const left = beforeOf(n, step, data);
+    if (lossReason) return;
+    const left = beforePicture(n, step, data);
     frame.classList.toggle("single", !left);
     if (left) part(view, ".tag.left").textContent = left.tag;
     if (step.size) {
@@ -54,11 +54,11 @@ hijack.runEpisode = (data, views) => {
       const image = part(view, `.${name}`);
       image.addEventListener("error", async () => {
         const place = view.dataset.place;
-        const why = await reason(image.src);
+        const message = await reason(image.src);
         if (view.dataset.place !== place) return;
         if (name === "after") frame.hidden = part(view, ".under").hidden = true;
         else frame.classList.add("single");
-        show(part(view, ".stage > .trouble"), name === "after" ? why : `The clean screen: ${why}`);
+        show(part(view, ".stage > .trouble"), name === "after" ? message : `The clean screen: ${message}`);
       });
     }
     for (const box of view.querySelectorAll("[data-layer]")) {
@@ -68,22 +68,22 @@ hijack.runEpisode = (data, views) => {
       });
     }
     for (const group of view.querySelectorAll(":scope > details")) {
-      group.addEventListener("toggle", () => opened[group.open ? "add" : "delete"](group.className));
+      group.addEventListener("toggle", () => openGroups[group.open ? "add" : "delete"](group.className));
     }
   }
 
   const effectItem = (effect, all) => {
     const item = make("li", {}, make("strong", {}, effect.kind), all ? ` at step ${effect.step}` : "");
-    const probe = (found, words) => {
-      const say = found.ok ? words : found.problem || `${words}: no`;
-      const line = make("span", { class: found.ok ? "probe" : "probe no" }, say);
-      if (found.facts) line.title = found.facts;
+    const probe = (result, words) => {
+      const verdict = result.ok ? words : result.problem || `${words}: no`;
+      const line = make("span", { class: result.ok ? "probe" : "probe no" }, verdict);
+      if (result.facts) line.title = result.facts;
       return line;
     };
-    item.append(...effect.probes.map((found, k) => probe(found, k ? `probed again${found.facts ? `: ${found.facts}` : ""}` : `probed${found.facts ? `: ${found.facts}` : ""}`)));
+    item.append(...effect.probes.map((result, k) => probe(result, k ? `probed again${result.facts ? `: ${result.facts}` : ""}` : `probed${result.facts ? `: ${result.facts}` : ""}`)));
     if (!effect.probes.length) item.append(make("span", { class: "probe no" }, "no probe was recorded"));
     if (all) {
-      item.append(...effect.undone.map((found) => probe(found, "undone")));
+      item.append(...effect.undone.map((result) => probe(result, "undone")));
       if (effect.did) item.append(make("pre", { tabindex: "0", "aria-label": "What it did" }, effect.did));
     }
     return item;
@@ -96,20 +96,20 @@ hijack.runEpisode = (data, views) => {
       return words;
     };
     if (fill(".said", step.said)) part(view, ".words").textContent = step.said;
-    const done = step.action || (step.code ? "" : step.step === last ? "None: this is the last screen" : "No action");
-    part(view, ".action-words").textContent = done + (step.recorded ? ` (recorded: ${step.recorded})` : "");
+    const actionText = step.action || (step.code ? "" : step.step === last ? "None: this is the last screen" : "No action");
+    part(view, ".action-words").textContent = actionText + (step.recorded ? ` (recorded: ${step.recorded})` : "");
     show(part(view, ".code-text"), [step.code, step.ran && `# on the screen, in its own pixels:\n${step.ran}`].filter(Boolean).join("\n"));
     show(part(view, ".refused"), [step.error && `Refused: ${step.error}`, step.result, step.problem].filter(Boolean).join("\n"));
     part(view, ".happened").hidden = !step.effects.length;
     part(view, ".happened .effects").replaceChildren(...step.effects.map((k) => effectItem(data.effects[k], false)));
     part(view, ".watched").hidden = !step.onlooker.length;
     part(view, ".talk").replaceChildren(...step.onlooker.map(([role, words]) => make("p", {}, make("small", {}, ROLES[role] || role), words || "(nothing)")));
-    const used = step.usage || {};
+    const usage = step.usage || {};
     const figures = [
-      ["tokens in", used.input_tokens?.toLocaleString("en")],
-      ["tokens out", used.output_tokens?.toLocaleString("en")],
-      ["model", used.seconds && timeText(used.seconds)],
-      ["cost", used.usd && `$${Number(used.usd.toPrecision(3))}`],
+      ["tokens in", usage.input_tokens?.toLocaleString("en")],
+      ["tokens out", usage.output_tokens?.toLocaleString("en")],
+      ["model", usage.seconds && timeText(usage.seconds)],
+      ["cost", usage.usd && `$${Number(usage.usd.toPrecision(3))}`],
       ["screen settled", step.seconds.settle > 0.001 && timeText(step.seconds.settle)],
       ["effects", step.seconds.effects > 0.001 && timeText(step.seconds.effects)],
       ["action", step.seconds.action > 0.001 && timeText(step.seconds.action)],
@@ -126,7 +126,7 @@ hijack.runEpisode = (data, views) => {
     part(view, ".trace code").textContent = data.traceback;
     part(view, ".step-fields dl").replaceChildren(...pairs(step.fields));
     part(view, ".record-fields dl").replaceChildren(...pairs(data.fields));
-    for (const group of view.querySelectorAll(":scope > details")) group.open = opened.has(group.className);
+    for (const group of view.querySelectorAll(":scope > details")) group.open = openGroups.has(group.className);
   };
 
   const drawStrip = (view, n, data, now) => {
@@ -137,11 +137,11 @@ hijack.runEpisode = (data, views) => {
         const small = make("span", { class: "small" });
         if (step.lost) small.append("–");
         else small.append(make("img", { alt: "", loading: "lazy", src: source.picture("strip", n, step.step) }));
-        const happened = step.effects.map((k) => data.effects[k].kind);
-        if (step.error) happened.push("refused");
-        if (step.lost) happened.push("lost");
-        const marks = make("span", { class: "marks" }, String(step.step), ...happened.map((word) => make("b", {}, word)));
-        return make("li", {}, make("a", { href: "#", "data-step": step.step, "aria-label": `Step ${step.step}${happened.length ? `: ${happened.join(", ")}` : ""}` }, small, marks));
+        const labels = step.effects.map((k) => data.effects[k].kind);
+        if (step.error) labels.push("refused");
+        if (step.lost) labels.push("lost");
+        const marks = make("span", { class: "marks" }, String(step.step), ...labels.map((word) => make("b", {}, word)));
+        return make("li", {}, make("a", { href: "#", "data-step": step.step, "aria-label": `Step ${step.step}${labels.length ? `: ${labels.join(", ")}` : ""}` }, small, marks));
       }));
     }
     for (const link of strip.querySelectorAll("a")) {
@@ -154,23 +154,23 @@ hijack.runEpisode = (data, views) => {
       }
     }
   };
-  const drawDamage = (view, data, checked = []) => {
-    const all = [...new Set([...data.problems, ...checked])];
+  const drawDamage = (view, data, verifyProblems = []) => {
+    const all = [...new Set([...data.problems, ...verifyProblems])];
     const box = part(view, ".damage");
     box.hidden = !all.length;
     part(view, ".damage h3").textContent = all.length === 1 ? "This episode is damaged" : `This episode is damaged: ${all.length} problems`;
     part(view, ".damage ul").replaceChildren(...all.map((problem) => make("li", {}, problem)));
   };
-  const drawView = (view, n, data, wantedStep, main, problems) => {
+  const drawView = (view, n, data, requestedStep, main, problems) => {
     view.hidden = false;
     const isOther = text("corruption", n) !== text("corruption", main);
-    const given = text("given", n) && `given ${text("given", n)}`;
-    part(view, ".who").textContent = [text("agent", n), given, isOther && text("corruption", n)].filter(Boolean).join(" · ");
+    const inputs = text("given", n) && `given ${text("given", n)}`;
+    part(view, ".who").textContent = [text("agent", n), inputs, isOther && text("corruption", n)].filter(Boolean).join(" · ");
     const end = part(view, ".outcome");
     end.className = outcomeClass(text("outcome", n));
     end.textContent = scoreText(n);
-    const why = data.problem || data.reason || text("note", n);
-    const ended = { max_steps: "ended by the limit of steps", outside: "cut off from outside" }[data.ended];
+    const message = data.problem || data.reason || text("note", n);
+    const endReason = { max_steps: "ended by the limit of steps", outside: "cut off from outside" }[data.ended];
     const usage = [
       numbers.steps[n] !== null && `${numbers.steps[n]} steps`,
       data.malformed && `${data.malformed} refused`,
@@ -178,7 +178,7 @@ hijack.runEpisode = (data, views) => {
       numbers.tokens[n] && `${numbers.tokens[n].toLocaleString("en")} tokens`,
       numbers.usd[n] && `$${Number(numbers.usd[n].toPrecision(3))}`,
     ];
-    part(view, ".note").textContent = [why, ended, ...usage].filter(Boolean).join(" · ");
+    part(view, ".note").textContent = [message, endReason, ...usage].filter(Boolean).join(" · ");
     drawDamage(view, data, problems);
     const sides = part(view, ".sides");
     sides.hidden = !data.steps.length;
@@ -190,7 +190,7 @@ hijack.runEpisode = (data, views) => {
       part(view, ".record-fields dl").replaceChildren(...pairs(data.fields));
       return;
     }
-    const step = data.steps[Math.min(wantedStep, data.steps.length - 1)];
+    const step = data.steps[Math.min(requestedStep, data.steps.length - 1)];
     drawPictures(view, n, step, data);
     drawText(view, n, data, step);
     drawOver(view, step);

@@ -5,30 +5,30 @@
 hijack.runList = (data, go) => {
   const { $, make } = hijack;
   const { isExport, ids, numbers, text, tokenText, timeText, outcome, matches, toEpisode } = data;
-  const MOST_EXPORTED = 30;
+  const MAX_EXPORTED = 30;
 
   const list = $("list");
-  const chosen = new Set();
+  const selection = new Set();
   let rows = new Map();
-  let listed = [];
+  let episodes = [];
   let rowHeight = 40;
   const HEADS = [["", ""], ["outcome", "Outcome"], ["task", "Task"], ["corruption", "Corruption"], ["agent", "Agent"], ["", "Seed"], ["steps", "Steps"], ["tokens", "Tokens"], ["time", "Time"], ["", "Why"]];
   const WIDE = new Set(["Tokens", "Time", "Why", "Seed"]);
-  const drawHeads = (wanted) => {
+  const drawHeads = (fragment) => {
     $("heads").replaceChildren(...HEADS.map(([by, label]) => {
       const kind = `${["Steps", "Tokens", "Time"].includes(label) ? "n " : ""}${WIDE.has(label) ? "wide" : ""}`;
       if (!by) return make("span", { class: kind }, label);
-      const sorted = (wanted.sort || "").replace("-", "") === by;
-      const down = (wanted.sort || "").startsWith("-");
+      const sorted = (fragment.sort || "").replace("-", "") === by;
+      const down = (fragment.sort || "").startsWith("-");
       const button = make("button", { type: "button", class: kind, "aria-pressed": String(sorted), title: `Sort by ${label.toLowerCase()}` }, label + (sorted ? (down ? " ↓" : " ↑") : ""));
       button.addEventListener("click", () => go({ sort: sorted ? (down ? "" : `-${by}`) : by }, true));
       return button;
     }));
   };
   const row = (place) => {
-    const n = listed[place];
+    const n = episodes[place];
     const box = make("input", { type: "checkbox", "aria-label": `Choose ${ids[n]}` });
-    box.checked = chosen.has(n);
+    box.checked = selection.has(n);
     box.addEventListener("change", () => choose([n], box.checked));
     const problem = text("problem", n);
     const note = problem || text("note", n);
@@ -43,7 +43,7 @@ hijack.runList = (data, go) => {
       make("span", { class: "n soft wide" }, tokenText(numbers.tokens[n])),
       make("span", { class: "n soft wide" }, timeText(numbers.seconds[n])),
       make("span", { class: problem ? "damaged wide" : "soft wide" }, note));
-    const item = make("li", { "aria-setsize": listed.length, "aria-posinset": place + 1 }, ...(isExport ? [] : [box]), link);
+    const item = make("li", { "aria-setsize": episodes.length, "aria-posinset": place + 1 }, ...(isExport ? [] : [box]), link);
     item.style.transform = `translateY(${place * rowHeight}px)`;
     return item;
   };
@@ -51,7 +51,7 @@ hijack.runList = (data, go) => {
     if ($("overview").hidden) return;
     const top = list.getBoundingClientRect().top;
     const first = Math.max(0, Math.floor(-top / rowHeight) - 12);
-    const end = Math.min(listed.length, Math.ceil((innerHeight - top) / rowHeight) + 12);
+    const end = Math.min(episodes.length, Math.ceil((innerHeight - top) / rowHeight) + 12);
     for (const [place, element] of rows) {
       if ((place < first || place >= end) && !element.contains(document.activeElement)) {
         element.remove();
@@ -64,17 +64,17 @@ hijack.runList = (data, go) => {
       list.append(rows.get(place));
     }
   };
-  const drawList = (wanted) => {
-    listed = matches(wanted);
+  const drawList = (fragment) => {
+    episodes = matches(fragment);
     rows = new Map();
     list.replaceChildren();
     rowHeight = parseFloat(getComputedStyle(list).getPropertyValue("--row")) * parseFloat(getComputedStyle(document.documentElement).fontSize);
-    list.style.height = `${listed.length * rowHeight}px`;
+    list.style.height = `${episodes.length * rowHeight}px`;
     drawRows();
-    drawChosen();
+    drawSelection();
   };
   const focusRow = (place) => {
-    if (place < 0 || place >= listed.length) return;
+    if (place < 0 || place >= episodes.length) return;
     const top = list.getBoundingClientRect().top + place * rowHeight;
     const bar = $("filters").getBoundingClientRect().height;
     if (top < bar + 10) window.scrollBy(0, top - bar - 10);
@@ -88,29 +88,29 @@ hijack.runList = (data, go) => {
   };
 
   // ---- chosen episodes ----
-  const drawChosen = () => {
-    const count = chosen.size;
-    $("choose").textContent = count ? "Choose none" : `Choose these ${Math.min(listed.length, MOST_EXPORTED)}`;
-    $("choose").hidden = isExport || (!count && !listed.length);
+  const drawSelection = () => {
+    const count = selection.size;
+    $("choose").textContent = count ? "Choose none" : `Choose these ${Math.min(episodes.length, MAX_EXPORTED)}`;
+    $("choose").hidden = isExport || (!count && !episodes.length);
     const link = $("export");
     link.hidden = isExport;
-    const can = count > 0 && count <= MOST_EXPORTED;
-    link.textContent = count > MOST_EXPORTED ? `${count} chosen: at most ${MOST_EXPORTED} at a time` : count ? `Export ${count}` : "Export";
+    const can = count > 0 && count <= MAX_EXPORTED;
+    link.textContent = count > MAX_EXPORTED ? `${count} chosen: at most ${MAX_EXPORTED} at a time` : count ? `Export ${count}` : "Export";
     link.setAttribute("aria-disabled", String(!can));
     link.title = "One HTML file that opens without a server";
-    if (can) link.href = `export?episodes=${[...chosen].sort((a, b) => a - b).join()}`;
+    if (can) link.href = `export?episodes=${[...selection].sort((a, b) => a - b).join()}`;
     else link.removeAttribute("href");
   };
   const choose = (all, on) => {
-    for (const n of all) chosen[on ? "add" : "delete"](n);
+    for (const n of all) selection[on ? "add" : "delete"](n);
     for (const [place, element] of rows) {
       const box = element.querySelector("input");
-      if (box) box.checked = chosen.has(listed[place]);
+      if (box) box.checked = selection.has(episodes[place]);
     }
-    drawChosen();
+    drawSelection();
   };
-  $("choose").addEventListener("click", () => (chosen.size ? choose([...chosen], false) : choose(listed.slice(0, MOST_EXPORTED), true)));
-  const toggle = (place) => choose([listed[place]], !chosen.has(listed[place]));
+  $("choose").addEventListener("click", () => (selection.size ? choose([...selection], false) : choose(episodes.slice(0, MAX_EXPORTED), true)));
+  const toggle = (place) => choose([episodes[place]], !selection.has(episodes[place]));
 
-  return { drawHeads, drawList, drawRows, focusRow, focusedRow, toggle, size: () => listed.length, placeOf: (n) => listed.indexOf(n) };
+  return { drawHeads, drawList, drawRows, focusRow, focusedRow, toggle, size: () => episodes.length, placeOf: (n) => episodes.indexOf(n) };
 };

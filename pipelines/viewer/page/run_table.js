@@ -3,7 +3,7 @@
 // The table of agents and corruptions, and the filters below it.
 hijack.runTable = (data) => {
   const { $, make, address } = hijack;
-  const { FILTERS, run, texts, numbers, total, text, searched, filterOf } = data;
+  const { FILTERS, run, texts, numbers, total, text, searchMask, filterMask } = data;
 
   // ---- the table ----
   // The last attempt at a case counts, as in the report.
@@ -11,47 +11,47 @@ hijack.runTable = (data) => {
     const last = new Map();
     const names = ["agent", "corruption", "task", "seed"];
     for (let n = 0; n < total; n++) last.set(names.map((name) => texts[name].codes[n]).join(), n);
-    const found = new Map();
+    const cellsByKey = new Map();
     for (const n of last.values()) {
       const key = `${texts.agent.codes[n]},${texts.corruption.codes[n]}`;
-      const cell = found.get(key) || { all: 0, counted: 0, sum: 0 };
+      const cell = cellsByKey.get(key) || { all: 0, counted: 0, sum: 0 };
       cell.all += 1;
       if (run.counts[n]) {
         cell.counted += 1;
         cell.sum += numbers.score[n] ?? 0;
       }
-      found.set(key, cell);
+      cellsByKey.set(key, cell);
     }
-    return found;
+    return cellsByKey;
   };
   const percent = (share) => (share === 1 || share === 0 ? `${100 * share}` : (100 * share).toFixed(share > 0.995 || share < 0.005 ? 1 : 0));
   const table = cells();
-  const given = new Map(); // by agent, in words
-  for (let n = 0; n < total; n++) if (text("given", n)) given.set(text("agent", n), text("given", n));
-  let drawnBoard = "";
+  const inputsByAgent = new Map(); // by agent, in words
+  for (let n = 0; n < total; n++) if (text("given", n)) inputsByAgent.set(text("agent", n), text("given", n));
+  let lastQuestion = "";
   const narrow = window.matchMedia("(max-width: 40rem)");
-  const drawBoard = (wanted) => {
-    const asked = `${narrow.matches} ${wanted.agent} ${wanted.corruption}`;
-    if (asked === drawnBoard) return;
-    drawnBoard = asked;
+  const drawBoard = (fragment) => {
+    const question = `${narrow.matches} ${fragment.agent} ${fragment.corruption}`;
+    if (question === lastQuestion) return;
+    lastQuestion = question;
     const [down, across] = narrow.matches ? ["corruption", "agent"] : ["agent", "corruption"];
     const jump = (changes) => address({ agent: "", corruption: "", episode: "", step: "", beside: "", ...changes });
-    const broken = (value) => value.split(/(?<=_)/).flatMap((word) => [word, make("wbr")]); // long names break at _
+    const breakable = (value) => value.split(/(?<=_)/).flatMap((word) => [word, make("wbr")]); // long names break at _
     const head = (name, value) => {
-      const more = name === "agent" && given.get(value); // results of an agent that was told more mean something else
-      const note = more ? [make("small", { class: "given", title: `given ${more}` }, `given ${more}`)] : [];
-      return make("th", { scope: name === down ? "row" : "col", title: value }, make("a", { href: jump({ [name]: value }) }, ...broken(value || "?")), ...note);
+      const inputs = name === "agent" && inputsByAgent.get(value); // results of an agent that was told more mean something else
+      const note = inputs ? [make("small", { class: "given", title: `given ${inputs}` }, `given ${inputs}`)] : [];
+      return make("th", { scope: name === down ? "row" : "col", title: value }, make("a", { href: jump({ [name]: value }) }, ...breakable(value || "?")), ...note);
     };
     const cell = (row, column) => {
       const codes = { [down]: row, [across]: column };
-      const found = table.get(`${codes.agent},${codes.corruption}`);
-      if (!found) return make("td");
+      const figures = table.get(`${codes.agent},${codes.corruption}`);
+      if (!figures) return make("td");
       const [agent, corruption] = [texts.agent.values[codes.agent], texts.corruption.values[codes.corruption]];
-      const share = found.counted ? found.sum / found.counted : null;
+      const share = figures.counted ? figures.sum / figures.counted : null;
       const words = share === null ? "–" : `${percent(share)} %`;
-      const link = make("a", { href: jump({ agent, corruption }), "aria-label": `${agent}, ${corruption}: ${words}, ${found.counted} of ${found.all} count` }, words, make("small", {}, String(found.counted)));
+      const link = make("a", { href: jump({ agent, corruption }), "aria-label": `${agent}, ${corruption}: ${words}, ${figures.counted} of ${figures.all} count` }, words, make("small", {}, String(figures.counted)));
       link.style.setProperty("--s", String(share ?? 0));
-      if (wanted.agent === agent && wanted.corruption === corruption) link.setAttribute("aria-current", "true");
+      if (fragment.agent === agent && fragment.corruption === corruption) link.setAttribute("aria-current", "true");
       return make("td", {}, link);
     };
     const columns = texts[across].values;
@@ -66,23 +66,23 @@ hijack.runTable = (data) => {
     if (name === "seed" && texts.seed.values.length > 200) continue; // in scoring runs, steps of recordings
     filters.append(make("label", { class: "field" }, make("span", {}, label), make("select", { name })));
   }
-  const fillFilters = (wanted) => {
-    const found = searched(wanted.q || "");
-    const masks = Object.fromEntries(Object.keys(FILTERS).map((name) => [name, filterOf(wanted, name)]));
+  const fillFilters = (fragment) => {
+    const searchHits = searchMask(fragment.q || "");
+    const masks = Object.fromEntries(Object.keys(FILTERS).map((name) => [name, filterMask(fragment, name)]));
     for (const name of Object.keys(FILTERS)) {
       const select = filters.elements[name];
       if (!select) continue;
-      const others = Object.entries(masks).filter(([other, mask]) => other !== name && mask).map(([, mask]) => mask);
-      if (found) others.push(found);
+      const otherMasks = Object.entries(masks).filter(([other, mask]) => other !== name && mask).map(([, mask]) => mask);
+      if (searchHits) otherMasks.push(searchHits);
       const { values, codes } = texts[name];
       const counts = new Array(values.length).fill(0);
-      for (let n = 0; n < total; n++) if (others.every((mask) => mask[n])) counts[codes[n]] += 1;
-      const options = values.map((value, code) => [value, counts[code]]).filter(([value, count]) => value && (count || value === wanted[name]));
+      for (let n = 0; n < total; n++) if (otherMasks.every((mask) => mask[n])) counts[codes[n]] += 1;
+      const options = values.map((value, code) => [value, counts[code]]).filter(([value, count]) => value && (count || value === fragment[name]));
       select.replaceChildren(make("option", { value: "" }, "all"), ...options.map(([value, count]) => make("option", { value }, `${value} (${count})`)));
-      select.value = wanted[name] || "";
-      select.classList.toggle("on", Boolean(wanted[name]));
+      select.value = fragment[name] || "";
+      select.classList.toggle("on", Boolean(fragment[name]));
     }
-    if (document.activeElement !== filters.elements.q) filters.elements.q.value = wanted.q || "";
+    if (document.activeElement !== filters.elements.q) filters.elements.q.value = fragment.q || "";
   };
 
   return { filters, drawBoard, fillFilters };

@@ -2,7 +2,7 @@
 
 // The address after # is the state: a filter each, q (search), page, row. The divider and the copy button are the gallery's.
 document.addEventListener("DOMContentLoaded", async () => {
-  const { $, make, drawn, shape, show, pairs, state, address, ask, reason, help, isPlain } = hijack;
+  const { $, make, makeSvg, shape, show, pairs, state, address, ask, reason, help, isPlain } = hijack;
   const go = (changes, replace = false) => {
     if (replace) {
       history.replaceState(null, "", address(changes));
@@ -12,27 +12,27 @@ document.addEventListener("DOMContentLoaded", async () => {
 
   // ---- the grid ----
   const filters = $("filters");
-  let listed = null; // the question that the grid answers
-  let scrolled = 0;
-  let seeking = false; // the search is wanted once the grid stands
+  let lastQuestion = null; // the question that the grid answers
+  let scrollTop = 0;
+  let focusSearch = false; // focus the search once the grid is drawn
 
   const addFilters = (labels) => {
     for (const [name, label] of Object.entries(labels)) {
       filters.append(make("label", { class: "field" }, make("span", {}, label), make("select", { name })));
     }
   };
-  const fillFilters = (choices, chosen) => {
+  const fillFilters = (choices, selected) => {
     for (const [name, { values, more }] of Object.entries(choices)) {
       const select = filters.elements[name];
       const options = values.map(([value, count]) => make("option", { value }, `${value} (${count})`));
       if (more) options.push(make("option", { disabled: "" }, `${more} more: use the search`));
       select.replaceChildren(make("option", { value: "" }, "all"), ...options);
-      select.value = chosen[name] || "";
-      select.classList.toggle("on", Boolean(chosen[name]));
+      select.value = selected[name] || "";
+      select.classList.toggle("on", Boolean(selected[name]));
     }
   };
   const outline = ({ size, box, points }) => {
-    const over = drawn("svg", { class: "over", "aria-hidden": "true" });
+    const over = makeSvg("svg", { class: "over", "aria-hidden": "true" });
     if (!size) return over;
     over.setAttribute("viewBox", `0 0 ${size[0]} ${size[1]}`); // the picture is fitted alike: whole, in the middle
     if (box) {
@@ -42,7 +42,7 @@ document.addEventListener("DOMContentLoaded", async () => {
     if (points.length) over.append(...shape("circle", "action", { cx: points[0][0], cy: points[0][1], r: size[0] / 60 }));
     return over;
   };
-  const titled = (title) => { // of a long name the end is cut, never the step
+  const titleSpan = (title) => { // of a long name the end is cut, never the step
     const at = title.lastIndexOf(" \u00b7 ");
     return make("span", { class: "title" }, make("span", {}, title.slice(0, at)), make("span", {}, title.slice(at)));
   };
@@ -59,18 +59,18 @@ document.addEventListener("DOMContentLoaded", async () => {
       make("span", { class: "task" }, instruction || "No instruction"),
       make("span", { class: "done" }, action),
       make("span", { class: "chips" }, ...words.filter((chip) => chip.textContent)),
-      titled(title));
+      titleSpan(title));
     return make("li", { class: "tile" }, make("a", { href: address({ row }), "data-row": row, title: id }, thumb, caption));
   };
   const chipText = (name, value) => (name === "score" ? `score ${value}` : value);
 
-  const showGrid = async (wanted, current) => {
-    const { row, ...query } = wanted;
+  const showGrid = async (fragment, current) => {
+    const { row, ...query } = fragment;
     const question = `api/rows?${new URLSearchParams(query)}`;
-    if (question !== listed) {
+    if (question !== lastQuestion) {
       const answer = await ask(question);
       if (!current()) return;
-      listed = question;
+      lastQuestion = question;
       fillFilters(answer.filters, query);
       const search = filters.elements.q;
       if (document.activeElement !== search) search.value = query.q || "";
@@ -91,21 +91,21 @@ document.addEventListener("DOMContentLoaded", async () => {
     $("detail").hidden = true;
     $("grid").hidden = false;
     document.title = `${about.title} – hijack view`;
-    if (seeking) {
-      seeking = false;
+    if (focusSearch) {
+      focusSearch = false;
       filters.elements.q.focus();
     } else if (last !== null) {
-      window.scrollTo(0, scrolled);
+      window.scrollTo(0, scrollTop);
       $("tiles").querySelector(`[data-row="${last}"]`)?.focus();
     }
   };
 
-  let typing;
+  let typingTimer;
   filters.addEventListener("submit", (event) => event.preventDefault());
   filters.addEventListener("input", (event) => {
     const { name, value } = event.target;
-    clearTimeout(typing);
-    if (name === "q") typing = setTimeout(() => go({ q: value.trim(), page: "" }, true), 200);
+    clearTimeout(typingTimer);
+    if (name === "q") typingTimer = setTimeout(() => go({ q: value.trim(), page: "" }, true), 200);
     else go({ [name]: value, page: "" });
   });
   $("clear").addEventListener("click", () => {
@@ -169,11 +169,11 @@ document.addEventListener("DOMContentLoaded", async () => {
   for (const name of ["after", "before"]) {
     $(name).addEventListener("error", async () => {
       const row = open?.row;
-      const why = await reason($(name).src);
+      const message = await reason($(name).src);
       if (open?.row !== row) return;
       if (name === "after") frame.hidden = $("layers").hidden = true;
       else frame.classList.add("single");
-      show($("problem"), name === "after" ? why : `The picture before: ${why}`);
+      show($("problem"), name === "after" ? message : `The picture before: ${message}`);
     });
   }
 
@@ -182,7 +182,7 @@ document.addEventListener("DOMContentLoaded", async () => {
     if (current) element.setAttribute("aria-current", "true");
     return element;
   };
-  const opened = new Set(["Columns", "Step"]);
+  const openGroups = new Set(["Columns", "Step"]);
   const showText = (answer) => {
     const { detail, row } = answer;
     $("name").textContent = `${answer.title}${answer.chips.corruption ? ` · ${answer.chips.corruption}` : ""}`;
@@ -199,8 +199,8 @@ document.addEventListener("DOMContentLoaded", async () => {
     $("plan").hidden = !detail.plan;
     $("plan").querySelector("code").textContent = detail.plan;
     const groups = Object.entries(detail.fields).map(([title, list]) => {
-      const group = make("details", opened.has(title) ? { open: "" } : {}, make("summary", {}, title), make("dl", { class: "parameters" }, ...pairs(list)));
-      group.addEventListener("toggle", () => opened[group.open ? "add" : "delete"](title));
+      const group = make("details", openGroups.has(title) ? { open: "" } : {}, make("summary", {}, title), make("dl", { class: "parameters" }, ...pairs(list)));
+      group.addEventListener("toggle", () => openGroups[group.open ? "add" : "delete"](title));
       return group;
     });
     $("fields").replaceChildren(...groups);
@@ -210,12 +210,12 @@ document.addEventListener("DOMContentLoaded", async () => {
     }
   };
 
-  const showRow = async (wanted, current) => {
-    const { page, ...query } = wanted;
+  const showRow = async (fragment, current) => {
+    const { page, ...query } = fragment;
     const answer = await ask(`api/row?${new URLSearchParams(query)}`);
     if (!current()) return;
     const first = $("detail").hidden;
-    if (first) scrolled = window.scrollY;
+    if (first) scrollTop = window.scrollY;
     open = answer;
     $("detail").dataset.row = answer.row;
     $("grid").hidden = true;
@@ -228,8 +228,8 @@ document.addEventListener("DOMContentLoaded", async () => {
       $("name").focus({ preventScroll: true });
     }
     for (const list of [$("same"), $("steps")]) {
-      const here = list.querySelector("[aria-current]");
-      if (here) list.scrollTop = here.offsetTop - list.offsetTop - list.clientHeight / 2; // scrollIntoView would move the page
+      const currentLink = list.querySelector("[aria-current]");
+      if (currentLink) list.scrollTop = currentLink.offsetTop - list.offsetTop - list.clientHeight / 2; // scrollIntoView would move the page
     }
   };
 
@@ -248,8 +248,8 @@ document.addEventListener("DOMContentLoaded", async () => {
     ["/", "search"],
     ["?", "this list"],
   ], () => {
-    seeking = !$("detail").hidden;
-    if (seeking) close();
+    focusSearch = !$("detail").hidden;
+    if (focusSearch) close();
     else filters.elements.q.focus();
   });
   document.addEventListener("keydown", (event) => {
@@ -265,11 +265,11 @@ document.addEventListener("DOMContentLoaded", async () => {
   // ---- both ----
   let turn = 0;
   const render = async () => {
-    const mine = ++turn;
-    const current = () => mine === turn;
-    const wanted = state();
+    const turnNumber = ++turn;
+    const current = () => turnNumber === turn;
+    const fragment = state();
     try {
-      await (wanted.row === undefined ? showGrid : showRow)(wanted, current);
+      await (fragment.row === undefined ? showGrid : showRow)(fragment, current);
       if (current()) show($("trouble"), "");
     } catch (error) {
       if (!current()) return;

@@ -1,9 +1,10 @@
-"""A run for the page: of `hijack bench` or `hijack score`, or the log of a `CorruptedEnv`.
+"""Runs for the viewer: of `hijack bench` or `hijack score`, or the log of a `CorruptedEnv`.
 
-`listing.py` reads one light entry for each episode, `source.py` opens a folder and answers about
-it, `episode.py` reads one episode with its steps, `requests.py` what was asked of models in it,
-`drawing.py` says what an action looks like on the picture, `scored.py` finds the rows of a scoring
-run in their dataset, and `export.py` writes chosen episodes as one file.
+`run_source.py` opens a folder. `listing.py` reads one light entry for each episode, and
+`entry_columns.py` arranges them for the page. `episode.py` reads one episode with its steps,
+`model_requests.py` the requests to models in it, `action_strokes.py` computes what to draw for an
+action, `scored_rows.py` finds the rows of a scoring run in their dataset, and `export.py` writes
+selected episodes to one file.
 """
 
 from .run_source import RunSource

@@ -1,4 +1,4 @@
-"""How to draw an action on the picture: clicks, drags, scrolls, and typed text."""
+"""Compute the strokes that show an action on the picture: clicks, drags, scrolls, typed text."""
 
 import ast
 import contextlib
@@ -12,8 +12,8 @@ from hijack_data.types import Action, Size
 from ..source import action_text
 from .listing import number
 
-MOST = 40  # the most strokes of one action, since an agent can write any number
-LONGEST = 20_000  # the most characters of code that is parsed
+MAX_STROKES = 40  # the most strokes of one action, since an agent can write any number
+MAX_CODE_CHARS = 20_000  # the most characters of code that is parsed
 
 
 def parse_strokes(code: str, size: Size | None) -> tuple[str, list[dict[str, Any]]]:
@@ -27,7 +27,7 @@ def parse_strokes(code: str, size: Size | None) -> tuple[str, list[dict[str, Any
         size: (height, width) of that picture, to which points are clamped; `None` if the size is
             unknown.
     """
-    if len(code) > LONGEST:
+    if len(code) > MAX_CODE_CHARS:
         return "code that is too long to be drawn", []
     with contextlib.suppress(HijackError, RecursionError):  # refused code may still be drawn
         request = read_action(code, allow_code=True)
@@ -35,14 +35,14 @@ def parse_strokes(code: str, size: Size | None) -> tuple[str, list[dict[str, Any
             return "asks for the desktop to be put in order", []
         code = request.code if request.kind == "code" else code
     try:
-        whole = parse_pyautogui(code, size)
+        action = parse_pyautogui(code, size)
     except (HijackError, RecursionError):
         return "not a pyautogui action", []
-    if whole.type != "other":
-        return action_text(vars(whole)), _strokes([whole])
+    if action.type != "other":
+        return action_text(vars(action)), _strokes([action])
     parts = _parts(code, size)
     if not parts:
-        return action_text(vars(whole)), _strokes([whole])
+        return action_text(vars(action)), _strokes([action])
     return ", then ".join(action_text(vars(part)) for part in parts), _strokes(parts)
 
 
@@ -52,9 +52,9 @@ def _parts(code: str, size: Size | None) -> list[Action]:
         statements = ast.parse(code).body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         return []
-    found: list[Action] = []
+    actions: list[Action] = []
     pointer: Action | None = None
-    for statement in statements[: 2 * MOST]:
+    for statement in statements[: 2 * MAX_STROKES]:
         try:
             action = parse_pyautogui(ast.unparse(statement), size)
         except (HijackError, RecursionError):
@@ -65,14 +65,14 @@ def _parts(code: str, size: Size | None) -> list[Action]:
             action = replace(action, x=pointer.x, y=pointer.y)
         if action.point is not None:
             pointer = action
-        found.append(action)
-        if len(found) == MOST:
+        actions.append(action)
+        if len(actions) == MAX_STROKES:
             break
-    return found
+    return actions
 
 
 def _strokes(actions: list[Action]) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = []
+    strokes: list[dict[str, Any]] = []
     for action in actions:
         stroke: dict[str, Any] = {"type": action.type}
         if action.point is not None:
@@ -87,5 +87,5 @@ def _strokes(actions: list[Action]) -> list[dict[str, Any]]:
         if amount is not None:
             stroke["amount"] = amount
         if len(stroke) > 1:
-            found.append(stroke)
-    return found
+            strokes.append(stroke)
+    return strokes

@@ -1,4 +1,4 @@
-"""The entries of a run in columns, the form that the page expects."""
+"""Arrange the entries of a run in columns, as the page expects them."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -29,12 +29,12 @@ def columns(entries: list[EpisodeEntry], config: Mapping[str, Any]) -> dict[str,
     Agents and corruptions come in the order of the configuration, as far as it names them.
     """
     first = {
-        "agent": _listed(config.get("agents")),
-        "corruption": [CLEAN, *_listed(config.get("corruptions"))],
+        "agent": _labels(config.get("agents")),
+        "corruption": [CLEAN, *_labels(config.get("corruptions"))],
         "outcome": [*OUTCOMES],
     }
     texts = {name: [getattr(entry, name) for entry in entries] for name in TEXTS}
-    coded = {name: _coded(values, first.get(name, [])) for name, values in texts.items()}
+    coded = {name: _encode(values, first.get(name, [])) for name, values in texts.items()}
     return {
         "ids": [entry.id for entry in entries],
         "counts": [int(entry.counts) for entry in entries],
@@ -43,20 +43,22 @@ def columns(entries: list[EpisodeEntry], config: Mapping[str, Any]) -> dict[str,
     }
 
 
-def _coded(values: list[str], first: list[str]) -> dict[str, Any]:
+def _encode(values: list[str], first: list[str]) -> dict[str, Any]:
     present = set(values)
-    known = {value: k for k, value in enumerate(dict.fromkeys(v for v in first if v in present))}
-    codes = [known.setdefault(value, len(known)) for value in values]
-    return {"values": list(known), "codes": codes}
+    codes_by_value = {
+        value: k for k, value in enumerate(dict.fromkeys(v for v in first if v in present))
+    }
+    codes = [codes_by_value.setdefault(value, len(codes_by_value)) for value in values]
+    return {"values": list(codes_by_value), "codes": codes}
 
 
-def _listed(entries: object) -> list[str]:
+def _labels(entries: object) -> list[str]:
     """Return the labels in a list of the configuration: `marks`, or `{marks: {as: LABEL}}`."""
-    found: list[str] = []
+    labels: list[str] = []
     for entry in listed(entries):
         if isinstance(entry, dict) and len(entry) == 1:
             ((entry, settings),) = entry.items()
             if isinstance(settings, dict):
                 entry = settings.get("as", entry)
-        found.append(word(entry))
-    return found
+        labels.append(word(entry))
+    return labels

@@ -17,9 +17,9 @@ from .action_strokes import parse_strokes
 from .listing import number
 from .model_requests import TurnMessages, read_turns, turn_numbers
 
-MOST_STEPS = 1000
-LONGEST = 20_000  # characters of one text
-BOXES = 2000
+MAX_STEPS = 1000
+MAX_TEXT_CHARS = 20_000  # characters of one text
+MAX_BOXES = 2000
 NOT_SHOWN = ("plan", "boxes", "said", "raw", "events", "previous")
 StepData: TypeAlias = dict[str, Any]
 
@@ -51,90 +51,90 @@ def read_lines(folder: Path, name: str, journal: Mapping[str, Any]) -> EpisodeLi
         name: of the episode.
         journal: its line in the journal; empty if there is none.
     """
-    found = EpisodeLines(home=folder / EPISODES / name, record=journal)
-    if not found.home.is_dir():
+    episode = EpisodeLines(home=folder / EPISODES / name, record=journal)
+    if not episode.home.is_dir():
         if journal.get("status") == "ok" or journal.get("steps"):
-            found.problems.append(f"there is no {EPISODES}/{name}: its steps are lost")
-        return found
-    _read_record(found, journal)
-    _read_steps(found)
-    told = found.record.get("lines")
-    if isinstance(told, int) and told != len(found.lines):
-        found.problems.append(f"{STEPS} has {len(found.lines)} lines, {EPISODE} says {told}")
-    return found
+            episode.problems.append(f"there is no {EPISODES}/{name}: its steps are lost")
+        return episode
+    _read_record(episode, journal)
+    _read_steps(episode)
+    line_count = episode.record.get("lines")
+    if isinstance(line_count, int) and line_count != len(episode.lines):
+        episode.problems.append(
+            f"{STEPS} has {len(episode.lines)} lines, {EPISODE} says {line_count}"
+        )
+    return episode
 
 
-def _read_record(found: EpisodeLines, journal: Mapping[str, Any]) -> None:
-    path = found.home / EPISODE
+def _read_record(episode: EpisodeLines, journal: Mapping[str, Any]) -> None:
+    path = episode.home / EPISODE
     if not path.exists():
-        found.problems.append(f"it has no {EPISODE}: it is being played, or was broken off")
+        episode.problems.append(f"it has no {EPISODE}: it is being played, or was broken off")
         return
     try:
-        found.record = parse_file(path)
+        episode.record = parse_file(path)
     except FieldError as error:
-        found.problems.append(f"{EPISODE}: {error}")
+        episode.problems.append(f"{EPISODE}: {error}")
         return
     if not journal:
         return
-    # the journal of version 1 had the agent's words, and the episode had not
-    later = {*LINKS, *({"said"} if journal.get("version", 1) == 1 else ())}
     differ = [
         key
-        for key in sorted({*journal, *found.record} - later)
-        if journal.get(key) != found.record.get(key)
+        for key in sorted({*journal, *episode.record} - set(LINKS))
+        if journal.get(key) != episode.record.get(key)
     ]
     if differ:
         names = ", ".join(differ[:4])
-        found.problems.append(f"{EPISODE} and its line in {RECORDS} differ in {names}")
+        episode.problems.append(f"{EPISODE} and its line in {RECORDS} differ in {names}")
 
 
-def _read_steps(found: EpisodeLines) -> None:
+def _read_steps(episode: EpisodeLines) -> None:
     try:
-        for place, line in enumerate(lines(inside(found.home, STEPS, STEPS))):
-            if place == MOST_STEPS:
-                found.problems.append(f"only the first {MOST_STEPS} steps are shown")
+        for place, line in enumerate(lines(inside(episode.home, STEPS, STEPS))):
+            if place == MAX_STEPS:
+                episode.problems.append(f"only the first {MAX_STEPS} steps are shown")
                 return
             try:
-                found.lines.append(mapping(line.record(), ""))
+                episode.lines.append(mapping(line.record(), ""))
             except FieldError as error:
-                found.lines.append({})
-                found.broken[place] = f"line {line.number} of {STEPS}: {error}"
-                found.problems.append(found.broken[place])
+                episode.lines.append({})
+                episode.broken[place] = f"line {line.number} of {STEPS}: {error}"
+                episode.problems.append(episode.broken[place])
     except FieldError as error:
-        found.problems.append(f"{STEPS}: {error.reason}")
+        episode.problems.append(f"{STEPS}: {error.reason}")
     except OSError as error:
-        found.problems.append(f"{STEPS}: cannot be read ({error.strerror or error})")
+        episode.problems.append(f"{STEPS}: cannot be read ({error.strerror or error})")
 
 
-def episode_data(folder: Path, name: str, found: EpisodeLines) -> dict[str, Any]:
+def episode_data(folder: Path, name: str, episode: EpisodeLines) -> dict[str, Any]:
     """Return the page's data of an episode in a folder."""
-    talk, problem = read_turns(folder, name, found.record)
-    turns = turn_numbers(found.lines)
-    effects = _effects(found)
+    turn_messages, problem = read_turns(folder, name, episode.record)
+    turns = turn_numbers(episode.lines)
+    effects = _effects(episode)
     steps = [
-        _step(found, place, talk.get(-1 if turn is None else turn), effects)
+        _step(episode, place, turn_messages.get(-1 if turn is None else turn), effects)
         for place, turn in enumerate(turns)
     ]
     missing = sum(bool(step["lost"]) for step in steps)
-    problems = [*found.problems, problem]
+    problems = [*episode.problems, problem]
     if missing:
         problems.append(f"the pictures of {missing} of {len(steps)} steps cannot be shown")
     return {
         "problems": [text for text in problems if text],
         "steps": steps,
         "effects": effects,
-        **about(found.record),
+        **about(episode.record),
     }
 
 
 def about(record: Mapping[str, Any]) -> dict[str, Any]:
     """Return the page's data of an episode's record."""
-    where = [str(frame) for frame in listed(record.get("traceback"))]
+    frames = [str(frame) for frame in listed(record.get("traceback"))]
     return {
         "reason": _cut(record.get("reason")),
         "problem": _cut(record.get("problem")),
         "ended": _cut(record.get("ended")),
-        "traceback": "\n".join(where)[:LONGEST],
+        "traceback": "\n".join(frames)[:MAX_TEXT_CHARS],
         "malformed": record.get("malformed") if isinstance(record.get("malformed"), int) else 0,
         "fields": record_fields(record, "instruction", "traceback", "effects"),
     }
@@ -151,8 +151,8 @@ def picture_file(home: Path, line: Mapping[str, Any], before: bool) -> Path:
     Raises:
         FieldError: there is no such file, or it leaves the folder of the episode.
     """
-    seen = None if before else line.get("seen")
-    name = seen or line.get("image")
+    agent_picture = None if before else line.get("seen")
+    name = agent_picture or line.get("image")
     if not isinstance(name, str):
         raise FieldError("image", "names no picture")
     return inside(home, name)
@@ -172,14 +172,14 @@ def read_picture(path: Path) -> tuple[bytes, UInt8Array]:
 
 
 def _step(
-    found: EpisodeLines, place: int, talk: TurnMessages | None, effects: list[dict[str, Any]]
+    episode: EpisodeLines, place: int, messages: TurnMessages | None, effects: list[dict[str, Any]]
 ) -> StepData:
-    line = found.lines[place]
+    line = episode.lines[place]
     raw = line.get("raw")
     code = raw if isinstance(raw, str) else ""
     step: StepData = {
         "step": place,
-        "problem": found.broken.get(place, ""),
+        "problem": episode.broken.get(place, ""),
         "lost": "",
         "size": None,
         "corrupted": bool(line.get("seen")),
@@ -189,8 +189,8 @@ def _step(
         "said": _cut(line.get("said")),
         "error": _cut(line.get("error")),
         "result": _result(line.get("result")),
-        "onlooker": [] if talk is None else [[r, _cut(text)] for r, text in talk.onlooker],
-        "usage": _numbers({} if talk is None else talk.usage),
+        "onlooker": [] if messages is None else [[r, _cut(text)] for r, text in messages.onlooker],
+        "usage": _numbers({} if messages is None else messages.usage),
         "seconds": _numbers(line.get("seconds")),
         "still": line.get("still") is not False,
         "effects": [k for k, effect in enumerate(effects) if effect["step"] == place],
@@ -204,39 +204,41 @@ def _step(
     }
     size: Size | None = None
     try:
-        size = image_size(picture_file(found.home, line, False))
+        size = image_size(picture_file(episode.home, line, False))
         step["size"] = [size[1], size[0]]
     except FieldError as error:
-        step["lost"] = found.broken.get(place) or str(error)
+        step["lost"] = episode.broken.get(place) or str(error)
     if code:
         step["action"], step["strokes"] = parse_strokes(code, size)
     return step
 
 
-def _effects(found: EpisodeLines) -> list[dict[str, Any]]:
+def _effects(episode: EpisodeLines) -> list[dict[str, Any]]:
     """Return all effects of an episode: from its record, or from its lines if it has none."""
-    recorded = objects(found.record.get("effects"))
+    recorded = objects(episode.record.get("effects"))
     if recorded:
         return [_effect(entry, entry.get("step")) for entry in recorded]
     return [
         _effect(event, place)
-        for place, line in enumerate(found.lines)
+        for place, line in enumerate(episode.lines)
         for event in objects(line.get("events"))
     ]
 
 
 def _effect(entry: Mapping[str, Any], step: object) -> dict[str, Any]:
     record = entry.get("record")
-    told: Mapping[str, Any] = record if isinstance(record, dict) else {}
+    details: Mapping[str, Any] = record if isinstance(record, dict) else {}
     # effects before the episode are first visible in observation 0
     place = max(0, step) if isinstance(step, int) else 0
-    known = ("effect", "probes", "undone", "at")
+    shown_fields = ("effect", "probes", "undone", "at")
     return {
         "step": place,
-        "kind": _cut(told.get("effect") or entry.get("effect") or "effect"),
-        "did": _cut(display_text({key: told[key] for key in told if key not in known})),
-        "probes": [_probe(probe) for probe in objects(told.get("probes"))],
-        "undone": [_probe(probe) for probe in objects(told.get("undone"))],
+        "kind": _cut(details.get("effect") or entry.get("effect") or "effect"),
+        "did": _cut(
+            display_text({key: details[key] for key in details if key not in shown_fields})
+        ),
+        "probes": [_probe(probe) for probe in objects(details.get("probes"))],
+        "undone": [_probe(probe) for probe in objects(details.get("undone"))],
     }
 
 
@@ -250,19 +252,19 @@ def _probe(probe: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _boxes(value: object) -> list[list[float]]:
-    found: list[list[float]] = []
-    for box in listed(value)[:BOXES]:
+    boxes: list[list[float]] = []
+    for box in listed(value)[:MAX_BOXES]:
         sides = [side for side in map(number, listed(box)) if side is not None]
         if len(sides) == 4:
-            found.append(sides)
-    return found
+            boxes.append(sides)
+    return boxes
 
 
 def _numbers(value: object) -> dict[str, float]:
     """Return the entries of an object that are numbers."""
-    found = cast("dict[str, object]", value) if isinstance(value, dict) else {}
-    numbers = {name: number(one) for name, one in found.items()}
-    return {name: one for name, one in numbers.items() if one is not None}
+    entries = cast("dict[str, object]", value) if isinstance(value, dict) else {}
+    numbers = {name: number(entry) for name, entry in entries.items()}
+    return {name: entry for name, entry in numbers.items() if entry is not None}
 
 
 def _result(value: object) -> str:
@@ -275,6 +277,6 @@ def _result(value: object) -> str:
 def _cut(value: object) -> str:
     """Return a text, shortened if it is too long for a page."""
     text = value if isinstance(value, str) else ""
-    if len(text) <= LONGEST:
+    if len(text) <= MAX_TEXT_CHARS:
         return text
-    return f"{text[:LONGEST]}\n... {len(text) - LONGEST:,} characters more"
+    return f"{text[:MAX_TEXT_CHARS]}\n... {len(text) - MAX_TEXT_CHARS:,} characters more"

@@ -19,8 +19,8 @@ from ..page_files import RUN_SCRIPTS, page_file, run_page
 from .entry_columns import columns
 from .run_source import RunSource
 
-MOST_IN_PAGE = 30  # the most episodes that the page itself exports, because the browser waits
-WIDTH = 1280  # pixels; wider pictures are scaled down
+MAX_PAGE_EPISODES = 30  # the most episodes that the page itself exports, because the browser waits
+MAX_WIDTH_PX = 1280  # wider pictures are scaled down
 STYLES = ("view.css",)
 
 
@@ -32,21 +32,21 @@ def export_file(source: RunSource, patterns: Sequence[str], path: Path) -> int:
 
     Raises:
         ParameterError: no episode matches.
-        HijackError: the file is one of the run itself.
-        unwritable: the file cannot be written; see `hijack_data.file_io`.
+        HijackError: the file is one of the run itself, or cannot be written.
+        StorageError: the disk is full or fails.
     """
     refuse_own_file(path, "--export")
     if not source.entries:
         raise ParameterError("--export: the run has no episodes yet")
-    chosen = list(matching_episodes(source, patterns))
-    if not chosen:
-        shown = ", ".join(patterns)
+    numbers = list(matching_episodes(source, patterns))
+    if not numbers:
+        listed = ", ".join(patterns)
         example = source.entries[0].id
         raise ParameterError(
-            f"--episode {shown}: no episode has such an id; ids look like {example}"
+            f"--episode {listed}: no episode has such an id; ids look like {example}"
         )
-    write_atomic(path, export_page(source, chosen))
-    return len(chosen)
+    write_atomic(path, export_page(source, numbers))
+    return len(numbers)
 
 
 def matching_episodes(source: RunSource, patterns: Sequence[str]) -> Iterator[int]:
@@ -61,28 +61,30 @@ def export_page(source: RunSource, numbers: Sequence[int]) -> str:
 
     Args:
         source: the run.
-        numbers: numbers of the episodes, in the order of the list. Raises `HijackError` for a
-            missing one.
+        numbers: numbers of the episodes, in the order of the list.
+
+    Raises:
+        HijackError: there is no episode of such a number.
     """
-    kept = list(dict.fromkeys(numbers))
+    unique = list(dict.fromkeys(numbers))
     pictures: dict[str, str] = {}
     places: dict[str, str] = {}
     episodes: list[dict[str, Any]] = []
-    for place, number in enumerate(kept):
+    for place, number in enumerate(unique):
         data = source.episode(number)
         data["number"] = place
         data["checked"] = source.check(number)
         for step in data["steps"]:
             _add(source, number, step, f"{place}/{step['step']}", pictures, places)
         episodes.append(data)
-    entries = [source.entries[number] for number in kept]
+    entries = [source.entries[number] for number in unique]
     style = "".join(page_file(name) for name in STYLES)
     script = "".join(page_file(name) for name in RUN_SCRIPTS)
     about = source.about()
     data = {
         **{key: about[key] for key in ("title", "problems", "scored")},
         **columns(entries, source.config),
-        "facts": f"{len(kept):,} of {source.facts}, exported",
+        "facts": f"{len(unique):,} of {source.facts}, exported",
         "episodes": episodes,
         "pictures": pictures,
         "places": places,
@@ -121,5 +123,5 @@ def _add(
         key = hashlib.sha256(pixels.tobytes()).hexdigest()[:24]
         if key not in pictures:
             height, width = pixels.shape[:2]
-            pictures[key] = embed(pixels, scale_for((height, width), WIDTH)).uri
+            pictures[key] = embed(pixels, scale_for((height, width), MAX_WIDTH_PX)).uri
         places[f"{kind}/{place}"] = key

@@ -14,7 +14,7 @@ from typing import Any
 from hijack_data.errors import shown
 from hijack_data.file_io import read_regular
 from hijack_data.runs.privileged_inputs import describe_privileged_inputs, read_privileged_inputs
-from hijack_data.runs.run_log import CHAINED, EPISODE, EPISODES, RECORDS, RUN, VERSION, digest_of
+from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, RUN, VERSION, digest_of
 
 from ...errors import DatasetError
 from ...readers.fields import FieldError, mapping
@@ -30,9 +30,9 @@ UNFINISHED = "unfinished"
 UNREADABLE = "unreadable"
 # In the order in which the page lists them.
 OUTCOMES = (SUCCESS, PARTIAL, FAILURE, AGENT_ERROR, MACHINE_ERROR, INVALID, UNFINISHED, UNREADABLE)
-SAID = 160  # characters of the agent's last words that are searched
-NOTE = 300  # characters of the reason for an episode's end that the list shows
-NEEDED = ("agent", "task", "corruption", "status", "id")
+MAX_SAID_CHARS = 160  # characters of the agent's last words that are searched
+MAX_NOTE_CHARS = 300  # characters of the reason for an episode's end that the list shows
+REQUIRED_FIELDS = ("agent", "task", "corruption", "status", "id")
 _ID = re.compile(rb'"id": ?"([^"\\]{1,200})"')
 
 
@@ -92,12 +92,11 @@ class RunListing:
     problems: list[str]
 
 
-def read_listing(folder: Path, version: int, head: bytes) -> RunListing:
+def read_listing(folder: Path, head: bytes) -> RunListing:
     """Read all entries of a run.
 
     Args:
         folder: of the run.
-        version: of its log.
         head: the content of `run.json`, which the first line of the journal names; empty if it
             cannot be read.
 
@@ -108,11 +107,10 @@ def read_listing(folder: Path, version: int, head: bytes) -> RunListing:
     listing = RunListing(entries=[], lines=[], problems=[])
     if lines is not None:
         listing.lines = lines
-        chained = version >= CHAINED
-        _read_journal(folder, listing, head if chained else None)
-    known = {entry.id for entry in listing.entries}
-    for name in _homes(folder):
-        if name not in known:
+        _read_journal(folder, listing, head)
+    listed = {entry.id for entry in listing.entries}
+    for name in _episode_folders(folder):
+        if name not in listed:
             listing.entries.append(_from_folder(folder, name, lines is not None))
     return listing
 
@@ -124,7 +122,7 @@ def make_entry(record: Mapping[str, Any]) -> EpisodeEntry:
     if variant and variant != seed:
         seed = f"{seed} / {variant}"
     usage = record.get("usage")
-    used: Mapping[str, Any] = usage if isinstance(usage, dict) else {}
+    counts: Mapping[str, Any] = usage if isinstance(usage, dict) else {}
     note = record.get("problem") or record.get("reason") or ""
     outcome = episode_outcome(record)
     has_score = record.get("status") == "ok" and outcome != UNREADABLE
@@ -137,16 +135,16 @@ def make_entry(record: Mapping[str, Any]) -> EpisodeEntry:
         attempt=int(number(record.get("attempt")) or 0),
         outcome=outcome,
         score=number(record.get("score")) if has_score else None,
-        steps=_whole(record.get("steps")),
+        steps=_integer(record.get("steps")),
         seconds=number(record.get("seconds")),
-        tokens=_tokens(used),
-        usd=number(used.get("usd")),
+        tokens=_tokens(counts),
+        usd=number(counts.get("usd")),
         instruction=word(record.get("instruction")),
-        note=word(note)[:NOTE],
-        said=word(record.get("said"))[:SAID],
+        note=word(note)[:MAX_NOTE_CHARS],
+        said=word(record.get("said"))[:MAX_SAID_CHARS],
         counts=outcome != UNREADABLE and _counts(record),
         problem=_version_problem(record) or _score_problem(record, outcome),
-        given=_given(record),
+        given=_privileged_inputs(record),
     )
 
 
@@ -182,20 +180,20 @@ def number(value: object) -> float | None:
     return value if -1e15 < value < 1e15 else None  # type: ignore[operator]
 
 
-def _whole(value: object) -> int | None:
-    found = number(value)
-    return None if found is None else int(found)
+def _integer(value: object) -> int | None:
+    count = number(value)
+    return None if count is None else int(count)
 
 
 def _tokens(usage: Mapping[str, Any]) -> int | None:
     counts = [number(usage.get(key)) for key in ("input_tokens", "output_tokens")]
-    known = [count for count in counts if count is not None]
-    return int(sum(known)) if known else None
+    numbers = [count for count in counts if count is not None]
+    return int(sum(numbers)) if numbers else None
 
 
-def _given(record: Mapping[str, Any]) -> str:
-    given = read_privileged_inputs(record)
-    return describe_privileged_inputs(given) if given else ""
+def _privileged_inputs(record: Mapping[str, Any]) -> str:
+    inputs = read_privileged_inputs(record)
+    return describe_privileged_inputs(inputs) if inputs else ""
 
 
 def _counts(record: Mapping[str, Any]) -> bool:
@@ -208,10 +206,10 @@ def _counts(record: Mapping[str, Any]) -> bool:
 
 
 def _version_problem(record: Mapping[str, Any]) -> str:
-    version = record.get("version", 1)
-    if isinstance(version, int) and version <= VERSION:
+    version = record.get("version")
+    if version == VERSION:
         return ""
-    return f"was written by version {version!r} of the log; this library knows 1 to {VERSION}"
+    return f"was written by version {version!r} of the log; this library reads {VERSION}"
 
 
 def _score_problem(record: Mapping[str, Any], outcome: str) -> str:
@@ -231,24 +229,24 @@ def _lines(folder: Path) -> list[bytes] | None:
         return None
 
 
-def _read_journal(folder: Path, listing: RunListing, before: bytes | None) -> None:
-    """Add the entries of the journal; `before` is what its first line must name, if anything."""
+def _read_journal(folder: Path, listing: RunListing, before: bytes) -> None:
+    """Add the entries of the journal; its first line must name the hash of `before`, if any."""
     last: EpisodeEntry | None = None
-    known: dict[str, int] = {}  # the lines that episodes are on
+    first_lines: dict[str, int] = {}  # the lines that episodes are on
     for place, line in enumerate(listing.lines, 1):
         if not line.strip():
             continue
         record: Mapping[str, Any] = {}
         try:
             record = mapping(parse(line), "")
-            entry = _checked(record)
+            entry = _checked_entry(record)
         except FieldError as error:
-            entry = _damaged(folder, line, f"line {place} of {RECORDS}: {error}")
+            entry = _damaged_entry(folder, line, f"line {place} of {RECORDS}: {error}")
         if before and record:  # a head that cannot be read links to nothing
             _check_link(record, before, last, listing.problems)
-        before = None if before is None else line
+        before = line
         last = entry
-        first = known.setdefault(entry.id, place) if entry.id else place
+        first = first_lines.setdefault(entry.id, place) if entry.id else place
         if first != place:
             listing.problems.append(
                 f"line {place} of {RECORDS}: episode {entry.id} is on line {first} already, which"
@@ -261,8 +259,8 @@ def _read_journal(folder: Path, listing: RunListing, before: bytes | None) -> No
             listing.problems.append(entry.problem)
 
 
-def _checked(record: Mapping[str, Any]) -> EpisodeEntry:
-    for name in NEEDED:
+def _checked_entry(record: Mapping[str, Any]) -> EpisodeEntry:
+    for name in REQUIRED_FIELDS:
         if not isinstance(record.get(name), str):
             raise FieldError(name, "is missing, or no text")
     return make_entry(record)
@@ -273,8 +271,8 @@ def _check_link(
 ) -> None:
     """Note a problem if the previous line was changed after the next one was written."""
     if "previous" not in record:
-        told = f"lines of {RECORDS} do not name the hash of the line before"
-        problems += [] if told in problems else [told]
+        problem = f"lines of {RECORDS} do not name the hash of the line before"
+        problems += [] if problem in problems else [problem]
         return
     if record["previous"] == digest_of(before):
         return
@@ -287,21 +285,21 @@ def _check_link(
         )
 
 
-def _damaged(folder: Path, line: bytes, why: str) -> EpisodeEntry:
+def _damaged_entry(folder: Path, line: bytes, problem: str) -> EpisodeEntry:
     """Return the entry of a line that cannot be read, from the folder that it names if it can."""
-    found = _ID.search(line)
-    name = found[1].decode("utf-8", "replace") if found else ""
+    match = _ID.search(line)
+    name = match[1].decode("utf-8", "replace") if match else ""
     if name and (folder / EPISODES / name).is_dir():
         entry = _from_folder(folder, name, False)
-        entry.problem = f"{why}; shown from its folder"
+        entry.problem = f"{problem}; shown from its folder"
         return entry
-    entry = _named(name)
-    entry.problem = why
-    entry.note = why
+    entry = _entry_from_id(name)
+    entry.problem = problem
+    entry.note = problem
     return entry
 
 
-def _homes(folder: Path) -> list[str]:
+def _episode_folders(folder: Path) -> list[str]:
     """Return the names of the episodes' folders.
 
     Raises:
@@ -320,25 +318,25 @@ def _homes(folder: Path) -> list[str]:
 
 def _from_folder(folder: Path, name: str, journal: bool) -> EpisodeEntry:
     """Return the entry of an episode that the journal does not have, from its own record."""
-    entry = _named(name)
+    entry = _entry_from_id(name)
     path = folder / EPISODES / name / EPISODE
     if not path.exists():
         entry.outcome = UNFINISHED
         entry.note = "has no record: it is being played, or was broken off"
         return entry
     try:
-        found = make_entry(parse_file(path))
+        recorded = make_entry(parse_file(path))
     except FieldError as error:
         entry.problem = f"{EPISODE}: {error}"
         entry.note = entry.problem
         return entry
-    found.id = name
-    if journal and not found.problem:
-        found.problem = f"{RECORDS} has no line of it; shown from its {EPISODE}"
-    return found
+    recorded.id = name
+    if journal and not recorded.problem:
+        recorded.problem = f"{RECORDS} has no line of it; shown from its {EPISODE}"
+    return recorded
 
 
-def _named(name: str) -> EpisodeEntry:
+def _entry_from_id(name: str) -> EpisodeEntry:
     """Return the entry of an episode of which only the id is known, with what the id shows."""
     parts = name.split("__")
     if len(parts) < 4:

@@ -14,11 +14,10 @@ from hijack_data.runs.run_log import REQUESTS
 from ...readers.fields import FieldError, listed
 from ...readers.safe_files import inside, lines
 
-FOLDER = REQUESTS
 CHECK = "check"  # of the first screens, before the agent acts
 SUMMARY = "summarise"  # the paper's d_t: what happened since the turn before
-_HOLDERS = ("choices", "message", "output", "content", "text", "refusal")
-_COUNTED = ("input_tokens", "output_tokens", "usd", "seconds", "requests", "retries")
+_TEXT_KEYS = ("choices", "message", "output", "content", "text", "refusal")
+_USAGE_KEYS = ("input_tokens", "output_tokens", "usd", "seconds", "requests", "retries")
 
 
 @dataclass
@@ -42,55 +41,57 @@ def read_turns(
     turns: dict[int, TurnMessages] = {}
     usage = record.get("usage")
     counted = usage.get("steps") if isinstance(usage, dict) else None
-    for turn, found in enumerate(listed(counted)):
-        if isinstance(found, dict):
-            kept = {key: found[key] for key in _COUNTED if found.get(key) is not None}
-            turns[turn] = TurnMessages(usage=kept)
+    for turn, turn_usage in enumerate(listed(counted)):
+        if isinstance(turn_usage, dict):
+            figures = {
+                key: turn_usage[key] for key in _USAGE_KEYS if turn_usage.get(key) is not None
+            }
+            turns[turn] = TurnMessages(usage=figures)
     problem = ""
     try:
-        for turn, role, text in _said(folder, name):
+        for turn, role, text in _onlooker_texts(folder, name):
             turns.setdefault(turn, TurnMessages()).onlooker.append((role, text))
     except FieldError as error:
-        problem = f"{FOLDER}/{name}.jsonl: {error}"
+        problem = f"{REQUESTS}/{name}.jsonl: {error}"
     except OSError as error:
-        problem = f"{FOLDER}/{name}.jsonl: cannot be read ({error.strerror or error})"
+        problem = f"{REQUESTS}/{name}.jsonl: cannot be read ({error.strerror or error})"
     return turns, problem
 
 
 def turn_numbers(lines_of_log: Sequence[Mapping[str, Any]]) -> list[int | None]:
     """Return the turn that each line begins; `None` for one that continues a turn, or has none."""
-    found: list[int | None] = []
+    numbers: list[int | None] = []
     turn = -1
-    # logs of version 1 do not have the agent's words: there, every action is a turn
+    # each action of an agent that says nothing is a turn
     spoken = any(line.get("said") is not None for line in lines_of_log)
     for line in lines_of_log:
         begins = line.get("said") is not None if spoken else line.get("raw") is not None
         turn += begins
-        found.append(turn if begins else None)
-    return found
+        numbers.append(turn if begins else None)
+    return numbers
 
 
-def _said(folder: Path, name: str) -> Iterator[tuple[int, str, str]]:
-    if not (folder / FOLDER / f"{name}.jsonl").exists():
+def _onlooker_texts(folder: Path, name: str) -> Iterator[tuple[int, str, str]]:
+    if not (folder / REQUESTS / f"{name}.jsonl").exists():
         return
-    for line in lines(inside(folder / FOLDER, f"{name}.jsonl", FOLDER)):
+    for line in lines(inside(folder / REQUESTS, f"{name}.jsonl", REQUESTS)):
         data = line.record()
         role = data.get("role")
         turn = data.get("step")
         if role not in (CHECK, SUMMARY) or not isinstance(turn, int):
             continue
-        text = "\n".join(_texts(data.get("response"))) or str(data.get("problem") or "")
+        text = "\n".join(_answer_texts(data.get("response"))) or str(data.get("problem") or "")
         yield turn, role, text
 
 
-def _texts(response: object) -> Iterator[str]:
+def _answer_texts(response: object) -> Iterator[str]:
     """Yield the texts of an answer of any API, in their order."""
     if isinstance(response, str):
         yield response
     for part in listed(response):
-        yield from _texts(part)
+        yield from _answer_texts(part)
     if isinstance(response, dict):
         answer = cast("dict[str, object]", response)
-        for key in _HOLDERS:
+        for key in _TEXT_KEYS:
             if key in answer:
-                yield from _texts(answer[key])
+                yield from _answer_texts(answer[key])

@@ -21,8 +21,8 @@ from .episode import EpisodeLines, episode_data, picture_file, read_lines, read_
 from .listing import EpisodeEntry, read_listing
 from .scored_rows import ScoredRows
 
-KEPT_EPISODES = 16
-MOST_PROBLEMS = 40
+MAX_CACHED_EPISODES = 16
+MAX_PROBLEMS = 40
 _PNG = b"\x89PNG"
 
 
@@ -42,8 +42,7 @@ class RunSource:
         self.problems: list[str] = []
         self.head: Mapping[str, Any] = {}
         content = self._read_head()
-        version = self.head.get("version", 0)
-        listing = read_listing(folder, version if isinstance(version, int) else 0, content)
+        listing = read_listing(folder, content)
         self.entries: list[EpisodeEntry] = listing.entries
         self.problems += listing.problems
         self._journal = listing.lines
@@ -53,25 +52,25 @@ class RunSource:
             if self._scored.problem:
                 self.problems.append(self._scored.problem)
         # bounded by their number: every episode counts as one byte
-        self._kept = Cache(KEPT_EPISODES)
+        self._episodes = Cache(MAX_CACHED_EPISODES)
 
     @property
     def config(self) -> Mapping[str, Any]:
         """The configuration of the run; empty if unknown."""
-        found = self.head.get("config")
-        return cast("dict[str, Any]", found) if isinstance(found, dict) else {}
+        config = self.head.get("config")
+        return cast("dict[str, Any]", config) if isinstance(config, dict) else {}
 
     @property
     def facts(self) -> str:
         """A short description of the run."""
-        shown = len(self.entries)
+        count = len(self.entries)
         planned = self.head.get("episodes")
-        words = [counted(shown, "episode")]
+        words = [counted(count, "episode")]
         if self._scored is not None:
-            words = [f"{counted(shown, 'answer')} to rows of a dataset"]
+            words = [f"{counted(count, 'answer')} to rows of a dataset"]
         if isinstance(planned, list):
-            known = {entry.id for entry in self.entries}
-            missing = sum(name not in known for name in planned)
+            ids = {entry.id for entry in self.entries}
+            missing = sum(name not in ids for name in planned)
             if missing:
                 words.append(f"{missing:,} of {len(planned):,} planned not played")
         damaged = sum(bool(entry.problem) for entry in self.entries)
@@ -104,7 +103,7 @@ class RunSource:
         return {
             **data,
             "number": number,
-            "problems": [text for text in dict.fromkeys(problems) if text][:MOST_PROBLEMS],
+            "problems": [text for text in dict.fromkeys(problems) if text][:MAX_PROBLEMS],
         }
 
     def check(self, number: int) -> list[str]:
@@ -118,16 +117,16 @@ class RunSource:
         if self._scored is not None or not entry.id or not home.is_dir():
             return []
         journal = Journal(self.folder, head=self.head)
-        found: list[str] = []
+        problems: list[str] = []
         try:
             for problem in check_episode(home, journal, EpisodeReplay()):
-                found.append(problem)
-                if len(found) == MOST_PROBLEMS:
-                    found.append("and more: hijack verify lists all")
+                problems.append(problem)
+                if len(problems) == MAX_PROBLEMS:
+                    problems.append("and more: hijack verify lists all")
                     break
         except HijackError as error:
-            found.append(str(error))
-        return found
+            problems.append(str(error))
+        return problems
 
     def picture(self, number: int, step: int, before: bool) -> bytes:
         """Return a picture as a PNG file: what the agent saw, or the clean screen `before`.
@@ -146,10 +145,10 @@ class RunSource:
         entry = self._entry(number)
         if self._scored is not None:
             return b"", self._scored.pixels(self._record(entry), before)
-        found = self._lines(number)
-        if not 0 <= step < len(found.lines):
+        episode = self._lines(number)
+        if not 0 <= step < len(episode.lines):
             raise DatasetError(f"{entry.id}: has no step {step}")
-        return read_picture(picture_file(found.home, found.lines[step], before))
+        return read_picture(picture_file(episode.home, episode.lines[step], before))
 
     def _entry(self, number: int) -> EpisodeEntry:
         if not 0 <= number < len(self.entries):
@@ -167,12 +166,12 @@ class RunSource:
 
     def _lines(self, number: int) -> EpisodeLines:
         entry = self._entry(number)
-        found = self._kept.get(number)
-        if found is None:
-            found = read_lines(self.folder, entry.id, self._record(entry))
+        episode = self._episodes.get(number)
+        if episode is None:
+            episode = read_lines(self.folder, entry.id, self._record(entry))
             if entry.outcome != "unfinished":  # that one may grow
-                self._kept.put(number, found, 1)
-        return found
+                self._episodes.put(number, episode, 1)
+        return episode
 
     def _read_head(self) -> bytes:
         """Read `run.json`, and return its bytes; a log without a benchmark has none.
@@ -184,12 +183,12 @@ class RunSource:
         if not path.exists():
             return b""
         try:
-            found = parse_file(path)
-            if found.get("format") != FORMAT:  # another program's, whatever lies beside it
+            head = parse_file(path)
+            if head.get("format") != FORMAT:  # another program's, whatever lies beside it
                 raise DatasetError(
                     f"{path}: not the log of a run of ours (field 'format' must be {FORMAT!r})"
                 )
-            self.head = check_head(found)
+            self.head = check_head(head)
             return path.read_bytes()
         except DatasetError:
             raise

@@ -29,15 +29,15 @@ class ScoredRows:
         self._data: DatasetSource | None = None
         self._rows: dict[str, int] = {}
         places = [Path(source), folder / source, folder.parent / Path(source).name]
-        found = next((place for place in places if _is_there(place)), None)
-        if found is None or not source:
+        dataset = next((place for place in places if _is_there(place)), None)
+        if dataset is None or not source:
             self.problem = (
                 f"the dataset {source!r} that was scored is not there, so pictures are missing; put"
                 " it back, or beside the run"
             )
             return
         try:
-            self._data = DatasetSource(found)
+            self._data = DatasetSource(dataset)
         except HijackError as error:
             self.problem = f"the dataset that was scored cannot be read: {error}"
             return
@@ -98,8 +98,8 @@ class ScoredRows:
             DatasetError: there is no such picture, or it is not the one that the agent was shown.
         """
         pixels = self._require().picture(self._row(record), before)
-        told = record.get("image_sha256")
-        if not before and isinstance(told, str) and pixel_sha256(pixels) != told:
+        digest = record.get("image_sha256")
+        if not before and isinstance(digest, str) and pixel_sha256(pixels) != digest:
             raise DatasetError(
                 f"row {record.get(ROW)}: this is not the picture that the agent was shown"
                 " (image_sha256); the dataset is another one"

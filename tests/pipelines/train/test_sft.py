@@ -95,9 +95,9 @@ def test_both_exports_are_read(exports):
     watched = read_rows(exports / "onlooker")
     counts = {len(row.pictures) for row in watched}
     assert counts == {1, 2}
-    assert len(watched[-1].opened()) == len(watched[-1].pictures)
+    assert len(watched[-1].open_images()) == len(watched[-1].pictures)
     summaries = read_rows(exports / "onlooker" / "summaries")
-    assert all(len(row.opened()) == 2 for row in summaries[:3])
+    assert all(len(row.open_images()) == 2 for row in summaries[:3])
     assert {row.place for row in summaries} <= {row.place for row in watched}
 
 
@@ -113,7 +113,7 @@ def test_pictures_are_those_of_their_rows(exports):
     number = len(stored) - 1
     row = read_rows(exports / "onlooker" / "summaries")[number]
     expected = Image.open(io.BytesIO(stored[number]["after"]["bytes"])).convert("RGB")
-    assert row.opened()[1].tobytes() == expected.tobytes()
+    assert row.open_images()[1].tobytes() == expected.tobytes()
 
 
 @pytest.mark.parametrize(
@@ -138,9 +138,9 @@ def test_held_out_and_reported_tasks_are_refused(config, chat, tmp_path):
         run(path, "--out", tmp_path / "out")
     assert not (tmp_path / "out").exists()
     rows = read_rows(chat("mine/a-task"))
-    check_rows(rows, what="chat")
+    check_rows(rows, source="chat")
     with pytest.raises(LeakError, match="a-task would be trained on and reported"):
-        check_rows(rows, ["a-task"], what=str(folder))
+        check_rows(rows, ["a-task"], source=str(folder))
 
 
 def test_a_dry_run_counts_the_rows(config, chat):

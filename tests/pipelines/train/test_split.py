@@ -56,7 +56,7 @@ def test_sides_do_not_meet():
 def test_held_out_tasks_are_refused(family):
     leaked = members(f"{family}/held_out")[0]
     with pytest.raises(LeakError, match=f"my data: task {leaked} of {family}/held_out must not"):
-        check_split(["mine", leaked], what="my data")
+        check_split(["mine", leaked], source="my data")
 
 
 def test_what_is_reported_is_refused():

@@ -164,15 +164,15 @@ def test_unknown_arm(config):
 
 
 def test_intervals_are_student_s():
-    gain = results.paired([1.0, 2.0, 3.0, 6.0])
+    gain = results.paired_interval([1.0, 2.0, 3.0, 6.0])
     assert gain["mean"] == 3.0
     assert (gain["ci_low"], gain["ci_high"]) == pytest.approx((-0.4373, 6.4373), abs=1e-3)
-    assert results.paired([2.0, 2.0])["ci_low"] == 2.0
+    assert results.paired_interval([2.0, 2.0])["ci_low"] == 2.0
 
 
 def test_the_plot_is_the_same_every_time(tmp_path):
     pytest.importorskip("matplotlib", reason="needs the extra [train]")
-    gain = results.paired([1.0, 2.0])
+    gain = results.paired_interval([1.0, 2.0])
     names = dict.fromkeys(("visual", "clean", "heldout"), 50.0)
     summary = {
         "success": {"start": names, "grpo": names, "da_grpo": names},

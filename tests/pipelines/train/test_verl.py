@@ -135,14 +135,14 @@ def play(words, net, monkeypatch):
                 hf_model_type="qwen3_vl",
                 **loop_options,
             )
-            taken = loop._taken
+            taken = loop._take_idle
 
             def spy():
                 key, episode = taken()
                 server.env = lambda: episode._env
                 return key, episode
 
-            monkeypatch.setattr(loop, "_taken", spy)
+            monkeypatch.setattr(loop, "_take_idle", spy)
             about = {"task": "toy-00000", **(row or {})}
             given = {"raw_prompt": RAW, "extra_info": about, "session_id": slot, "global_steps": 3}
             return await loop.run({"temperature": 1.0}, **given)

@@ -83,8 +83,8 @@ def test_filters_have_counts_and_pages(dataset: Path) -> None:
 
 
 def test_pages_are_bounded(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(json_answers, "PAGE_ROWS", 8)
-    monkeypatch.setattr(json_answers, "CHOICES", 2)
+    monkeypatch.setattr(json_answers, "ROWS_PER_PAGE", 8)
+    monkeypatch.setattr(json_answers, "MAX_CHOICES", 2)
     source = open_source(dataset)
     for page, shown in (
         ("4", 4),

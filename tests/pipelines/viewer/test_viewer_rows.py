@@ -56,8 +56,8 @@ def test_kept_pictures_are_bounded(dataset: Path) -> None:
     assert pictures.get("picture", 0) is first
     for number in range(30):
         pictures.get("picture", number)
-        sizes = [len(data) for data, _ in pictures.kept.items.values()]
-        assert pictures.kept.used == sum(sizes) <= 60_000
+        sizes = [len(data) for data, _ in pictures.cache.items.values()]
+        assert pictures.cache.used == sum(sizes) <= 60_000
     assert pictures.get("picture", 0) is not first
 
 

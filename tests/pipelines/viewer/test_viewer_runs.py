@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from hijack_data.errors import HijackError
+from hijack_data.runs.run_log import VERSION
 from pipelines.errors import DatasetError
 from pipelines.viewer import open_source
 from pipelines.viewer.runs import RunSource
@@ -179,7 +180,7 @@ def test_a_program_of_very_many_actions_is_cut_off() -> None:
     assert parse_strokes(50 * code, (80, 100)) == ("code that is too long to be drawn", [])
 
 
-def test_a_run_of_the_first_version_is_shown(tmp_path: Path) -> None:
+def test_a_small_run_is_shown(tmp_path: Path) -> None:
     source = run_of(make_run(tmp_path / "run"))
     assert (source.facts, source.problems) == ("2 episodes", [])
     corrupted = number_of(source, "write_note__app_minimization__s0__oracle")
@@ -213,7 +214,7 @@ def test_what_is_no_run_is_refused(tmp_path: Path, text: str) -> None:
 
 
 def test_a_run_without_an_episode_is_an_empty_page(tmp_path: Path) -> None:
-    head = {"format": "agenthijack-run", "version": 2, "config": {}, "episodes": ["a", "b"]}
+    head = {"format": "agenthijack-run", "version": VERSION, "config": {}, "episodes": ["a", "b"]}
     (tmp_path / "run.json").write_text(json.dumps(head))
     source = run_of(tmp_path)
     assert (source.problems, source.facts) == ([], "0 episodes, 2 of 2 planned not played")
