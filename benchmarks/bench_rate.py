@@ -23,8 +23,8 @@ from typing import Any
 
 from common import machine, spread, table
 
-from online_env.bench import records
 from online_env.bench.estimates import makespan
+from online_env.results import records
 from online_env.tasks import sets
 
 HIJACK = (sys.executable, "-m", "hijack_data.cli", "bench", "embedded_small")

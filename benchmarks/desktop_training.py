@@ -30,8 +30,8 @@ import hijack_data as hj
 from hijack_data import names
 from hijack_data.types import UInt8Array
 from online_env import CorruptedEnv, EmbeddedDesktop
-from online_env.bench import records
 from online_env.environment import SmallTasks
+from online_env.results import records
 from pipelines import open_dataset
 from pipelines.train.replay import ReplayBuffer
 from pipelines.train.sampler import CorruptionSampler

@@ -25,11 +25,11 @@ from pathlib import Path
 
 from common import machine, table
 
-from online_env.bench import records
 from online_env.bench.estimates import in_words
-from online_env.bench.scores import latest
 from online_env.embedded import registry
 from online_env.embedded.runtime import limits, network
+from online_env.results import records
+from online_env.results.scores import latest
 
 HIJACK = (sys.executable, "-m", "hijack_data.cli")
 CONFIG = """

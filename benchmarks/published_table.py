@@ -11,12 +11,12 @@ from typing import TypeAlias
 from hijack_data.files import write_atomic
 from hijack_data.plan import CLEAN
 from online_env import tasks
-from online_env.bench import scores
-from online_env.bench.reading import Run
 from online_env.report import words
 from online_env.report.cells import cells_of
 from online_env.report.identity import conditions_of
 from online_env.report.model import Cell
+from online_env.results import scores
+from online_env.results.reading import Run
 
 Table: TypeAlias = Callable[[Run], str]
 END = "<!-- end of the table -->\n"

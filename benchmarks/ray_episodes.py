@@ -14,12 +14,12 @@ import ray
 from common import machine, spread, table
 
 from hijack_data import get
-from online_env.bench import records
 from online_env.bench.config import Bench
 from online_env.bench.jobs import Job, jobs
 from online_env.bench.pools import LOCAL, RAY, open_pool
 from online_env.bench.runner import run_jobs
 from online_env.bench.workers import WorkerSetup
+from online_env.results import records
 from pipelines.engines.ray_connection import session
 
 MIB = 2**20

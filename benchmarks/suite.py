@@ -18,8 +18,8 @@ from typing import Any
 import yaml
 from common import machine, table
 
-from online_env.bench import records
-from online_env.bench.scores import task_name
+from online_env.results import records
+from online_env.results.scores import task_name
 from online_env.tasks import suite
 
 FOLDER = Path(suite.__file__).parent

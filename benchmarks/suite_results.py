@@ -20,8 +20,8 @@ from common import table
 
 from hijack_data import names
 from hijack_data.files import write_atomic
-from online_env.bench import records
-from online_env.bench.scores import task_name
+from online_env.results import records
+from online_env.results.scores import task_name
 from online_env.tasks import get, suite
 from online_env.tasks.base import Task
 

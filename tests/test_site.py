@@ -200,8 +200,8 @@ def test_every_page_has_its_place(tmp_path: Path):
 
 
 def test_a_report_is_all_that_a_result_needs(tmp_path: Path):
-    from online_env.bench import reading
     from online_env.report.build import build_report
+    from online_env.results import reading
 
     from support.reported import CONDITIONS, run_of, whole
 

@@ -21,10 +21,10 @@ from hijack_data.runs import seal
 
 from ..agents.options import agent_memory_option, in_process_option
 from ..errors import CostLimitError
+from ..report.gate import ReleaseGate, gate_options
 from ..report.outcome import exit_code
 from ..report.terminal import show
-from . import costs, records
-from .gate import ReleaseGate, gate_options
+from ..results import costs, records
 from .progress import ProgressDisplay
 
 if TYPE_CHECKING:

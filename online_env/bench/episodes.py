@@ -21,10 +21,10 @@ from ..agents.registry import AGENTS, make
 from ..environment import CorruptedEnv, EvalSettings
 from ..environment.stage import TaskStage
 from ..errors import DesktopError, MissingCapabilityError
+from ..results.records import ResultRecord
 from .config import Bench
 from .jobs import Job
 from .models import begin
-from .records import ResultRecord
 
 KEPT = 2000  # characters of a problem
 # The fields of a record that identify an episode, and by which episodes are paired.

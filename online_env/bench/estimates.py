@@ -19,11 +19,11 @@ from hijack_data.runs.run_log import EPISODES, RUN
 
 from ..agents.makers import FileAgentMaker
 from ..agents.registry import AGENTS
+from ..results import scores
+from ..results.reading import ResultRecord, read
 from ..tasks import sets
-from . import scores
 from .config import Bench
 from .jobs import Job
-from .reading import ResultRecord, read
 
 Basis: TypeAlias = Literal["runs", "suite", "limit"]
 

@@ -7,8 +7,8 @@ from typing import Any
 from hijack_data.runs.run_log import slug_of
 
 from .. import tasks
+from ..results.records import ResultRecord
 from .config import Bench
-from .records import ResultRecord
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,8 @@ from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
 from ..agents.settings import AgentSettings
 from ..errors import ClusterError
+from ..results.records import PACKAGES
 from .config import Bench
-from .records import PACKAGES
 from .workers import WorkerSetup
 
 OURS = ("hijack_data", "online_env")

@@ -8,8 +8,8 @@ from typing import Protocol
 
 from hijack_data.errors import ParameterError, UnknownNameError, suggest
 
+from ..results.records import ResultRecord
 from .jobs import Job
-from .records import ResultRecord
 from .workers import LocalPool, WorkerSetup, default_desktops
 
 LOCAL = "local"

@@ -8,23 +8,15 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
+from ..report.words import shorten
+from ..results.records import ResultRecord
 from .estimates import in_words
-from .records import ResultRecord
 
 if TYPE_CHECKING:
     from .jobs import Job
 
 COLOURS = {"invalid": "yellow", "error": "red"}
-LONGEST = 300  # characters of a line
 EVERY = 60.0  # seconds between two lines about the rate, in a log
-
-
-def shorten(text: str) -> str:
-    """Return a text as one line of limited length; the whole text is in the records."""
-    line = " ".join(text.split("\n"))
-    if len(line) <= LONGEST:
-        return line
-    return line[: LONGEST - 4] + " ..."
 
 
 class ProgressDisplay:

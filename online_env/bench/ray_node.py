@@ -19,12 +19,12 @@ from typing import Any
 
 from hijack_data.locking import LockedError, lock
 
+from ..results.records import ResultRecord
 from .delivery import outgoing
 from .episodes import LiveEpisodes
 from .jobs import Job
 from .parcel import Parcel, unpack
 from .providers import check_installed
-from .records import ResultRecord
 from .workers import answer, live_episodes, portable
 
 PREFIX = "agenthijack-ray-"

@@ -19,12 +19,12 @@ from typing import Any
 from hijack_data.errors import HijackError, StorageError
 
 from ..errors import ClusterError
+from ..results.records import ResultRecord
 from .delivery import Arrival
 from .episodes import lost
 from .jobs import Job
 from .parcel import pack
 from .ray_node import EpisodeEnd, NodeDesktop, NodeReport
-from .records import ResultRecord
 from .workers import CORES, ENDING, MEMORY, WorkerSetup, desktops_in
 
 LOOK = 0.5  # seconds between two checks of the nodes

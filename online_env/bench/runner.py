@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Protocol
 
 from ..errors import CostLimitError
-from . import records
-from .costs import Budget
+from ..results import records
+from ..results.costs import Budget
+from ..results.records import ResultRecord
 from .jobs import Job
-from .records import ResultRecord
 
 
 class RunListener(Protocol):

@@ -26,14 +26,14 @@ from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
 from ..environment.stage import TaskStage
+from ..results.origin import available_memory, usable_cores
+from ..results.records import ResultRecord
 from ..tasks import TASKS
 from .config import Bench, is_from_data
 from .episodes import LiveEpisodes, lost
 from .jobs import Job
 from .models import ModelOptions, prepare
-from .origin import available_memory, usable_cores
 from .providers import PROVIDERS
-from .records import ResultRecord
 
 CORES = 1  # cores that a desktop needs
 MEMORY = 1536 * 2**20  # bytes that a desktop with its standby and an office program may take

@@ -8,8 +8,9 @@ from hijack_data.errors import UnknownNameError, suggest
 from hijack_data.runs.run_log import FORMAT as RUN_FORMAT
 from hijack_data.runs.run_log import RUN
 
-from ..bench import reading, scores
-from ..bench.reading import Run
+from ..results import reading, scores
+from ..results.parts import part_rows
+from ..results.reading import Run
 from .by_app import app_successes
 from .cells import cells_of, feasible_and_not
 from .identity import identity_of
@@ -106,8 +107,6 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
 def _parts(run: Run) -> list[Mapping[str, Any]]:
     if not run.is_scored:
         return []
-    from ..scoring.parts import part_rows
-
     return list(part_rows(run.records))
 
 

@@ -5,8 +5,8 @@ from statistics import fmean
 
 from hijack_data.plan import CLEAN
 
-from ..bench import scores
-from ..bench.reading import ResultRecord
+from ..results import scores
+from ..results.reading import ResultRecord
 from .model import AppSuccess
 
 SEVERAL = "several"  # tasks that need more than one application

@@ -4,8 +4,8 @@ from collections.abc import Hashable, Mapping, Sequence
 
 from hijack_data.plan import CLEAN
 
-from ..bench import scores
-from ..bench.reading import ResultRecord, Run
+from ..results import scores
+from ..results.reading import ResultRecord, Run
 from . import used
 from .identity import agents_of, conditions_of
 from .model import Cell
@@ -61,7 +61,7 @@ def _inferred(
     keys = [(row["agent"], row["corruption"]) for row in rows if row["delta"] is not None]
     if not keys or not scores.can_infer():
         return {}
-    from ..bench import statistics
+    from ..results import statistics
 
     found: dict[scores.CellKey, dict[str, float | None]] = {}
     for key in keys:
@@ -82,7 +82,7 @@ def _pass_hat(run: Run, scored: Mapping[scores.PairKey, float]) -> tuple[float, 
     """
     if run.is_scored or not scored or not scores.can_infer():
         return ()
-    from ..bench.statistics import pass_hat_k
+    from ..results.statistics import pass_hat_k
 
     solved: dict[Hashable, list[bool]] = {}
     for name, score in zip(scores.task_names(scored), scored.values(), strict=True):

@@ -16,10 +16,10 @@ from hijack_data.files import make_folder, write_atomic
 from hijack_data.printable import printable
 from hijack_data.runs.own_files import refuse_own_file
 
-from ..bench import reading
-from ..bench.gate import ReleaseGate, gate_options
-from ..bench.reading import Run
-from ..bench.scores import COLUMNS
+from ..report.gate import ReleaseGate, gate_options
+from ..results import reading
+from ..results.reading import Run
+from ..results.scores import COLUMNS
 from . import terminal
 from .build import build_report, load_report
 from .compare import RunComparison, compare

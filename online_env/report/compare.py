@@ -4,10 +4,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..bench import scores
-from ..bench.reading import Run
-from ..bench.records import difference
 from ..extra import require
+from ..results import scores
+from ..results.reading import Run
+from ..results.records import difference
 from . import words
 from .identity import identity_of
 from .model import ReportError, RunIdentity
@@ -144,7 +144,7 @@ def _rows(
     names: tuple[str, str], there: scores.ScoreByCell, here: scores.ScoreByCell
 ) -> list[ComparedCell]:
     """Return the conditions of two agents, in the order of the first run."""
-    from ..bench import statistics
+    from ..results import statistics
 
     first, second = names
     labels = [label for agent, label in there if agent == first]
@@ -165,7 +165,7 @@ def _rows(
 
 
 def _row(old: scores.ScoreByCase, new: scores.ScoreByCase) -> dict[str, Any]:
-    from ..bench import statistics
+    from ..results import statistics
 
     before, after, tasks = scores.pairs(old, new)
     row: dict[str, Any] = {

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from hijack_data.plan import CLEAN
 
-from ..bench.scores import worst_labels
+from ..results.scores import worst_labels
 from . import words
 from .model import Cell, RunReport
 

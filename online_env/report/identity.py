@@ -12,8 +12,8 @@ from hijack_data.errors import HijackError
 from hijack_data.runs.amounts import is_amount
 from hijack_data.runs.run_log import RUN, SCORE_RUN, digest_of
 
-from ..bench import scores
-from ..bench.reading import Run, read_head
+from ..results import scores
+from ..results.reading import Run, read_head
 from .model import YEAR_10000, RunIdentity
 
 # The paper's corruptions, in the order of the columns of its main table.
@@ -66,7 +66,7 @@ def identity_of(run: Run) -> RunIdentity:
         recovery=str(config.get("recovery", "")),
         max_steps=_integer(config.get("max_steps")),
         seeds=tuple(sorted({record["seed"] for record in final})),
-        tasks=len(set(scores.task_names(map(_case_of, final)))),
+        tasks=len(set(scores.task_names([_case_of(record) for record in final]))),
         corruptions=names,
         settings=settings_of(config),
         changed=tuple(_changed(config)),

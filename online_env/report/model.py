@@ -15,7 +15,7 @@ from hijack_data.files import check_versioned
 from hijack_data.runs.amounts import MOST
 from hijack_data.runs.run_log import GIVEN_KINDS
 
-from ..bench.scores import worst_labels
+from ..results.scores import worst_labels
 
 FORMAT = "agenthijack-report"
 # Version 1 lacked what agents were given, and how conditions differ; version 2 `early` of cells;

@@ -7,8 +7,8 @@ from hijack_data.errors import counted
 from hijack_data.plan import CLEAN
 from hijack_data.runs.given import given_words
 
-from ..bench import scores
-from ..bench.reading import Run
+from ..results import scores
+from ..results.reading import Run
 from .model import RunReport
 
 

@@ -8,8 +8,8 @@ from hijack_data.plan import CLEAN
 from hijack_data.runs.given import given_to
 from hijack_data.runs.run_log import GIVEN_KINDS
 
-from ..bench import scores
-from ..bench.reading import ResultRecord
+from ..results import scores
+from ..results.reading import ResultRecord
 from . import used
 from .identity import NINE, has_all_nine
 from .model import AgentSummary, Cell, RunIdentity
@@ -83,7 +83,7 @@ def _retained(agent: str, groups: scores.GroupedRecords) -> dict[str, float | No
         return {}
     found: dict[str, float | None] = {"retention": sum(here) / sum(there)}
     if scores.can_infer():
-        from ..bench.statistics import retention_interval
+        from ..results.statistics import retention_interval
 
         kept = retention_interval(there, here, tasks)
         found["retention_low"] = kept.low if kept else None
@@ -96,7 +96,7 @@ def _interval(cells: Sequence[scores.ScoreByCase]) -> dict[str, float]:
     there = [cell for cell in cells if cell]
     if not there or not scores.can_infer():
         return {}
-    from ..bench.statistics import grand_mean_interval
+    from ..results.statistics import grand_mean_interval
 
     pairs = [(list(cell.values()), scores.task_names(cell)) for cell in there]
     interval = grand_mean_interval(pairs)
@@ -113,7 +113,7 @@ def _mce(here: Mapping[str, float], there: Mapping[str, float]) -> float | None:
     shared = [label for label in here if label in there]
     if not shared or not scores.can_infer():
         return None
-    from ..bench.statistics import mean_corruption_error
+    from ..results.statistics import mean_corruption_error
 
     return mean_corruption_error(
         {label: here[label] for label in shared}, {label: there[label] for label in shared}

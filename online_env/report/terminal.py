@@ -1,6 +1,5 @@
 """The report on a terminal: tables, a line about each agent, and the problems."""
 
-import importlib
 from collections.abc import Sequence
 from io import StringIO
 from typing import Any
@@ -10,9 +9,8 @@ from rich.console import Console
 from hijack_data.cli import console
 from hijack_data.cli.tables import FigureTable, grouped
 
-from ..bench import costs, scores
-from ..bench.progress import shorten
-from ..bench.reading import ResultRecord, Run
+from ..results import costs, scores
+from ..results.reading import ResultRecord, Run
 from . import words
 from .build import build_report
 from .compare import RunComparison
@@ -21,6 +19,7 @@ from .identity import agents_of, conditions_of
 from .model import AgentSummary, Cell, RunReport
 from .outcome import missing_line
 from .paper import PaperTable
+from .parts_table import show_parts
 from .tables import compared_table, main_figures, paper_rows
 
 _MAIN = ("n", ("success", "95 %"), ("delta", "95 %", "p"), "retention", ("errors", "invalid"))
@@ -55,7 +54,7 @@ def show(run: Run, reference: str = "") -> None:
     show_report(report, screen)
     final = list(scores.latest(run.records).values())
     if run.is_scored:
-        importlib.import_module("online_env.scoring.tables").show_parts(run, screen)
+        show_parts(run, screen)
     used = costs.usage_line(run.records)
     if used:
         screen.print(used, soft_wrap=True)
@@ -63,7 +62,7 @@ def show(run: Run, reference: str = "") -> None:
     for record in final:
         if record["status"] != "ok":
             problem = f"{record['status']}: {record.get('id')}: {record.get('problem')}"
-            screen.print(shorten(problem), markup=False, soft_wrap=True)
+            screen.print(words.shorten(problem), markup=False, soft_wrap=True)
 
 
 def show_report(report: RunReport, screen: Any) -> None:

@@ -6,9 +6,9 @@ from typing import Any
 
 from hijack_data.runs.amounts import is_amount
 
-from ..bench.costs import COUNTS, has_counts
-from ..bench.reading import ResultRecord
-from ..bench.scores import counts
+from ..results.costs import COUNTS, has_counts
+from ..results.reading import ResultRecord
+from ..results.scores import counts
 
 
 def means(last: Iterable[ResultRecord], every: Iterable[ResultRecord]) -> dict[str, Any]:

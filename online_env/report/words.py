@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
+MAX_LINE = 300  # characters of a line on a terminal
 # p values below this show a difference.
 SHOWN = 0.05
 _GIVEN = {"task": "the task", "plan": "the plan", "process": "the runner's process"}
@@ -63,3 +64,9 @@ def worst(labels: Sequence[str], success: float | None) -> str:
 def given(kinds: Iterable[str] | None) -> str:
     """Return what an agent was given besides instruction and pictures; empty if unknown."""
     return " and ".join(_GIVEN[kind] for kind in kinds or ())
+
+
+def shorten(text: str) -> str:
+    """Return a text as one line of at most `MAX_LINE` characters; records hold the whole text."""
+    line = " ".join(text.split("\n"))
+    return line if len(line) <= MAX_LINE else line[: MAX_LINE - 4] + " ..."

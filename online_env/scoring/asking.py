@@ -15,7 +15,7 @@ from hijack_data.runs.run_log import GIVEN, ROW, VERSION
 from hijack_data.types import Action, Box, check_aim
 
 from ..agents.agent_calls import AgentAnswer, AgentError, RunningAgent
-from ..bench.reading import ResultRecord
+from ..results.reading import ResultRecord
 from .answers import StepAnswer, read_answer
 from .cases import Case, Question
 from .feed import DamagedRowError, RowData, RowFeed, scales_of

@@ -17,12 +17,12 @@ from hijack_data.cli.options import FiniteRange, new_run_options
 from hijack_data.errors import ParameterError
 
 from ..agents.options import agent_memory_option, in_process_option
-from ..bench import records
 from ..bench.config import Bench, override
 from ..report.outcome import exit_code
 from ..report.terminal import score_rows, show
+from ..results import records
+from ..results.parts import part_rows
 from .cases import QUESTIONS, Case, Selection, question_of
-from .parts import part_rows
 from .progress import ScoreDisplay
 from .rules import NEAR, Distance
 from .run import TIMEOUT, ScoreRun, ScoreSettings

@@ -7,7 +7,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from ..bench.reading import ResultRecord
+from ..results.reading import ResultRecord
 
 EVERY = 5.0  # s between two lines
 

@@ -15,8 +15,8 @@ from hijack_data.runs.run_log import SCORE_RUN
 from ..agents.agent_calls import method_names
 from ..agents.references import AgentReference, is_user_code
 from ..agents.registry import AGENTS
-from ..bench import records
-from ..bench.reading import ResultRecord
+from ..results import records
+from ..results.reading import ResultRecord
 from .asking import Asking
 from .cases import Case, CaseKey, CaseList, Question, Selection, cases_of, open_feed
 from .rules import NEAR, Distance

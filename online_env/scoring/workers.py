@@ -17,7 +17,7 @@ from ..agents.agent_process import AgentProcess
 from ..agents.apart import Apart
 from ..agents.references import is_user_code, reference_to
 from ..agents.registry import AGENTS, make
-from ..bench.reading import ResultRecord
+from ..results.reading import ResultRecord
 from .asking import Asker, Asking
 from .cases import Case, open_feed
 

@@ -7,7 +7,6 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
-from online_env.bench import records
 from online_env.bench.config import Bench
 from online_env.bench.estimates import (
     EPISODE_SECONDS,
@@ -20,6 +19,7 @@ from online_env.bench.estimates import (
     makespan,
 )
 from online_env.bench.jobs import Job, jobs
+from online_env.results import records
 from online_env.tasks import sets
 
 TASK = "write_note"

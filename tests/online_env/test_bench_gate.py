@@ -14,8 +14,8 @@ from lxml import etree
 
 from hijack_data.errors import HijackError, ParameterError, UnknownNameError
 from hijack_data.runs.run_log import row_slug_of
-from online_env.bench import records, scores
-from online_env.bench.gate import ReleaseGate, ScoreGate, gate_options
+from online_env.report.gate import ReleaseGate, ScoreGate, gate_options
+from online_env.results import records, scores
 
 AGENTS = ("oracle", "my.py:Mine")
 LABELS = ("clean", "marks", "network_error")

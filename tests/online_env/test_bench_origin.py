@@ -16,11 +16,12 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from hijack_data.errors import StorageError
-from online_env.bench import episodes, origin, providers, records, runner
+from online_env.bench import episodes, providers, runner
 from online_env.bench.episodes import lost
 from online_env.bench.jobs import attempts
-from online_env.bench.records import RunError
 from online_env.errors import DesktopError, DesktopTimeoutError, MissingPackageError
+from online_env.results import origin, records
+from online_env.results.records import RunError
 from pipelines.proof.rebuild import rebuild
 
 from support.recorded import IDS, JOBS, Episodes, Silent, config, no_machine, record_run

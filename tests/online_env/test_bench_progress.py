@@ -10,8 +10,9 @@ from rich.console import Console
 
 from online_env.bench.config import Bench
 from online_env.bench.jobs import Job, attempts, jobs
-from online_env.bench.progress import LONGEST, ProgressDisplay, shorten
+from online_env.bench.progress import ProgressDisplay
 from online_env.bench.runner import needs_attempt
+from online_env.report.words import MAX_LINE, shorten
 
 BENCH = Bench(tasks=("write_note",), corruptions={"clean": None}, seeds=(0, 1), max_steps=10)
 JOB = Job("mine", "write_note", "clean", 0)
@@ -48,7 +49,7 @@ def test_each_episode_is_a_line_with_its_result():
 def test_long_problems_are_shortened():
     assert shorten("a\nb") == "a b"
     long = shorten("x" * 1000)
-    assert len(long) == LONGEST
+    assert len(long) == MAX_LINE
     assert long.endswith("x ...")
 
 

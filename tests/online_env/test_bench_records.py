@@ -11,7 +11,6 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from hijack_data.cli import main
 from hijack_data.errors import HijackError
-from online_env.bench import costs, junit, origin, records
 from online_env.bench.config import Bench
 from online_env.bench.estimates import (
     EPISODE_SECONDS,
@@ -25,7 +24,9 @@ from online_env.bench.estimates import (
     read_history,
 )
 from online_env.bench.jobs import Job
-from online_env.bench.reading import Run, RunError, read, with_first_seeds
+from online_env.report import junit
+from online_env.results import costs, origin, records
+from online_env.results.reading import Run, RunError, read, with_first_seeds
 from online_env.tasks import sets
 
 from support.reported import made, run_of, scored

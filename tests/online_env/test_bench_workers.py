@@ -12,11 +12,11 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from hijack_data.errors import HijackError, UnknownNameError
 from online_env.agents.apart import AgentError, Apart
-from online_env.bench import records
 from online_env.bench.config import Bench
 from online_env.bench.jobs import Job
 from online_env.bench.runner import run_jobs
 from online_env.bench.workers import LocalPool, WorkerSetup, default_desktops
+from online_env.results import records
 
 from support import waiting
 from support.playing import serve

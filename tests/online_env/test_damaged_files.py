@@ -11,14 +11,14 @@ from hijack_data.errors import ConfigError, HijackError, ParameterError, Unknown
 from hijack_data.runs.run_log import slug_of
 from online_env.agents.chat.request_log import RequestReplay
 from online_env.agents.scripted import Scripted, read_script
-from online_env.bench import costs, reading, records
-from online_env.bench.gate import ReleaseGate
-from online_env.bench.reading import RunError
 from online_env.errors import ReplayError
 from online_env.osworld import table
 from online_env.osworld import tasks as osworld_tasks
 from online_env.report.build import build_report, load_report
 from online_env.report.cli import report
+from online_env.report.gate import ReleaseGate
+from online_env.results import costs, reading, records
+from online_env.results.reading import RunError
 
 CONFIG = {"agents": ["oracle"], "corruptions": ["clean"]}
 EPISODES = ["oracle--write_note-0--clean--0"]

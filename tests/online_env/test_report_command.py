@@ -9,11 +9,11 @@ from lxml import etree
 pytest.importorskip("statsmodels", reason="needs the extra [online]")
 
 from hijack_data.cli import main
-from online_env.bench import scores
 from online_env.report import ReportError, build_report, formats
 from online_env.report.compare import compare
 from online_env.report.document import ReportDocument
 from online_env.report.paper import beside_paper, paper_table
+from online_env.results import scores
 
 from support.reported import CONDITIONS, made, read_run, run_of, scored, whole
 

@@ -10,12 +10,12 @@ import pytest
 pytest.importorskip("statsmodels", reason="needs the extra [online]")
 
 from hijack_data.cli import main
-from online_env.bench import statistics
-from online_env.bench.reading import Run, read
 from online_env.report import ReportError, build_report, formats
 from online_env.report.compare import compare
 from online_env.report.document import ReportDocument
 from online_env.report.leaderboard import leaderboard, rankings_of, read_all
+from online_env.results import statistics
+from online_env.results.reading import Run, read
 
 from support.reported import CONDITIONS, made, read_run, run_of, scored, whole
 

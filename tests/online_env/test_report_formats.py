@@ -12,11 +12,11 @@ import yaml
 pytest.importorskip("statsmodels", reason="needs the extra [online]")
 
 from hijack_data.cli import main
-from online_env.bench import reading, records, scores
 from online_env.report import build_report, formats, words
 from online_env.report.compare import compare
 from online_env.report.document import ReportDocument
 from online_env.report.paper import COLUMNS, paper_table
+from online_env.results import reading, records, scores
 
 from support.chromium import chromium
 from support.reported import CONDITIONS, made, read_run, run_of, scored, whole

@@ -16,13 +16,13 @@ pytest.importorskip("pyarrow", reason="needs the extra [hf]")
 
 from hijack_data.errors import HijackError, ParameterError
 from hijack_data.locking import LockedError
-from online_env.bench import origin, records
 from online_env.bench.config import Bench, override
-from online_env.bench.reading import RunError
-from online_env.bench.scores import rows as score_rows
+from online_env.results import origin, records
+from online_env.results.parts import part_rows
+from online_env.results.reading import RunError
+from online_env.results.scores import rows as score_rows
 from online_env.scoring.asking import AgentStartError
 from online_env.scoring.cases import Selection, question_of
-from online_env.scoring.parts import part_rows
 from online_env.scoring.rules import Distance
 from online_env.scoring.run import ScoreRun, ScoreSettings
 from pipelines import build

@@ -12,10 +12,10 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("pyarrow", reason="needs the extra [hf]")
 
 from hijack_data.errors import ParameterError
-from online_env.bench import records
 from online_env.bench.config import Bench, override
+from online_env.results import records
+from online_env.results.parts import part_rows
 from online_env.scoring.cases import question_of
-from online_env.scoring.parts import part_rows
 from online_env.scoring.run import ScoreRun, ScoreSettings
 from pipelines import build, open_dataset
 from pipelines.exports import export

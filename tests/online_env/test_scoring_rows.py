@@ -11,7 +11,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 from hijack_data.cli import main
 from hijack_data.errors import HijackError, ParameterError
 from hijack_data.types import Action
-from online_env.bench import records
+from online_env.results import records
 from online_env.scoring import run
 from online_env.scoring.answers import read_answer
 from online_env.scoring.cases import Selection, cases_of

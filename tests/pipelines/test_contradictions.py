@@ -14,10 +14,11 @@ pytest.importorskip("isal", reason="needs the extra [hf]")
 from hijack_data.corruption import get
 from hijack_data.runs.run_log import slug_of
 from online_env import tasks
-from online_env.bench import origin, records, runner
+from online_env.bench import runner
 from online_env.bench.episodes import play
 from online_env.bench.jobs import Job
 from online_env.environment import CorruptedEnv, Setting
+from online_env.results import origin, records
 from pipelines.proof.rebuild import rebuild
 from pipelines.proof.retrace.facts import FIELDS
 

@@ -13,10 +13,11 @@ import yaml
 import hijack_data as hj
 from hijack_data.config import dump
 from hijack_data.runs.run_log import slug_of
-from online_env.bench import records, runner
+from online_env.bench import runner
 from online_env.bench.episodes import play
 from online_env.environment import CorruptedEnv
 from online_env.environment.stage import Setting
+from online_env.results import records
 
 from .live import AT_ONCE, FakeDesktop, FakeStage
 from .recorded import Silent, Straw, no_machine

@@ -199,7 +199,7 @@ def _given(record: Mapping[str, Any]) -> str:
 
 
 def _counts(record: Mapping[str, Any]) -> bool:
-    """Return whether the report counts an episode: the rule of `online_env.bench.scores`."""
+    """Return whether the report counts an episode: the rule of `online_env.results.scores`."""
     if record.get("status") != "error":
         return record.get("status") == "ok"
     cause = record.get("cause", "agent")

@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import fmean
 from typing import Any, TypeAlias
 
-from ..bench.reading import ResultRecord
-from ..bench.scores import counts, latest
+from .reading import ResultRecord
+from .scores import counts, latest
 
 PARTS = ("type", "place", "end", "text", "keys", "direction")
 STEP_COLUMNS = (*PARTS, "malformed", "hidden")

@@ -17,9 +17,10 @@ from hijack_data.errors import HijackError, ParameterError, UnknownNameError, so
 from hijack_data.plan import CLEAN
 from hijack_data.runs.own_files import refuse_own_file
 
-from ..report.named import YARDSTICKS
-from . import junit, scores
-from .reading import Run
+from ..results import scores
+from ..results.reading import Run
+from . import junit
+from .named import YARDSTICKS
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 OPTION = "--fail-under"

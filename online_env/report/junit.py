@@ -14,8 +14,8 @@ from typing import Any, TypeAlias
 from hijack_data.files import make_folder, write_atomic
 from hijack_data.runs.run_log import ROW
 
-from . import scores
-from .reading import ResultRecord, Run
+from ..results import scores
+from ..results.reading import ResultRecord, Run
 
 GATES = "gates"  # the name of the suite of gates
 # Characters that XML 1.0 cannot hold, not even escaped.

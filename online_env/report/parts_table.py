@@ -6,9 +6,9 @@ from typing import Any
 from hijack_data.cli.tables import FigureTable, grouped
 from hijack_data.runs.amounts import is_count
 
-from ..bench.reading import Run
-from ..report.identity import agents_of, conditions_of
-from .parts import REMINDER_COLUMNS, STEP_COLUMNS, PartsRow, part_rows
+from ..results.parts import REMINDER_COLUMNS, STEP_COLUMNS, PartsRow, part_rows
+from ..results.reading import Run
+from .identity import agents_of, conditions_of
 
 _COUNTED = ("hidden",)
 
