@@ -88,7 +88,7 @@ def _agents_of(loaded: LoadedFile) -> list[str]:
     ]
     if not any(hasattr(cls, "predict") for cls in own) and "agent" not in loaded.names:
         return []
-    return importlib.import_module("online_env.agents.checking").agents_of(loaded)
+    return importlib.import_module("online_env.agents.checking").agents_in_file(loaded)
 
 
 def _tasks_of(loaded: LoadedFile) -> list[str]:

@@ -106,7 +106,7 @@ class Bench:
     @property
     def planners(self) -> Mapping[str, Planner | None]:
         """The corruptions by label; all of them if the file names none."""
-        return everything() if self.corruptions is None else self.corruptions
+        return all_planners() if self.corruptions is None else self.corruptions
 
     def to_data(self) -> dict[str, Any]:
         """Return the resolved configuration as JSON data.
@@ -185,7 +185,7 @@ def is_from_data(entry: Any) -> bool:
     return issubclass(entry, OsworldFileTask)
 
 
-def everything() -> Planners:
+def all_planners() -> Planners:
     """Return the clean condition and every corruption with its defaults, by label."""
     return {CLEAN: None, **{name: get(name) for name in corruption_names()}}
 
@@ -246,8 +246,8 @@ def override(
 def _planners(bench: Bench, text: str) -> Planners:
     """Return the corruptions that a text lists: labels of the file, names, or `all`."""
     if text.strip() == ALL:
-        return everything()
-    known = {**everything(), **bench.planners}
+        return all_planners()
+    known = {**all_planners(), **bench.planners}
     for name in _split(text):
         if name not in known:
             check_not_broken(name)
@@ -456,7 +456,7 @@ class _Reader:
     def _corruptions(self, tree: ConfigNode) -> Planners | None:
         """Return the planners of `all`, or of a list, in which `clean` is the clean condition."""
         if isinstance(tree, ScalarNode) and tree.value == ALL:
-            return everything()
+            return all_planners()
         if not isinstance(tree, SequenceNode):
             return self._built(tree)
         others = [item for item in tree.items if not _is_clean(item)]

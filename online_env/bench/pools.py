@@ -15,14 +15,14 @@ from .workers import LocalPool, WorkerSetup, default_desktops
 LOCAL = "local"
 RAY = "ray"
 ENGINES = (LOCAL, RAY)
-MOST = 256  # desktops of a run
+MAX_DESKTOPS = 256  # desktops of a run
 
 
 class EpisodePool(Protocol):
     """Desktops that play episodes side by side; used in a `with` statement."""
 
     desktops: int  # number of desktops, or the most at once, when the run begins
-    most: int  # number of threads that may call the pool at once
+    max_episodes: int  # number of threads that may call the pool at once
 
     def place(self) -> AbstractContextManager[object]:
         """Return a context that is entered once a desktop is free for the calling thread."""
@@ -67,7 +67,7 @@ def open_pool(
     if engine == RAY:
         from .ray_pool import RayPool, is_started_here
 
-        room = default_desktops() if is_started_here(ray_address) else MOST
+        room = default_desktops() if is_started_here(ray_address) else MAX_DESKTOPS
         return RayPool(setup, min(desktops or room, episodes), ray_address)
     if ray_address is not None:
         raise ParameterError(f"--ray-address {ray_address} is for --engine ray, not for {engine!r}")

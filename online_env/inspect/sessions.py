@@ -20,7 +20,7 @@ from hijack_data.errors import HijackError
 from hijack_data.png import encode
 from hijack_data.types import Size, UInt8Array
 
-from ..agents.adapters.reading import unreadable
+from ..agents.adapters.action_codes import unreadable
 from ..bench.config import Bench
 from ..bench.providers import PROVIDERS
 from ..environment import CorruptedEnv, EvalSettings, SmallTasks

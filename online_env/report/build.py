@@ -11,12 +11,12 @@ from hijack_data.runs.run_log import RUN
 from ..results import reading, scores
 from ..results.parts import part_rows
 from ..results.reading import Run
-from .by_app import app_successes
-from .cells import cells_of, feasible_and_not
-from .identity import identity_of
+from .app_success import app_successes
+from .cells import compute_cells, feasible_and_not
+from .identity import run_identity
 from .model import ReportError, RunReport, from_data
-from .notes import fraction_note, notes_of, recovery_note
-from .summaries import summaries_of
+from .notes import fraction_note, recovery_note, report_notes
+from .summaries import summarise_agents
 
 
 def load_report(path: Path, reference: str = "") -> RunReport:
@@ -77,9 +77,9 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
     """
     if not run.records:
         raise ReportError(f"{run.folder}: holds no episodes yet; {_how_to_go_on(run)}")
-    identity = identity_of(run)
-    groups = scores.grouped(run.records)
-    cells = cells_of(run, groups)
+    identity = run_identity(run)
+    groups = scores.group_records(run.records)
+    cells = compute_cells(run, groups)
     agents = list(dict.fromkeys(cell.agent for cell in cells))
     if reference and reference not in agents:
         raise UnknownNameError(
@@ -89,7 +89,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
     report = RunReport(
         run=identity,
         cells=tuple(cells),
-        summaries=tuple(summaries_of(identity, cells, groups, reference)),
+        summaries=tuple(summarise_agents(identity, cells, groups, reference)),
         feasible=tuple(feasible),
         infeasible=tuple(infeasible),
         applications=tuple(app_successes(groups)),
@@ -99,7 +99,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
     notes = (
         *recovery_note(run),
         *fraction_note(run),
-        *notes_of(report, scores.partial(run.records)),
+        *report_notes(report, scores.count_partial(run.records)),
     )
     return RunReport(**{**vars(report), "notes": notes})
 

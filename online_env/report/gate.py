@@ -20,7 +20,7 @@ from hijack_data.runs.own_files import refuse_own_file
 from ..results import scores
 from ..results.reading import Run
 from . import junit
-from .named import YARDSTICKS
+from .named_scores import YARDSTICKS
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 OPTION = "--fail-under"
@@ -167,8 +167,8 @@ class ReleaseGate:
 
     def verdicts(self, run: Run) -> list[GateVerdict]:
         """Judge the gates on the episodes of a run so far."""
-        groups = scores.grouped(run.records)
-        table = scores.grouped_rows(groups, self.agents, self.labels)
+        groups = scores.group_records(run.records)
+        table = scores.rows_by_group(groups, self.agents, self.labels)
         return [_judged(gate, table, groups.scored, self.labels) for gate in self.gates]
 
     def conclude(self, run: Run) -> bool:
@@ -286,7 +286,7 @@ def _judged(
 
 def _over_all(gate: ScoreGate, scored: scores.ScoreByCell) -> float | None:
     """Return the retention or the difference over all cases played both clean and corrupted."""
-    there, here, _ = scores.pairs_of(gate.agent, scored)
+    there, here, _ = scores.pairs_with_clean(gate.agent, scored)
     if gate.score == "retention":
         return sum(here) / sum(there) if sum(there) else None
     return (sum(here) - sum(there)) / len(here) if here else None

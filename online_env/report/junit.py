@@ -47,12 +47,12 @@ def write(path: Path, run: Run, gates: Sequence[GateCase]) -> None:
         HijackError: The file cannot be written.
     """
     make_folder(path.parent, path)
-    root = tree_of(run, gates)
+    root = junit_tree(run, gates)
     ElementTree.indent(root, " ")
     write_atomic(path, ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
 
 
-def tree_of(run: Run, gates: Sequence[GateCase]) -> XmlElement:
+def junit_tree(run: Run, gates: Sequence[GateCase]) -> XmlElement:
     """Return the root of the document; the arguments are those of `write`."""
     by_agent: dict[str, list[XmlElement]] = {}
     for record in scores.latest(run.records).values():

@@ -173,7 +173,7 @@ class AgentSummary:
         retention: share of its clean success that it keeps, over all cases that have both.
         retention_low: lower end of its interval.
         retention_high: upper end; `None`, too, if it is unbounded.
-        worst: the first label under which it does worst (`RunReport.worst_of` has all); `None` if
+        worst: the first label under which it does worst (`RunReport.worst_corruptions` has all); `None` if
             no corruption is worse than another.
         worst_success: the least success under a corruption.
         nine: mean success over the paper's nine; `None` unless all nine are there.
@@ -284,7 +284,7 @@ class RunReport:
                 return cell
         return None
 
-    def worst_of(self, agent: str) -> tuple[str, ...]:
+    def worst_corruptions(self, agent: str) -> tuple[str, ...]:
         """The labels under which an agent does worst; none if none is worse than another."""
         own = [cell for cell in self.cells if cell.agent == agent]
         success = {cell.corruption: cell.success for cell in own if cell.success is not None}

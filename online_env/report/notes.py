@@ -12,7 +12,7 @@ from ..results.reading import Run
 from .model import RunReport
 
 
-def notes_of(report: RunReport, partial: int = 0) -> tuple[str, ...]:
+def report_notes(report: RunReport, partial: int = 0) -> tuple[str, ...]:
     """Return the notes on a report, of whose scores `partial` are neither 0 nor 1."""
     return tuple(_notes(report, partial))
 

@@ -8,7 +8,7 @@ from hijack_data.runs.amounts import is_count
 
 from ..results.parts import REMINDER_COLUMNS, STEP_COLUMNS, PartsRow, part_rows
 from ..results.reading import Run
-from .identity import agents_of, conditions_of
+from .identity import agent_names, corruptions_by_label
 
 _COUNTED = ("hidden",)
 
@@ -30,8 +30,8 @@ def show_parts(run: Run, screen: Any) -> None:
 
 def _sorted(run: Run, rows: Sequence[PartsRow]) -> list[PartsRow]:
     """Return the rows in the order of the configuration."""
-    agents = agents_of(run.config)
-    labels = list(conditions_of(run.config))
+    agents = agent_names(run.config)
+    labels = list(corruptions_by_label(run.config))
 
     def place(row: PartsRow) -> tuple[int, int]:
         label = row["corruption"]

@@ -10,12 +10,12 @@ from hijack_data.runs.run_log import GIVEN_KINDS
 
 from ..results import scores
 from ..results.reading import ResultRecord
-from . import used
+from . import usage
 from .identity import NINE, has_all_nine
 from .model import AgentSummary, Cell, RunIdentity
 
 
-def summaries_of(
+def summarise_agents(
     identity: RunIdentity, cells: Sequence[Cell], groups: scores.GroupedRecords, reference: str
 ) -> list[AgentSummary]:
     """Return a summary for each agent of a report.
@@ -51,7 +51,7 @@ def _used(agent: str, labels: Iterable[str], groups: scores.GroupedRecords) -> d
     keys = [(agent, label) for label in labels]
     attempts = [record for key in keys for record in groups.attempts[key]]
     last = [record for key in keys for record in groups.last[key].values()]
-    return {"given": _given(attempts), **used.means(last, attempts)}
+    return {"given": _given(attempts), **usage.means(last, attempts)}
 
 
 def _given(attempts: Sequence[ResultRecord]) -> tuple[str, ...] | None:
@@ -78,7 +78,7 @@ def _means(own: Mapping[str, Cell], identity: RunIdentity) -> dict[str, Any]:
 
 def _retained(agent: str, groups: scores.GroupedRecords) -> dict[str, float | None]:
     """Return the share of its clean success that an agent keeps over all its corruptions."""
-    there, here, tasks = scores.pairs_of(agent, groups.scored)
+    there, here, tasks = scores.pairs_with_clean(agent, groups.scored)
     if not sum(there):
         return {}
     found: dict[str, float | None] = {"retention": sum(here) / sum(there)}

@@ -28,7 +28,7 @@ class Budget:
 
     def add(self, record: Mapping[str, Any]) -> None:
         """Count an episode that has ended."""
-        self._spent += cost_of([record])
+        self._spent += total_cost([record])
         usage = record.get("usage")
         if isinstance(usage, Mapping) and usage.get("requests") and usage.get("usd", 0.0) is None:
             self._unknown = str(record.get("id"))
@@ -52,7 +52,7 @@ class Budget:
             )
 
 
-def cost_of(made: Sequence[Mapping[str, Any]]) -> float:
+def total_cost(made: Sequence[Mapping[str, Any]]) -> float:
     """Return the cost of episodes in USD; episodes with unknown cost count as 0."""
     total = 0.0
     for record in made:
@@ -74,7 +74,7 @@ def usage_line(made: Sequence[Mapping[str, Any]]) -> str:
             whole[key] += usage[key]
     requests, read, written = [whole[key] for key in COUNTS]
     known = all(is_amount(usage.get("usd")) for usage in counted)
-    cost = "price not known" if not known else f"{cost_of(made):.2f} USD"
+    cost = "price not known" if not known else f"{total_cost(made):.2f} USD"
     return f"models: {requests} requests, {read} tokens read, {written} written, {cost}"
 
 

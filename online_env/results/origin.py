@@ -18,7 +18,7 @@ from hijack_data.runs.run_head import config_digest
 from hijack_data.runs.run_log import SESSIONS
 
 RunOrigin: TypeAlias = dict[str, Any]
-GIT_PATIENCE = 10.0  # s
+GIT_TIMEOUT_S = 10.0  # s
 _GROUP_LIMIT = Path("/sys/fs/cgroup/memory.max")
 _GROUP_USE = Path("/sys/fs/cgroup/memory.current")
 
@@ -82,7 +82,7 @@ def _git(folder: Path, *words: str) -> str | None:
             cwd=folder,
             capture_output=True,
             text=True,
-            timeout=GIT_PATIENCE,
+            timeout=GIT_TIMEOUT_S,
             check=False,
         )
     except (OSError, subprocess.TimeoutExpired):

@@ -57,17 +57,17 @@ __all__ = [
     "create",
     "difference",
     "hold",
-    "kept",
     "read",
     "read_head",
     "resume",
+    "stored_record",
     "versions",
 ]
 
 PACKAGES = ("agenthijack", "numpy", "pillow", "gymnasium", "rapidocr", "onnxruntime", "openvino")
 
-MOST_SHOWN = 200  # letters of a setting in a message
-MOST_ENTRIES = 5  # entries of a long list in a message
+MAX_SETTING_CHARS = 200  # letters of a setting in a message
+MAX_LISTED_ENTRIES = 5  # entries of a long list in a message
 _BEGUN = (LOCK, RECORDS)  # files in a folder where a run was about to begin
 _HALF_WRITTEN = f".{RUN}.*.tmp"  # temporary files that a killed `write_atomic` leaves
 
@@ -263,7 +263,7 @@ def append_all(folder: Path, found: Sequence[ResultRecord]) -> None:
         raise unwritable(path, error) from None
 
 
-def kept(folder: Path, record: ResultRecord) -> ResultRecord:
+def stored_record(folder: Path, record: ResultRecord) -> ResultRecord:
     """Return the record in the folder of an episode, if the episode was completely written.
 
     A process that is killed right after it wrote the last file cannot report the record; its
@@ -304,19 +304,21 @@ def difference(was: object, now: object, place: str = "") -> str:
         pairs = enumerate(zip(was, now, strict=True))
         return _first(difference(old, new, f"{place}[{index}]") for index, (old, new) in pairs)
     texts = json.dumps(was), json.dumps(now)
-    if isinstance(was, list) and isinstance(now, list) and max(map(len, texts)) > MOST_SHOWN:
+    if isinstance(was, list) and isinstance(now, list) and max(map(len, texts)) > MAX_SETTING_CHARS:
         entries = _other_entries(was, now)
         if entries:
             return f"{place} {entries}"
-    return f"{place} was {texts[0]:.{MOST_SHOWN}}, and is {texts[1]:.{MOST_SHOWN}} now"
+    return (
+        f"{place} was {texts[0]:.{MAX_SETTING_CHARS}}, and is {texts[1]:.{MAX_SETTING_CHARS}} now"
+    )
 
 
 def _other_entries(was: Sequence[object], now: Sequence[object]) -> str:
     """Return which entries only one of two long lists has, or "" if each has all of the other."""
     lost = [json.dumps(entry) for entry in was if entry not in now]
     gained = [json.dumps(entry) for entry in now if entry not in was]
-    parts = [f"has lost {some_of(lost, MOST_ENTRIES)}"] if lost else []
-    parts += [f"has gained {some_of(gained, MOST_ENTRIES)}"] if gained else []
+    parts = [f"has lost {some_of(lost, MAX_LISTED_ENTRIES)}"] if lost else []
+    parts += [f"has gained {some_of(gained, MAX_LISTED_ENTRIES)}"] if gained else []
     return " and ".join(parts)
 
 

@@ -71,13 +71,13 @@ def rows(
         agents: names in the order of the rows; others follow in the order of their records.
         corruptions: labels in the order of the rows, likewise.
     """
-    return grouped_rows(grouped(records), agents, corruptions)
+    return rows_by_group(group_records(records), agents, corruptions)
 
 
-def grouped_rows(
+def rows_by_group(
     groups: GroupedRecords, agents: Sequence[str] = (), corruptions: Sequence[str] = ()
 ) -> list[ScoreRow]:
-    """Return the rows that `rows` describes, of records that `grouped` has grouped."""
+    """Return the rows that `rows` describes, of records that `group_records` has grouped."""
     agent_order = _order([*agents, *(agent for agent, _ in groups.last)])
     label_order = _order([*corruptions, *(label for _, label in groups.last)])
     keys = sorted(groups.last, key=lambda key: (agent_order[key[0]], label_order[key[1]]))
@@ -143,7 +143,7 @@ def pairs(before: ScoreByCase, after: ScoreByCase) -> PairedCases:
     return ([before[case] for case in both], [after[case] for case in both], task_names(both))
 
 
-def pairs_of(agent: str, scores: ScoreByCell) -> PairedCases:
+def pairs_with_clean(agent: str, scores: ScoreByCell) -> PairedCases:
     """Return the cases of `pairs` of clean and each corruption of an agent, after each other."""
     clean = scores.get((agent, CLEAN), {})
     there: list[float] = []
@@ -195,7 +195,7 @@ def latest(records: Iterable[ResultRecord]) -> dict[tuple[str, str, str, Any, in
     }
 
 
-def grouped(records: Iterable[ResultRecord]) -> GroupedRecords:
+def group_records(records: Iterable[ResultRecord]) -> GroupedRecords:
     """Return the records of a run by agent and corruption."""
     attempts: dict[CellKey, list[ResultRecord]] = {}
     last: dict[CellKey, Cases] = {}
@@ -207,7 +207,7 @@ def grouped(records: Iterable[ResultRecord]) -> GroupedRecords:
     return GroupedRecords(last, attempts, {cell: scored(cases) for cell, cases in last.items()})
 
 
-def unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, str]) -> int:
+def count_unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, str]) -> int:
     """Return how many episodes with a score ended before their corruption acted on the machine.
 
     Args:
@@ -285,7 +285,7 @@ def scored(cases: Cases) -> ScoreByCase:
     return {case: _score(record) for case, record in cases.items() if counts(record)}
 
 
-def partial(records: Iterable[ResultRecord]) -> int:
+def count_partial(records: Iterable[ResultRecord]) -> int:
     """Return how many episodes that count have a score that is neither 0 nor 1."""
     counted = filter(counts, latest(records).values())
     return sum(0 < _score(record) < 1 for record in counted)

@@ -17,14 +17,14 @@ from ..agents.references import AgentReference, is_user_code
 from ..agents.registry import AGENTS
 from ..results import records
 from ..results.reading import ResultRecord
-from .asking import Asking
-from .cases import Case, CaseKey, CaseList, Question, Selection, cases_of, open_feed
+from .cases import Case, CaseKey, CaseList, Question, Selection, open_feed, select_cases
+from .row_asker import AskSettings
 from .rules import NEAR, Distance
 from .workers import Listener, WorkerPool
 
-WRITTEN_AFTER = 1.0  # s until answered rows are written at the latest
-MOST_HELD = 32  # rows that are held until then
-TIMEOUT = 120.0  # s that an agent has for a row
+WRITE_PERIOD_S = 1.0  # s until answered rows are written at the latest
+MAX_UNWRITTEN_ROWS = 32  # rows that are held until then
+ROW_TIMEOUT_S = 120.0  # s that an agent has for a row
 _METHODS: Mapping[Question, str] = {
     "steps": "predict",
     "reminders": "check",
@@ -55,16 +55,16 @@ class ScoreSettings:
     question: Question = "steps"
     chosen: Selection = field(default_factory=Selection)
     near: Distance = NEAR
-    timeout: float = TIMEOUT
+    timeout: float = ROW_TIMEOUT_S
     workers: int = 1
     batch: int = 8
     in_process: bool = False
     agent_memory: float = 0.0
 
-    def asking(self, agent: str) -> Asking:
+    def asking(self, agent: str) -> AskSettings:
         """How rows are put to one of the agents."""
         in_runner = self.in_process and is_user_code(AGENTS.get(agent))
-        return Asking(
+        return AskSettings(
             agent=agent,
             question=self.question,
             near=self.near,
@@ -88,7 +88,7 @@ class ScoreRun:
         self.settings = settings
         feed = open_feed(settings.dataset, settings.question)
         self._content = feed.content
-        self.cases: CaseList = cases_of(feed, settings.question, settings.chosen)
+        self.cases: CaseList = select_cases(feed, settings.question, settings.chosen)
         for agent in settings.agents:
             _check_agent(agent, settings.question)
         found = map(_code_of, settings.agents)
@@ -189,8 +189,8 @@ def _write(
         for record in found:
             held.append(record)
             tick(record)
-            due = time.monotonic() - written > WRITTEN_AFTER
-            if due or len(held) >= MOST_HELD:
+            due = time.monotonic() - written > WRITE_PERIOD_S
+            if due or len(held) >= MAX_UNWRITTEN_ROWS:
                 # Nothing is held any more if Ctrl-C comes while it is written: a record that was
                 # appended twice would damage the run.
                 batch = held

@@ -254,7 +254,7 @@ def test_a_loop_that_swallows_everything_sleeps_in_the_end(monkeypatch):
 
     env, _ = square_env(max_steps=1)
     agent = LoopAgent(loop)
-    monkeypatch.setattr("online_env.agents.adapters.loop.ENDING", 0.0)
+    monkeypatch.setattr("online_env.agents.adapters.loop.SHUTDOWN_TIMEOUT_S", 0.0)
     monkeypatch.setattr("online_env.agents.adapters.loop.PARKED", Sleep())
     play(env, agent, JOB, 0, None)
     agent.reset()

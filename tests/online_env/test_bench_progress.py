@@ -12,7 +12,7 @@ from online_env.bench.config import Bench
 from online_env.bench.jobs import Job, attempts, jobs
 from online_env.bench.progress import ProgressDisplay
 from online_env.bench.runner import needs_attempt
-from online_env.report.words import MAX_LINE, shorten
+from online_env.report.formatting import MAX_LINE, shorten
 
 BENCH = Bench(tasks=("write_note",), corruptions={"clean": None}, seeds=(0, 1), max_steps=10)
 JOB = Job("mine", "write_note", "clean", 0)

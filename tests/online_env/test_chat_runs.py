@@ -14,7 +14,7 @@ from ext_package.paper import PressOk, provider
 
 from hijack_data.errors import HijackError, MissingDependencyError
 from online_env.agents.registry import AGENTS
-from online_env.bench.cli import bench
+from online_env.bench.bench_command import bench
 from online_env.bench.providers import PROVIDERS
 from online_env.environment import EvalSettings, Settle
 from online_env.results import records

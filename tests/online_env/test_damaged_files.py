@@ -15,8 +15,8 @@ from online_env.errors import ReplayError
 from online_env.osworld import table
 from online_env.osworld import tasks as osworld_tasks
 from online_env.report.build import build_report, load_report
-from online_env.report.cli import report
 from online_env.report.gate import ReleaseGate
+from online_env.report.report_command import report
 from online_env.results import costs, reading, records
 from online_env.results.reading import RunError
 
@@ -202,7 +202,7 @@ def test_what_an_agent_says_it_used_is_summed_only_if_it_can_be(run):
     assert not found.damaged
     (cell,) = build_report(found).cells
     assert (cell.input_tokens, cell.usd) == (60, None), "one price is not known"
-    assert costs.cost_of(found.records) == 0.5
+    assert costs.total_cost(found.records) == 0.5
     assert costs.usage_line(found.records).endswith("60 tokens read, 9 written, price not known")
 
 

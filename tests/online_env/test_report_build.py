@@ -99,7 +99,7 @@ def test_the_worst_corruption_is_one_that_is_worse_than_another(solved, worst, l
     ]
     report = build_report(read_run(tmp_path / "run", found))
     (row,) = report.summaries
-    assert report.worst_of("a") == worst
+    assert report.worst_corruptions("a") == worst
     assert (row.worst, row.worst_success) == (worst[0] if worst else None, least)
     said = terminal.text(ReportDocument(report=report))
     if least is None:

@@ -21,8 +21,8 @@ from online_env.results import origin, records
 from online_env.results.parts import part_rows
 from online_env.results.reading import RunError
 from online_env.results.scores import rows as score_rows
-from online_env.scoring.asking import AgentStartError
-from online_env.scoring.cases import Selection, question_of
+from online_env.scoring.cases import Selection, choose_question
+from online_env.scoring.row_asker import AgentStartError
 from online_env.scoring.rules import Distance
 from online_env.scoring.run import ScoreRun, ScoreSettings
 from pipelines import build
@@ -47,7 +47,7 @@ def agents(tmp_path_factory):
 
 def settings_for(folder, *agents, **more):
     names = override(Bench(), agent=",".join(agents)).agents
-    question = question_of(folder, more.pop("ask", None))
+    question = choose_question(folder, more.pop("ask", None))
     return ScoreSettings(dataset=folder, agents=names, question=question, **more)
 
 

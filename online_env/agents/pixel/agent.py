@@ -10,8 +10,8 @@ from hijack_data.types import UInt8Array
 
 from ...tasks.plan_words import ToldStep, read_plan
 from ..base import DONE, Observation
-from .reading import SHARED, ScreenReader
-from .walking import PlanWalk, Walked
+from .plan_walk import PlanWalk, WalkResult
+from .screen_reader import SHARED, ScreenReader
 
 TEXTS = "texts"  # in the folder of a run
 NO_PLAN = "Nobody told me how to do this."
@@ -74,9 +74,9 @@ class Pixel:
         self.walk = PlanWalk(steps, self.reader)
 
     def _go_on(self, picture: UInt8Array) -> tuple[str, Sequence[str]]:
-        return answer_of(self.walk.act(picture))
+        return walk_answer(self.walk.act(picture))
 
 
-def answer_of(walked: Walked) -> tuple[str, Sequence[str]]:
+def walk_answer(walked: WalkResult) -> tuple[str, Sequence[str]]:
     """Return words and action: `DONE` at the end of the plan, and where it cannot go on."""
     return walked.said, [walked.action or DONE]

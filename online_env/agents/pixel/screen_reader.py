@@ -17,12 +17,12 @@ import numpy as np
 from hijack_data.elements.ocr import MAX_RATIO, boxes_from_ocr
 from hijack_data.types import Box, Size, UInt8Array
 
-from .changes import changed_boxes, merged, touch
-from .text_files import TextFiles, TextLines
+from .picture_changes import changed_boxes, merged, touch
+from .shared_texts import TextFiles, TextLines
 
-MARGIN = 16  # px around what is read, as the detector wants some background
-WHOLE = 0.6  # of the picture: from there on it is read as one
-KEPT = 400  # parts of pictures whose text is remembered in a process
+MARGIN_PX = 16  # px around what is read, as the detector wants some background
+WHOLE_PICTURE_SHARE = 0.6  # of the picture: from there on it is read as one
+MAX_CACHED_PARTS = 400  # parts of pictures whose text is remembered in a process
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +71,7 @@ class TextCache:
         size: How many parts are remembered; 0 for none.
     """
 
-    def __init__(self, size: int = KEPT) -> None:
+    def __init__(self, size: int = MAX_CACHED_PARTS) -> None:
         self._size = size
         self._lines: OrderedDict[str, tuple[TextLine, ...]] = OrderedDict()
         self._files: TextFiles | None = None
@@ -175,7 +175,7 @@ class ScreenReader:
             return everything
         boxes = self._around_lines(changed_boxes(self._picture, picture))
         area = sum((box[2] - box[0]) * (box[3] - box[1]) for box in boxes)
-        return everything if area > WHOLE * height * width else boxes
+        return everything if area > WHOLE_PICTURE_SHARE * height * width else boxes
 
     def _around_lines(self, changed: list[Box]) -> list[Box]:
         """Return boxes that hold what changed, and the whole of every line that they touch."""
@@ -206,10 +206,10 @@ def _padded(box: Box, size: Size) -> Box:
     """Return a box with a margin, high and wide enough for the OCR."""
     height, width = size
     left, top, right, bottom = box
-    longest = max(right - left, bottom - top) + 2 * MARGIN
+    longest = max(right - left, bottom - top) + 2 * MARGIN_PX
     least = -(-longest // MAX_RATIO)
-    across = max(MARGIN, (least - (right - left) + 1) // 2)
-    along = max(MARGIN, (least - (bottom - top) + 1) // 2)
+    across = max(MARGIN_PX, (least - (right - left) + 1) // 2)
+    along = max(MARGIN_PX, (least - (bottom - top) + 1) // 2)
     return (
         max(left - across, 0),
         max(top - along, 0),

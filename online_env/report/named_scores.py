@@ -17,7 +17,7 @@ YARDSTICKS = (
     "pixel_onlooker_no_check",
     "pixel_onlooker_no_summary",
 )
-# Of an agent; for those in LOWER, less is better.
+# Of an agent; for those in LOWER_IS_BETTER, less is better.
 SUMMARY = (
     "clean",
     "corrupted",
@@ -32,7 +32,7 @@ SUMMARY = (
     "errors",
     "invalid",
 )
-LOWER = frozenset({"mce", "malformed", "steps", "usd", "errors", "invalid"})
+LOWER_IS_BETTER = frozenset({"mce", "malformed", "steps", "usd", "errors", "invalid"})
 CELL = ("success", "retention", "delta", "malformed")
 
 
@@ -63,7 +63,7 @@ def scores_by_name(report: RunReport) -> Mapping[str, float]:
 
 
 def _worse(name: str) -> Callable[[float, float], float]:
-    return max if name.partition(".")[0] in LOWER else min
+    return max if name.partition(".")[0] in LOWER_IS_BETTER else min
 
 
 def _of(report: RunReport, row: AgentSummary) -> Iterator[tuple[str, float]]:

@@ -14,8 +14,8 @@ from hijack_data.types import Size
 from ...tasks.plan_words import quoted
 from ..base import WAIT
 from ..settings import KnownError
-from .matching import LEAST, all_texts, even, find_text, likeness
-from .reading import TextLine
+from .screen_reader import TextLine
+from .text_matching import MIN_LIKENESS, all_texts, even, find_text, likeness
 
 PASSWORD = "password"  # of the desktop's user, who knows it
 GONE = "The window is gone"
@@ -190,7 +190,7 @@ def _gone(
 def _cut(button: TextLine, title: str) -> bool:
     """Return whether a button says the beginning of a title, or all of it."""
     short = even(button.text.rstrip("."))
-    return likeness(short, even(title)[: len(short)]) >= LEAST
+    return likeness(short, even(title)[: len(short)]) >= MIN_LIKENESS
 
 
 def _covered(foreign: Sequence[TextLine]) -> ScreenFinding | None:

@@ -22,10 +22,10 @@ from ..report.outcome import exit_code
 from ..report.terminal import score_rows, show
 from ..results import records
 from ..results.parts import part_rows
-from .cases import QUESTIONS, Case, Selection, question_of
+from .cases import QUESTIONS, Case, Selection, choose_question
 from .progress import ScoreDisplay
 from .rules import NEAR, Distance
-from .run import TIMEOUT, ScoreRun, ScoreSettings
+from .run import ROW_TIMEOUT_S, ScoreRun, ScoreSettings
 
 
 @click.command()
@@ -64,7 +64,7 @@ from .run import TIMEOUT, ScoreRun, ScoreSettings
 @click.option(
     "--timeout",
     type=FiniteRange(min=0.01),
-    default=TIMEOUT,
+    default=ROW_TIMEOUT_S,
     show_default=True,
     metavar="S",
     help="Seconds an agent has for a row.",
@@ -114,7 +114,7 @@ def score(
     settings = ScoreSettings(
         dataset=dataset,
         agents=override(Bench(), agent=agent).agents,
-        question=question_of(dataset, ask),
+        question=choose_question(dataset, ask),
         chosen=Selection(corruptions=_labels(corruptions), split=split, limit=limit),
         near=Distance.parse(distance),
         timeout=timeout,

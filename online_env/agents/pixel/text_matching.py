@@ -7,13 +7,15 @@ from dataclasses import dataclass
 
 from hijack_data.types import Box, Point
 
-from .reading import TextLine
+from .screen_reader import TextLine
 
 WHOLE_LINE = 1.0
 WHOLE_WORDS = 0.95
-PART = 0.85  # inside a longer word
-SHORT = 4  # characters: what has fewer must be read exactly, and as whole words
-LEAST = 0.78  # likeness of a text that OCR read with mistakes; two of ten letters may be wrong
+PART_OF_WORD = 0.85  # inside a longer word
+MIN_INEXACT_CHARS = 4  # characters: what has fewer must be read exactly, and as whole words
+MIN_LIKENESS = (
+    0.78  # likeness of a text that OCR read with mistakes; two of ten letters may be wrong
+)
 _ALIKE = str.maketrans(
     {
         "0": "o",
@@ -33,7 +35,7 @@ _ALIKE = str.maketrans(
 
 
 @dataclass(frozen=True, kw_only=True)
-class SeenText:
+class TextMatch:
     """Where a text was found.
 
     Args:
@@ -53,8 +55,8 @@ class SeenText:
 
 
 def find_text(
-    lines: Iterable[TextLine], wanted: str, near: Sequence[SeenText] = ()
-) -> SeenText | None:
+    lines: Iterable[TextLine], wanted: str, near: Sequence[TextMatch] = ()
+) -> TextMatch | None:
     """Return where a text stands; `None` if it is not there.
 
     Of several places, the one that fits best is taken, then what came last onto the screen, then
@@ -75,10 +77,10 @@ def find_text(
     return min(equals, key=lambda seen: (-seen.line.since, seen.box[1], seen.box[0]))
 
 
-def all_texts(lines: Iterable[TextLine], wanted: str) -> list[SeenText]:
+def all_texts(lines: Iterable[TextLine], wanted: str) -> list[TextMatch]:
     """Return all places of a text; those that were read with mistakes only if no other is there."""
-    exact: list[SeenText] = []
-    alike: list[SeenText] = []
+    exact: list[TextMatch] = []
+    alike: list[TextMatch] = []
     for line in lines:
         seen = _exact(line, wanted)
         if seen is not None:
@@ -116,43 +118,43 @@ def _evened(text: str) -> tuple[list[str], list[int]]:
     return characters, places
 
 
-def _exact(line: TextLine, wanted: str) -> SeenText | None:
+def _exact(line: TextLine, wanted: str) -> TextMatch | None:
     key = even(wanted)
     characters, places = _evened(line.text)
     evened = "".join(characters)
     if not key:
         return None
     if evened == key:
-        return SeenText(box=line.box, likeness=WHOLE_LINE, line=line)
+        return TextMatch(box=line.box, likeness=WHOLE_LINE, line=line)
     start = evened.find(key)
-    inside: SeenText | None = None
+    inside: TextMatch | None = None
     while start >= 0:
         first, last = places[start], places[start + len(key) - 1]
         if _are_words(line.text, first, last):
             return _part(line, first, last, WHOLE_WORDS)
-        if inside is None and len(key) >= SHORT:
-            inside = _part(line, first, last, PART)
+        if inside is None and len(key) >= MIN_INEXACT_CHARS:
+            inside = _part(line, first, last, PART_OF_WORD)
         start = evened.find(key, start + 1)
     return inside
 
 
-def _alike(line: TextLine, wanted: str) -> SeenText | None:
+def _alike(line: TextLine, wanted: str) -> TextMatch | None:
     key = even(wanted)
-    if len(key) < SHORT or len(key) > 2 * len(line.text):
+    if len(key) < MIN_INEXACT_CHARS or len(key) > 2 * len(line.text):
         return None
     characters, places = _evened(line.text)
     evened = "".join(characters)
     whole = likeness(evened, key)
-    if whole >= LEAST:
-        return SeenText(box=line.box, likeness=whole * PART, line=line)
+    if whole >= MIN_LIKENESS:
+        return TextMatch(box=line.box, likeness=whole * PART_OF_WORD, line=line)
     matcher = difflib.SequenceMatcher(None, evened, key, autojunk=False)
     block = matcher.find_longest_match()
     start = max(block.a - block.b, 0)
     window = evened[start : start + len(key)]
     part = likeness(window, key)
-    if part < LEAST or block.size < 2:
+    if part < MIN_LIKENESS or block.size < 2:
         return None
-    return _part(line, places[start], places[start + len(window) - 1], part * PART)
+    return _part(line, places[start], places[start + len(window) - 1], part * PART_OF_WORD)
 
 
 def likeness(one: str, other: str) -> float:
@@ -167,15 +169,15 @@ def _are_words(text: str, first: int, last: int) -> bool:
     return not before.isalnum() and not after.isalnum()
 
 
-def _part(line: TextLine, first: int, last: int, likeness: float) -> SeenText:
+def _part(line: TextLine, first: int, last: int, likeness: float) -> TextMatch:
     """Return the place of some characters of a line, as if all had the same width."""
     left, top, right, bottom = line.box
     width = (right - left) / len(line.text)
     box = (round(left + first * width), top, round(left + (last + 1) * width), bottom)
-    return SeenText(box=box, likeness=likeness, line=line)
+    return TextMatch(box=box, likeness=likeness, line=line)
 
 
-def _distance(one: SeenText, other: SeenText) -> float:
+def _distance(one: TextMatch, other: TextMatch) -> float:
     """Return how far two texts are apart, in pixels; a line's height counts four times."""
     across = max(one.box[0] - other.box[2], other.box[0] - one.box[2], 0)
     along = abs(one.centre[1] - other.centre[1])

@@ -6,11 +6,11 @@ import numpy.typing as npt
 from hijack_data import extras
 from hijack_data.types import Box, UInt8Array
 
-TILE = 32  # px; smaller tiles cost time, larger ones more reading
+TILE_PX = 32  # px; smaller tiles cost time, larger ones more reading
 
 
 def changed_tiles(before: UInt8Array, after: UInt8Array) -> npt.NDArray[np.bool_]:
-    """Return which tiles differ: bool `[rows, columns]`, of tiles of `TILE` pixels.
+    """Return which tiles differ: bool `[rows, columns]`, of tiles of `TILE_PX` pixels.
 
     Args:
         before: uint8 `[H, W, 3]`.
@@ -18,11 +18,11 @@ def changed_tiles(before: UInt8Array, after: UInt8Array) -> npt.NDArray[np.bool_
     """
     differs = (before != after).any(axis=2)
     height, width = differs.shape
-    below = -height % TILE
-    beside = -width % TILE
+    below = -height % TILE_PX
+    beside = -width % TILE_PX
     whole = np.pad(differs, ((0, below), (0, beside)))
-    rows, columns = whole.shape[0] // TILE, whole.shape[1] // TILE
-    by_tile = whole.reshape(rows, TILE, columns, TILE)
+    rows, columns = whole.shape[0] // TILE_PX, whole.shape[1] // TILE_PX
+    by_tile = whole.reshape(rows, TILE_PX, columns, TILE_PX)
     return np.any(by_tile, axis=(1, 3))
 
 
@@ -47,10 +47,10 @@ def changed_boxes(before: UInt8Array, after: UInt8Array) -> list[Box]:
     for label in range(1, count):
         rows, columns = np.nonzero(tiles & (labels == label))
         box = (
-            int(columns.min()) * TILE,
-            int(rows.min()) * TILE,
-            min((int(columns.max()) + 1) * TILE, width),
-            min((int(rows.max()) + 1) * TILE, height),
+            int(columns.min()) * TILE_PX,
+            int(rows.min()) * TILE_PX,
+            min((int(columns.max()) + 1) * TILE_PX, width),
+            min((int(rows.max()) + 1) * TILE_PX, height),
         )
         boxes.append(box)
     return boxes

@@ -270,14 +270,14 @@ def _play(
             episodes,
             teller,
             earlier,
-            at_once=pool.most,
+            at_once=pool.max_episodes,
             stop=stop or (lambda: None),
             budget=budget,
             place=pool.place,
         )
 
     with teller:
-        if isinstance(pool, LocalPool) and pool.most == 1:
+        if isinstance(pool, LocalPool) and pool.max_episodes == 1:
             with _here(chosen, out) as episodes:
                 run(episodes)
         else:
@@ -319,9 +319,9 @@ def _check_here(chosen: "Bench", engine: str) -> None:
 def _here(chosen: "Bench", out: Path) -> "Iterator[LiveEpisodes]":
     """Play episodes from this process; with `--in-process` a debugger can follow the agent."""
     from .episodes import LiveEpisodes
-    from .workers import stage_of
+    from .workers import open_stage
 
-    with stage_of(chosen, out) as stage, LiveEpisodes(chosen, out, stage) as episodes:
+    with open_stage(chosen, out) as stage, LiveEpisodes(chosen, out, stage) as episodes:
         yield episodes
 
 

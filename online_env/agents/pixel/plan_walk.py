@@ -7,15 +7,15 @@ from hijack_data.types import Point, Size, UInt8Array
 
 from ...tasks.plan_words import ToldStep
 from ..base import FAIL, WAIT
-from .matching import SeenText, all_texts, closest_text, find_text
-from .reading import ScreenReader, TextLine
+from .screen_reader import ScreenReader, TextLine
+from .text_matching import TextMatch, all_texts, closest_text, find_text
 
-WAITS = 2  # pictures on which a text is waited for, until the walk is lost
-SCROLLS = 15  # turns of the wheel for which a text is searched
-WHEEL = 5  # clicks of the wheel a turn
+MAX_WAITS = 2  # pictures on which a text is waited for, until the walk is lost
+MAX_SCROLLS = 15  # turns of the wheel for which a text is searched
+CLICKS_PER_SCROLL = 5  # clicks of the wheel a turn
 # How far beside a text to click, in heights of its line.
-ACROSS = 3.0
-ALONG = 1.6
+LINE_HEIGHTS_ACROSS = 3.0
+LINE_HEIGHTS_ALONG = 1.6
 
 _CLICKS = {
     "click": "pyautogui.click({x}, {y})",
@@ -26,7 +26,7 @@ _CLICKS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Walked:
+class WalkResult:
     """The result of a walk on one picture.
 
     Args:
@@ -71,7 +71,7 @@ class PlanWalk:
         self._missed = 0
         self._turned = 0
 
-    def act(self, picture: UInt8Array) -> Walked:
+    def act(self, picture: UInt8Array) -> WalkResult:
         """Continue to the next step that needs an action, and return the action.
 
         Args:
@@ -82,14 +82,14 @@ class PlanWalk:
             if walked is not None:
                 return walked
             self._advance()
-        return Walked(said="That was the whole plan.")
+        return WalkResult(said="That was the whole plan.")
 
     def _advance(self) -> None:
         self._at += 1
         self._missed = 0
         self._turned = 0
 
-    def _try(self, step: ToldStep, picture: UInt8Array) -> Walked | None:
+    def _try(self, step: ToldStep, picture: UInt8Array) -> WalkResult | None:
         """Return the action of a step; `None` if it needs none."""
         match step.verb:
             case "type" | "press":
@@ -103,39 +103,41 @@ class PlanWalk:
             case _:
                 return self._look(step, picture)
 
-    def _look(self, step: ToldStep, picture: UInt8Array) -> Walked | None:
+    def _look(self, step: ToldStep, picture: UInt8Array) -> WalkResult | None:
         """Look for the text of a step, and act on it."""
         lines = self._reader.read(picture)
-        seen = place_of(step, lines)
+        seen = find_step_text(step, lines)
         if seen is None:
             return self._not_seen(step, lines, picture.shape[:2])
         if step.verb in ("wait", "window", "scroll"):
             return None
-        x, y = point_of(step, seen, picture.shape[:2])
+        x, y = click_point(step, seen, picture.shape[:2])
         code = _CLICKS[step.verb].format(x=x, y=y)
         return self._taken(step, code, f"I read {seen.line.text!r}.")
 
-    def _not_seen(self, step: ToldStep, lines: Sequence[TextLine], size: Size) -> Walked:
-        if step.verb == "scroll" and self._turned < SCROLLS:
+    def _not_seen(self, step: ToldStep, lines: Sequence[TextLine], size: Size) -> WalkResult:
+        if step.verb == "scroll" and self._turned < MAX_SCROLLS:
             self._turned += 1
-            return Walked(said=self._words(step), action=wheel_code(step, size, WHEEL))
+            return WalkResult(
+                said=self._words(step), action=wheel_code(step, size, CLICKS_PER_SCROLL)
+            )
         said = self._words(step, f"I do not see {step.text!r}.")
-        if self._missed < WAITS:
+        if self._missed < MAX_WAITS:
             self._missed += 1
-            return Walked(said=said, action=WAIT)
+            return WalkResult(said=said, action=WAIT)
         closest = closest_text(lines, step.text)
-        return Walked(said=f"{said} The closest text is {closest!r}.", lost=True)
+        return WalkResult(said=f"{said} The closest text is {closest!r}.", lost=True)
 
-    def _taken(self, step: ToldStep, action: str, note: str = "") -> Walked:
+    def _taken(self, step: ToldStep, action: str, note: str = "") -> WalkResult:
         said = self._words(step, note)
         self._advance()
-        return Walked(said=said, action=action)
+        return WalkResult(said=said, action=action)
 
     def _words(self, step: ToldStep, note: str = "") -> str:
         return f"Step {self._at + 1} of {len(self.steps)}: {step.line}. {note}".rstrip()
 
 
-def place_of(step: ToldStep, lines: Sequence[TextLine]) -> SeenText | None:
+def find_step_text(step: ToldStep, lines: Sequence[TextLine]) -> TextMatch | None:
     """Return where the text of a step stands; `None` if it, or its anchor, is not there."""
     if not step.near:
         return find_text(lines, step.text)
@@ -143,12 +145,12 @@ def place_of(step: ToldStep, lines: Sequence[TextLine]) -> SeenText | None:
     return find_text(lines, step.text, anchors) if anchors else None
 
 
-def point_of(step: ToldStep, seen: SeenText, size: Size) -> Point:
+def click_point(step: ToldStep, seen: TextMatch, size: Size) -> Point:
     """Return the pixel to click on: in the middle of a text, or beside it."""
     left, top, right, bottom = seen.box
     x, y = seen.centre
-    across = round(ACROSS * seen.line.height)
-    along = round(ALONG * seen.line.height)
+    across = round(LINE_HEIGHTS_ACROSS * seen.line.height)
+    along = round(LINE_HEIGHTS_ALONG * seen.line.height)
     places = {
         "": (x, y),
         "right of": (right + across, y),

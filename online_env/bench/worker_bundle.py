@@ -36,7 +36,7 @@ _Files = Mapping[str, bytes]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Parcel:
+class WorkerBundle:
     """The data sent to the nodes.
 
     Args:
@@ -61,7 +61,7 @@ class Parcel:
     replay: _Files | None
 
 
-def pack(setup: WorkerSetup) -> Parcel:
+def pack(setup: WorkerSetup) -> WorkerBundle:
     """Return the parcel for the nodes.
 
     Raises:
@@ -76,7 +76,7 @@ def pack(setup: WorkerSetup) -> Parcel:
             f"the corruptions cannot be sent to other processes ({error}); use planners that hold"
             " no open files, locks or the like"
         ) from None
-    return Parcel(
+    return WorkerBundle(
         software=software(),
         loaded=tuple(_loaded(setup.bench)),
         agent_files=tuple(_agent_files(setup.bench)),
@@ -92,7 +92,7 @@ def pack(setup: WorkerSetup) -> Parcel:
     )
 
 
-def unpack(parcel: Parcel, folder: Path) -> WorkerSetup:
+def unpack(parcel: WorkerBundle, folder: Path) -> WorkerSetup:
     """Load everything that the run needs in this process, and return its setup.
 
     Args:

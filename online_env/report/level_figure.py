@@ -5,7 +5,7 @@ All lengths are in units of the SVG's view box, and shared with `figures`.
 
 from dataclasses import dataclass
 
-from . import words
+from . import formatting
 from .ablations import Ablation
 from .figures import BOTTOM, LEFT, RIGHT, TOP, WIDTH
 from .model import RunReport
@@ -74,15 +74,15 @@ def grouped_panel(report: RunReport, ablation: Ablation) -> GroupedPanel:
             cell = report.cell(agent, label)
             if cell is None or cell.success is None:
                 continue
-            between = words.interval(cell.ci_low, cell.ci_high)
-            said = f"{name}, {level}: {words.percent(cell.success)} %"
+            between = formatting.interval(cell.ci_low, cell.ci_high)
+            said = f"{name}, {level}: {formatting.percent(cell.success)} %"
             bar = LevelBar(
                 number=number % COLOURS,
                 y=top + number * _BAR,
                 width=_place(cell.success),
                 low=None if cell.ci_low is None else _place(cell.ci_low),
                 high=None if cell.ci_high is None else _place(cell.ci_high),
-                value=words.percent(cell.success),
+                value=formatting.percent(cell.success),
                 title=f"{said}, 95 % {between}" if between else said,
             )
             bars.append(bar)

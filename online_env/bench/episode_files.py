@@ -17,7 +17,7 @@ from ..errors import ClusterError
 _SENT = (EPISODES, REQUESTS)
 
 
-def outgoing(folder: Path) -> Iterator[tuple[str, bytes]]:
+def take_files(folder: Path) -> Iterator[tuple[str, bytes]]:
     """Yield the files of an episode with their names relative to the folder of the run.
 
     Args:
@@ -34,7 +34,7 @@ def _rank(path: Path) -> tuple[bool, Path]:
     return path.name == EPISODE, path
 
 
-class Arrival:
+class ReceivedEpisode:
     """Stores the files of one episode in the folder of its run.
 
     Args:
@@ -49,7 +49,7 @@ class Arrival:
         """Write a file; the folder of the episode is emptied before its first one.
 
         Args:
-            name: The name yielded by `outgoing`.
+            name: The name yielded by `take_files`.
             content: Its bytes.
 
         Raises:

@@ -161,7 +161,7 @@ def is_export(folder: Path) -> bool:
     return True
 
 
-def scales_of(row: RowData) -> tuple[float, float]:
+def picture_scale(row: RowData) -> tuple[float, float]:
     """Return width and height of a row's picture over those of the screen before its plan."""
     plans: Any = importlib.import_module("hijack_data.plan")
     height, width = plans.Plan.from_json(row["plan"]).size

@@ -24,11 +24,11 @@ from . import terminal
 from .build import build_report, load_report
 from .compare import RunComparison, compare
 from .document import ReportDocument
-from .formats import FORMATS, SHOWING, TERMINAL, check_shown, format_of, write
-from .identity import agents_of, conditions_of
+from .formats import FORMATS, FORMATS_BY_OPTION, TERMINAL, check_shown, choose_format, write
+from .identity import agent_names, corruptions_by_label
 from .model import ReportError, RunReport
 from .outcome import exit_code, missing_line
-from .paper import beside_paper
+from .paper import compare_with_paper
 
 
 @click.command()
@@ -127,7 +127,7 @@ def report(
     if format == TERMINAL and out is None and comparison is None:
         terminal.show(run, reference or "")
         if paper:
-            terminal.show_paper(beside_paper(build_report(run)), console())
+            terminal.show_paper(compare_with_paper(build_report(run)), console())
         raise SystemExit(_told(run, gate))
     document = _document(build_report(run, reference=reference or ""), comparison, paper)
     _write(document, format, out)
@@ -136,9 +136,9 @@ def report(
 
 def _format(named: str | None, out: Path | None, beside: Sequence[str]) -> str:
     """Return the format, which has to show what the options `beside` ask for."""
-    format = format_of(named, out)
+    format = choose_format(named, out)
     for option in beside:
-        if option in SHOWING:
+        if option in FORMATS_BY_OPTION:
             check_shown(option, format)
     return format
 
@@ -167,8 +167,8 @@ def _read(folder: Path, seeds: int | None = None) -> Run:
 
 def _agents_and_labels(run: Run) -> tuple[list[str], list[str]]:
     """Return the agents and the conditions of a run; a log without a head has those it played."""
-    agents = [*agents_of(run.config), *(record["agent"] for record in run.records)]
-    labels = [*conditions_of(run.config), *(record["corruption"] for record in run.records)]
+    agents = [*agent_names(run.config), *(record["agent"] for record in run.records)]
+    labels = [*corruptions_by_label(run.config), *(record["corruption"] for record in run.records)]
     return list(dict.fromkeys(agents)), list(dict.fromkeys(labels))
 
 
@@ -183,7 +183,7 @@ def _told(run: Run, gate: ReleaseGate) -> int:
 
 def _document(report: RunReport, comparison: RunComparison | None, paper: bool) -> ReportDocument:
     return ReportDocument(
-        report=report, comparison=comparison, paper=beside_paper(report) if paper else None
+        report=report, comparison=comparison, paper=compare_with_paper(report) if paper else None
     )
 
 
@@ -230,13 +230,13 @@ def _leaderboard(folder: Path, named: str | None, out: Path | None) -> int:
     Raises:
         ReportError: another format than a page was asked for.
     """
-    from .leaderboard import leaderboard, read_all
+    from .leaderboard import leaderboard, read_reports
 
     if named not in (None, "html"):
         raise ReportError(f"--leaderboard is a page; --format {named} is not possible, give html")
     if out is None:
         raise ReportError("--leaderboard: say where the page goes, such as -o leaderboard.html")
-    found = read_all(folder)
+    found = read_reports(folder)
     for problem in found.problems:
         click.echo(printable(f"hijack: left out: {problem}"), err=True)
     _put(leaderboard(found), out)

@@ -27,7 +27,7 @@ _Calls: TypeAlias = "queue.SimpleQueue[_Call | None]"
 _Outcomes: TypeAlias = "queue.SimpleQueue[_Outcome]"
 
 
-class Apart:
+class AgentThread:
     """Calls an agent, one call at a time, in a thread that ends with `close`.
 
     All calls are made in the same thread, since libraries tie browsers and databases to a thread.
@@ -53,7 +53,7 @@ class Apart:
         self.agent: Agent
         self.make()
 
-    def __enter__(self) -> "Apart":
+    def __enter__(self) -> "AgentThread":
         return self
 
     def __exit__(self, *_: object) -> None:

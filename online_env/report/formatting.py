@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 MAX_LINE = 300  # characters of a line on a terminal
 # p values below this show a difference.
-SHOWN = 0.05
+SIGNIFICANT_P = 0.05
 _GIVEN = {"task": "the task", "plan": "the plan", "process": "the runner's process"}
 
 
@@ -20,7 +20,7 @@ def interval(low: float | None, high: float | None, sign: str = "") -> str:
     return f"[{percent(low, sign)}, {percent(high, sign)}]"
 
 
-def kept(low: float | None, high: float | None) -> str:
+def retention_interval(low: float | None, high: float | None) -> str:
     """Return the interval of a retention, which may have no upper end."""
     if low is not None and high is None:
         return f"[{percent(low)}, …)"
@@ -61,7 +61,7 @@ def worst(labels: Sequence[str], success: float | None) -> str:
     return f"{', '.join(labels)} {percent(success)}" if labels else "none"
 
 
-def given(kinds: Iterable[str] | None) -> str:
+def privileged_inputs(kinds: Iterable[str] | None) -> str:
     """Return what an agent was given besides instruction and pictures; empty if unknown."""
     return " and ".join(_GIVEN[kind] for kind in kinds or ())
 

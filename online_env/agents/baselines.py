@@ -52,7 +52,7 @@ class RandomActions:
         return "", [draw(stream, (height, width), instruction)]
 
 
-class GivesUp:
+class AlwaysFails:
     """Answers `FAIL` at once, so its score is the share of infeasible tasks."""
 
     def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:

@@ -18,12 +18,12 @@ from ..agents.agent_calls import AgentAnswer, AgentError, RunningAgent
 from ..results.reading import ResultRecord
 from .answers import StepAnswer, read_answer
 from .cases import Case, Question
-from .feed import DamagedRowError, RowData, RowFeed, scales_of
+from .dataset_rows import DamagedRowError, RowData, RowFeed, picture_scale
 from .onlookers import is_reminder, overlap
-from .outlines import outline_of
-from .rules import Distance, WantedStep, compare, unanswered
+from .outlines import target_outline
+from .rules import Distance, ExpectedStep, compare, unanswered
 
-KEPT = 2000  # characters of a text in a record
+MAX_TEXT_CHARS = 2000  # characters of a text in a record
 Scored: TypeAlias = dict[str, Any]
 MAX_STARTS = 3  # times in a row that an agent which was made may fail to be made again
 
@@ -33,7 +33,7 @@ class AgentStartError(HijackError, RuntimeError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Asking:
+class AskSettings:
     """How rows are put to an agent.
 
     Args:
@@ -53,7 +53,7 @@ class Asking:
     given: tuple[str, ...] = ()
 
 
-class Asker:
+class RowAsker:
     """One agent, and the rows that are put to it.
 
     Args:
@@ -65,7 +65,9 @@ class Asker:
         AgentStartError: the agent cannot be made.
     """
 
-    def __init__(self, asking: Asking, feed: RowFeed, start: Callable[[], RunningAgent]) -> None:
+    def __init__(
+        self, asking: AskSettings, feed: RowFeed, start: Callable[[], RunningAgent]
+    ) -> None:
         self._asking = asking
         self._feed = feed
         self._start = start
@@ -83,7 +85,7 @@ class Asker:
         """End the agent."""
         self._agent.close()
 
-    def one(self, case: Case) -> ResultRecord:
+    def ask_row(self, case: Case) -> ResultRecord:
         """Put one row to the agent."""
         row = self._row(case)
         if isinstance(row, DamagedRowError):
@@ -97,7 +99,7 @@ class Asker:
             return self._failed(case, row, error, time.perf_counter() - start)
         return self._judged(case, row, answer, time.perf_counter() - start)
 
-    def several(self, cases: Sequence[Case]) -> list[ResultRecord]:
+    def ask_rows(self, cases: Sequence[Case]) -> list[ResultRecord]:
         """Put rows to `predict_batch`.
 
         Raises:
@@ -126,7 +128,7 @@ class Asker:
         if self._asking.question != "steps":
             return row
         try:
-            return {**row, "wanted": wanted_of(row)}
+            return {**row, "wanted": expected_step(row)}
         except HijackError as error:
             remedy = "mend the recording and build the dataset again"
             return DamagedRowError(f"{self._feed.folder}: row {case.row!r}: {error}; {remedy}")
@@ -189,7 +191,11 @@ class Asker:
 
     def _damaged(self, case: Case, error: DamagedRowError) -> ResultRecord:
         record = blank(case, self._asking)
-        return record | {"status": "invalid", "problem": str(error)[:KEPT], "cause": "machine"}
+        return record | {
+            "status": "invalid",
+            "problem": str(error)[:MAX_TEXT_CHARS],
+            "cause": "machine",
+        }
 
     def _record(self, case: Case, row: RowData, seconds: float) -> ResultRecord:
         about = {
@@ -202,7 +208,7 @@ class Asker:
         return blank(case, self._asking) | about
 
 
-def blank(case: Case, asking: Asking) -> ResultRecord:
+def blank(case: Case, asking: AskSettings) -> ResultRecord:
     """Return the record of a case before anything is known of the answer."""
     about = {"needed": case.needed} if asking.question == "reminders" else {}
     return {
@@ -232,13 +238,13 @@ def failure(problem: str, where: Sequence[str] = ()) -> Scored:
     """Return the fields of a record whose agent failed."""
     return {
         "status": "error",
-        "problem": problem[:KEPT],
+        "problem": problem[:MAX_TEXT_CHARS],
         "cause": "agent",
         "traceback": list(where),
     }
 
 
-def wanted_of(row: RowData) -> WantedStep:
+def expected_step(row: RowData) -> ExpectedStep:
     """Return what a row asks for.
 
     Raises:
@@ -247,12 +253,12 @@ def wanted_of(row: RowData) -> WantedStep:
     given: dict[str, Any] = row["action"]
     keys = given["keys"]
     action = Action(**{**given, "keys": tuple(keys) if keys else None})
-    scale = (1.0, 1.0) if row["corruption"] == CLEAN else scales_of(row)
+    scale = (1.0, 1.0) if row["corruption"] == CLEAN else picture_scale(row)
     box = _box(row["target_box"])
-    polygon = outline_of(row["extra"], scale)
+    polygon = target_outline(row["extra"], scale)
     if not polygon:
         check_aim(action, box)
-    return WantedStep(
+    return ExpectedStep(
         action=action,
         size=(row["height"], row["width"]),
         box=box,
@@ -266,20 +272,20 @@ def _box(value: Sequence[int] | None) -> Box | None:
     return cast("Box", tuple(value)) if value else None
 
 
-def _step(wanted: WantedStep, answer: StepAnswer, near: Distance) -> Scored:
+def _step(wanted: ExpectedStep, answer: StepAnswer, near: Distance) -> Scored:
     if answer.action is None:
         verdict = unanswered(wanted, answer.problem)
     else:
         verdict = compare(wanted, answer.action, near)
     return {
         "score": float(verdict.right),
-        "reason": verdict.reason[:KEPT],
+        "reason": verdict.reason[:MAX_TEXT_CHARS],
         "wanted": wanted.action.type,
         "parts": verdict.parts,
         "off": verdict.off,
         "malformed": int(answer.action is None),
-        "last_action": answer.text[:KEPT],
-        "said": answer.said[:KEPT],
+        "last_action": answer.text[:MAX_TEXT_CHARS],
+        "said": answer.said[:MAX_TEXT_CHARS],
         "more": answer.more,
     }
 
@@ -293,13 +299,13 @@ def _reminder(needed: bool, answer: str | None) -> Scored:
         "score": float(given == needed),
         "reason": reason,
         "given": given,
-        "said": (answer or "")[:KEPT],
+        "said": (answer or "")[:MAX_TEXT_CHARS],
     }
 
 
 def _summary(row: RowData, answer: str) -> Scored:
     return {
         "score": round(overlap(answer, row["summary"]), 4),
-        "wanted": row["summary"][:KEPT],
-        "said": answer[:KEPT],
+        "wanted": row["summary"][:MAX_TEXT_CHARS],
+        "said": answer[:MAX_TEXT_CHARS],
     }

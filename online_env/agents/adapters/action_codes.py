@@ -11,7 +11,7 @@ PYAUTOGUI = "pyautogui"
 COMPUTER_13 = "computer_13"
 
 
-def codes_of(action: object, dialect: str, size: Size) -> tuple[list[str], str]:
+def read_action_codes(action: object, dialect: str, size: Size) -> tuple[list[str], str]:
     """Return an action as pyautogui code, WAIT, DONE or FAIL, and why it could not be read.
 
     An action that cannot be read becomes a text that the environment refuses: the step is used up
@@ -41,8 +41,8 @@ def _read(action: object, dialect: str, size: Size) -> list[str]:
     return [action]
 
 
-def osworld_codes(action: object, size: Size) -> list[str]:
-    """Convert an answer of one of OSWorld's agents, as `codes_of` does.
+def read_osworld_codes(action: object, size: Size) -> list[str]:
+    """Convert an answer of one of OSWorld's agents, as `read_action_codes` does.
 
     Its agents answer with code or a word, with a dict of `computer_13`, or with a dict that holds
     the code under `command`, or under `action` beside `action_space: pyautogui`.
@@ -54,7 +54,7 @@ def osworld_codes(action: object, size: Size) -> list[str]:
         code = _code_in(fields)
         if code is not None:
             return [code]
-    codes, _ = codes_of(action, COMPUTER_13, size)
+    codes, _ = read_action_codes(action, COMPUTER_13, size)
     return codes
 
 

@@ -12,19 +12,19 @@ from hijack_data.runs.run_log import REINIT
 from hijack_data.types import UInt8Array
 
 from ...tasks.plan_words import ToldStep, read_plan
+from ..agent_files import DEFAULT_ERRORS, read_errors
 from ..base import WAIT
-from ..files import DEFAULT_ERRORS, read_errors
-from .agent import Pixel, answer_of
-from .changes import changed_share
-from .onlooking import PictureOnlooker, ScreenFinding
-from .reading import ScreenReader, TextLine
-from .walking import PlanWalk
+from .agent import Pixel, walk_answer
+from .picture_changes import changed_share
+from .picture_onlooker import PictureOnlooker, ScreenFinding
+from .plan_walk import PlanWalk
+from .screen_reader import ScreenReader, TextLine
 
-RECOVERIES = 8  # that an episode may have
-SAME = 3  # times that one kind is put right
+MAX_RECOVERIES = 8  # that an episode may have
+MAX_SAME_RECOVERIES = 3  # times that one kind is put right
 # What is tried when a text does not come and nothing wrong is to be seen: a menu or a dialog that
 # nobody wanted may be open.
-DESPERATE = ("press esc", "wait")
+FALLBACK_STEPS = ("press esc", "wait")
 
 
 class PixelOnlooker(Pixel):
@@ -120,7 +120,7 @@ class PixelOnlooker(Pixel):
     def _recover(self, found: ScreenFinding) -> bool:
         """Begin to put something right; return whether it is still worth a try."""
         tried = self._put_right.count(found.kind)
-        if tried >= SAME or len(self._put_right) >= RECOVERIES:
+        if tried >= MAX_SAME_RECOVERIES or len(self._put_right) >= MAX_RECOVERIES:
             return False
         self._put_right.append(found.kind)
         self._recovery = PlanWalk(read_plan(found.steps), self.reader)
@@ -134,9 +134,9 @@ class PixelOnlooker(Pixel):
                 return f"Recovery. {walked.said}", [walked.action]
             self._recovery = PlanWalk((), self.reader)
         walked = self.walk.act(picture)
-        lost = ScreenFinding(kind="lost", say=walked.said, steps=DESPERATE)
+        lost = ScreenFinding(kind="lost", say=walked.said, steps=FALLBACK_STEPS)
         if not walked.lost or not self.summarises or not self._recover(lost):
-            return answer_of(walked)
+            return walk_answer(walked)
         self.walk.wait_again()
         return f"{walked.said} Recovery.", [self._recovery.act(picture).action]
 
