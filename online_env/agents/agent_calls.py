@@ -25,9 +25,8 @@ NEEDS_TASK = (
     " cannot have: use --in-process"
 )
 _FOLDER = Path(__file__).parent
-_OURS = frozenset(
-    str(_FOLDER / f"{name}.py") for name in ("agent_calls", "agent_server", "agent_thread")
-)
+_OUR_MODULES = ("agent_calls", "agent_server", "agent_thread")
+_OURS = frozenset(str(_FOLDER / f"{name}.py") for name in _OUR_MODULES)
 _TEXTS = (str, bytes, bytearray)  # sequences, but of no actions
 AgentAnswer: TypeAlias = tuple[str, list[object]]
 

@@ -95,14 +95,13 @@ class RayPool:
     def __enter__(self) -> "RayPool":
         parcel = pack(self._setup)
         with ExitStack() as stack:
-            self._ray: Any = stack.enter_context(
-                _connection().session(
-                    self.max_episodes * CORES_PER_DESKTOP,
-                    self._address,
-                    memory=self.max_episodes * BYTES_PER_DESKTOP,
-                    error=ClusterError,
-                )
+            session = _connection().session(
+                self.max_episodes * CORES_PER_DESKTOP,
+                self._address,
+                memory=self.max_episodes * BYTES_PER_DESKTOP,
+                error=ClusterError,
             )
+            self._ray: Any = stack.enter_context(session)
             self.desktops = min(self.max_episodes, self._room())
             self._actor = self._ray.remote(
                 num_cpus=CORES_PER_DESKTOP,
@@ -256,9 +255,9 @@ class RayPool:
             return room
         found = "; ".join(_described(node) for node in nodes) or "no node is alive"
         raise ClusterError(
-            f"no node of the cluster has room for a desktop, which takes {CORES_PER_DESKTOP} CPU and"
-            f" {BYTES_PER_DESKTOP / GIB:g} GiB of memory ({found}); start nodes with more: ray start"
-            " --num-cpus=N --memory=BYTES"
+            "no node of the cluster has room for a desktop, which takes"
+            f" {CORES_PER_DESKTOP} CPU and {BYTES_PER_DESKTOP / GIB:g} GiB of memory ({found});"
+            " start nodes with more: ray start --num-cpus=N --memory=BYTES"
         )
 
     # Desktops

@@ -36,9 +36,7 @@ from .models import ModelOptions, prepare
 from .providers import PROVIDERS
 
 CORES_PER_DESKTOP = 1  # cores that a desktop needs
-BYTES_PER_DESKTOP = (
-    1536 * 2**20
-)  # bytes that a desktop with its standby and an office program may take
+BYTES_PER_DESKTOP = 1536 * 2**20  # for a desktop, its standby and an office program
 SHUTDOWN_TIMEOUT_S = 20.0  # seconds for a process to end its desktop
 
 

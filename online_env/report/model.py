@@ -173,8 +173,8 @@ class AgentSummary:
         retention: share of its clean success that it keeps, over all cases that have both.
         retention_low: lower end of its interval.
         retention_high: upper end; `None`, too, if it is unbounded.
-        worst: the first label under which it does worst (`RunReport.worst_corruptions` has all); `None` if
-            no corruption is worse than another.
+        worst: the first label under which it does worst; `RunReport.worst_corruptions` returns
+            all. `None` if no corruption is worse than another.
         worst_success: the least success under a corruption.
         nine: mean success over the paper's nine; `None` unless all nine are there.
         paper_average: the paper's "Average", over the nine and clean, ten columns; likewise.

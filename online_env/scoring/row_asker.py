@@ -57,7 +57,7 @@ class RowAsker:
     """One agent, and the rows that are put to it.
 
     Args:
-        asking: how.
+        settings: how the rows are put.
         feed: the rows.
         start: returns a running agent, also in the place of one that died.
 
@@ -66,9 +66,9 @@ class RowAsker:
     """
 
     def __init__(
-        self, asking: AskSettings, feed: RowFeed, start: Callable[[], RunningAgent]
+        self, settings: AskSettings, feed: RowFeed, start: Callable[[], RunningAgent]
     ) -> None:
-        self._asking = asking
+        self._settings = settings
         self._feed = feed
         self._start = start
         self._failed_starts = MAX_STARTS - 1  # the first failure is final
@@ -79,7 +79,7 @@ class RowAsker:
     def batch(self) -> int:
         """How many rows the agent takes at a time."""
         batched = "predict_batch" in self._agent.traits.methods
-        return self._asking.batch if batched and self._asking.question == "steps" else 1
+        return self._settings.batch if batched and self._settings.question == "steps" else 1
 
     def close(self) -> None:
         """End the agent."""
@@ -125,7 +125,7 @@ class RowAsker:
             row = self._feed.row(case.number)
         except DamagedRowError as error:
             return error
-        if self._asking.question != "steps":
+        if self._settings.question != "steps":
             return row
         try:
             return {**row, "wanted": expected_step(row)}
@@ -141,7 +141,7 @@ class RowAsker:
                 self._failed_starts += 1
                 if self._failed_starts >= MAX_STARTS:
                     where = "\n".join([str(error), *error.where[-1:]])
-                    name = self._asking.agent
+                    name = self._settings.agent
                     raise AgentStartError(f"{name}: cannot be made: {where}") from error
             else:
                 self._failed_starts = 0
@@ -163,9 +163,9 @@ class RowAsker:
         self._used = True
 
     def _answer(self, row: RowData) -> Any:
-        if self._asking.question == "reminders":
+        if self._settings.question == "reminders":
             return self._agent.check(row["screenshot"])
-        if self._asking.question == "summaries":
+        if self._settings.question == "summaries":
             return self._agent.summarise(row["before"], row["action_text"], row["after"])
         return self._agent.predict(row["instruction"], {"screenshot": row["screenshot"]})
 
@@ -175,14 +175,14 @@ class RowAsker:
         return self._agent.predict_batch(instructions, [row["screenshot"] for row in rows])
 
     def _judged(self, case: Case, row: RowData, answer: Any, seconds: float) -> ResultRecord:
-        if self._asking.question == "reminders":
+        if self._settings.question == "reminders":
             scored = _reminder(case.needed, answer)
-        elif self._asking.question == "summaries":
+        elif self._settings.question == "summaries":
             scored = _summary(row, answer)
         else:
             said, actions = answer
             size = row["screenshot"].shape[:2]
-            scored = _step(row["wanted"], read_answer(said, actions, size), self._asking.near)
+            scored = _step(row["wanted"], read_answer(said, actions, size), self._settings.near)
         return self._record(case, row, seconds) | scored
 
     def _failed(self, case: Case, row: RowData, error: AgentError, seconds: float) -> ResultRecord:
@@ -190,7 +190,7 @@ class RowAsker:
         return self._record(case, row, seconds) | failed
 
     def _damaged(self, case: Case, error: DamagedRowError) -> ResultRecord:
-        record = blank(case, self._asking)
+        record = empty_record(case, self._settings)
         return record | {
             "status": "invalid",
             "problem": str(error)[:MAX_TEXT_CHARS],
@@ -205,24 +205,24 @@ class RowAsker:
             "target_visible": row.get("target_visible"),
             "seconds": round(seconds, 4),
         }
-        return blank(case, self._asking) | about
+        return empty_record(case, self._settings) | about
 
 
-def blank(case: Case, asking: AskSettings) -> ResultRecord:
+def empty_record(case: Case, settings: AskSettings) -> ResultRecord:
     """Return the record of a case before anything is known of the answer."""
-    about = {"needed": case.needed} if asking.question == "reminders" else {}
+    about = {"needed": case.needed} if settings.question == "reminders" else {}
     return {
         **about,
         "version": VERSION,
-        "id": case.id(asking.agent),
-        "agent": asking.agent,
+        "id": case.id(settings.agent),
+        "agent": settings.agent,
         "task": case.task,
         "task_seed": case.variant,
         "corruption": case.corruption,
         "seed": case.seed,
         "attempt": 0,
         ROW: case.row,
-        "question": asking.question,
+        "question": settings.question,
         "status": "ok",
         "score": None,
         "reason": "",
@@ -230,7 +230,7 @@ def blank(case: Case, asking: AskSettings) -> ResultRecord:
         "steps": 1,
         "seconds": 0.0,
         "malformed": 0,
-        GIVEN: list(asking.given),  # rows have no task and no plan
+        GIVEN: list(settings.given),  # rows have no task and no plan
     }
 
 

@@ -61,7 +61,7 @@ class ScoreSettings:
     in_process: bool = False
     agent_memory: float = 0.0
 
-    def asking(self, agent: str) -> AskSettings:
+    def ask_settings(self, agent: str) -> AskSettings:
         """How rows are put to one of the agents."""
         in_runner = self.in_process and is_user_code(AGENTS.get(agent))
         return AskSettings(
@@ -167,7 +167,7 @@ class ScoreRun:
                 continue
             pool = WorkerPool(
                 settings.dataset,
-                settings.asking(agent),
+                settings.ask_settings(agent),
                 count=settings.workers,
                 timeout=settings.timeout,
                 notice=notice,

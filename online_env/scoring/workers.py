@@ -32,7 +32,7 @@ class WorkerPool:
 
     Args:
         folder: the dataset.
-        asking: how rows are put to the agent.
+        settings: how rows are put to the agent.
         count: how many threads.
         timeout: seconds an agent has for a row.
         notice: called with what a user should know.
@@ -42,7 +42,7 @@ class WorkerPool:
     def __init__(
         self,
         folder: Path,
-        asking: AskSettings,
+        settings: AskSettings,
         *,
         count: int,
         timeout: float,
@@ -50,7 +50,7 @@ class WorkerPool:
         memory: int | None = None,
     ) -> None:
         self._folder = folder
-        self._asking = asking
+        self._settings = settings
         self._count = count
         self._timeout = timeout
         self._notice = notice
@@ -96,7 +96,7 @@ class WorkerPool:
         """Put shares of rows to an agent of this thread until none is left."""
         try:
             asker = RowAsker(
-                self._asking, open_feed(self._folder, self._asking.question), self._start
+                self._settings, open_feed(self._folder, self._settings.question), self._start
             )
             try:
                 while not self._stopped:
@@ -116,11 +116,11 @@ class WorkerPool:
         Raises:
             AgentError: it cannot be made.
         """
-        asking = self._asking
-        entry = AGENTS.get(asking.agent)
-        if asking.in_process or not is_user_code(entry):
-            return AgentThread(partial(make, asking.agent), self._timeout)
-        reference = reference_to(entry, asking.agent)
+        settings = self._settings
+        entry = AGENTS.get(settings.agent)
+        if settings.in_process or not is_user_code(entry):
+            return AgentThread(partial(make, settings.agent), self._timeout)
+        reference = reference_to(entry, settings.agent)
         agent = AgentProcess(reference, self._timeout, memory=self._memory)
         with self._lock:
             self._agents.append(agent)
@@ -153,4 +153,4 @@ class WorkerPool:
         with self._lock:
             if text not in self._noticed:
                 self._noticed.add(text)
-                self._notice(f"{self._asking.agent}: {text}"[:400])
+                self._notice(f"{self._settings.agent}: {text}"[:400])

@@ -316,7 +316,7 @@ def test_a_node_with_other_software_or_another_file_is_refused(tmp_path, monkeyp
     mine.unlink()
     with pytest.raises(ClusterError, match=f"{mine}: .*No such file.*every node needs this file"):
         worker_bundle.unpack(packed, tmp_path / "node")
-    monkeypatch.setattr(parcel, "software", lambda: {**packed.software, "numpy": "1.0"})
+    monkeypatch.setattr(worker_bundle, "software", lambda: {**packed.software, "numpy": "1.0"})
     with pytest.raises(ClusterError, match=r"has numpy 1.0 instead of .*install the same"):
         worker_bundle.unpack(packed, tmp_path / "node")
 
@@ -324,7 +324,7 @@ def test_a_node_with_other_software_or_another_file_is_refused(tmp_path, monkeyp
 def test_the_code_of_the_package_is_part_of_its_software(monkeypatch):
     before = worker_bundle.software()
     assert before == worker_bundle.software()
-    monkeypatch.setattr(parcel, "OURS", ("hijack_data",))
+    monkeypatch.setattr(worker_bundle, "OURS", ("hijack_data",))
     assert worker_bundle.software()[worker_bundle.CODE] != before[worker_bundle.CODE]
 
 

@@ -174,7 +174,7 @@ def test_no_line_that_stays_is_cut():
 
 def test_the_cache_forgets_what_was_not_asked_for(monkeypatch):
     read = []
-    monkeypatch.setattr(reading, "_read", lambda part: read.append(part[0, 0, 0]) or [])
+    monkeypatch.setattr(screen_reader, "_read", lambda part: read.append(part[0, 0, 0]) or [])
     counts = screen_reader.ReadingCounts()
     cache = TextCache(2)
     for number in (1, 2, 1, 3, 1, 2):

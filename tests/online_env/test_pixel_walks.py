@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("rapidocr", reason="needs the extra [ocr]")
 
-from online_env.agents.pixel import onlooker_agent
+from online_env.agents.pixel import onlooker_agent, screen_reader
 from online_env.agents.pixel.onlooker_agent import PixelOnlooker
 from online_env.agents.pixel.picture_changes import changed_boxes, changed_share, merged, touch
 from online_env.agents.pixel.picture_onlooker import GONE, PictureOnlooker, panel_buttons
@@ -36,8 +36,8 @@ def screens(monkeypatch):
         texts.append(lines)
         return np.full((*SIZE, 3), len(texts) - 1, np.uint8)
 
-    monkeypatch.setattr(reading, "_read", read)
-    monkeypatch.setattr(reading, "SHARED", TextCache(0))
+    monkeypatch.setattr(screen_reader, "_read", read)
+    monkeypatch.setattr(screen_reader, "SHARED", TextCache(0))
     return show
 
 
