@@ -184,7 +184,7 @@ def check(agent: Any, picture: Any) -> str | None:
     """
     answer = _method(agent, "check")(picture)
     if answer is None or isinstance(answer, str):
-        return answer if answer is None else _cut(answer)
+        return answer if answer is None else _cut_text(answer)
     raise AgentError(f"check must return a text or None, got {answer!r:.200}")
 
 
@@ -196,7 +196,7 @@ def summarise(agent: Any, before: Any, action: str, after: Any) -> str:
     """
     answer = _method(agent, "summarise")(before, action, after)
     if isinstance(answer, str):
-        return _cut(answer)
+        return _cut_text(answer)
     raise AgentError(f"summarise must return a text, got {answer!r:.200}")
 
 
@@ -265,19 +265,19 @@ def _bounded_answer(answer: object, rule: str) -> AgentAnswer:
             raise AgentError(f"{rule}, got {repr(answer)[:200]}")
     if len(listed) > MAX_ACTIONS:
         raise AgentError(f"an answer has at most {MAX_ACTIONS} actions, got {len(listed)}")
-    return _cut(said), [_bounded_action(action) for action in listed]
+    return _cut_text(said), [_bounded_action(action) for action in listed]
 
 
 def _bounded_action(action: object) -> object:
     if isinstance(action, str):
-        return _cut(action)
-    return invalid_action(type(action).__name__, _cut(repr(action)))
+        return _cut_text(action)
+    return invalid_action(type(action).__name__, _cut_text(repr(action)))
 
 
-def invalid_action(kind: str, shown: str) -> InvalidAction:
+def invalid_action(kind: str, text: str) -> InvalidAction:
     """Return a stand-in for an object of a class named `kind`, for messages and the log."""
-    return type(kind[:MAX_LINE], (InvalidAction,), {"shown": shown})()
+    return type(kind[:MAX_LINE], (InvalidAction,), {"shown": text})()
 
 
-def _cut(text: str) -> str:
+def _cut_text(text: str) -> str:
     return str(text[: MAX_TEXT + 1])

@@ -76,13 +76,13 @@ def prompts_folder(path: Path) -> Path:
         AgentSetupError: there is no such folder, or a file does not have the name of a packaged
             prompt.
     """
-    found = sorted(path.glob(f"*{prompts.SUFFIX}")) if path.is_dir() else []
-    known = prompts.names()
-    if not found:
+    files = sorted(path.glob(f"*{prompts.SUFFIX}")) if path.is_dir() else []
+    names = prompts.names()
+    if not files:
         raise AgentSetupError(f"--prompts {path}: no folder with prompts (*{prompts.SUFFIX})")
-    for file in found:
-        if file.stem not in known:
-            hint = suggest(file.stem, known)
+    for file in files:
+        if file.stem not in names:
+            hint = suggest(file.stem, names)
             raise AgentSetupError(f"--prompts {path}: {file.name} replaces no prompt of ours{hint}")
         prompts.read_prompt(file.stem, (path,))
     return path

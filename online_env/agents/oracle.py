@@ -225,16 +225,16 @@ class Recovering(Oracle):
         machine = self._machine
         if machine is None:
             raise DesktopError("the oracle has no task yet: call prepare after reset")
-        opened = task.opens(machine)
-        start = machine.command_line(*opened) if opened else ""
+        command = task.opens(machine)
+        start = machine.command_line(*command) if command else ""
         hand = CarefulHand(desktop, task.apps, start)
-        for left in reversed(range(self.TRIES)):
+        for tries_left in reversed(range(self.TRIES)):
             try:
                 task.oracle(hand)
             except GiveUpError:
                 raise
             except DesktopTimeoutError:
-                if not left:
+                if not tries_left:
                     raise
             if not task.infeasible and task.validate(machine).passed:
                 return

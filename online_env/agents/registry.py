@@ -48,9 +48,9 @@ def _problems(maker: Any, _: str) -> Iterator[str]:
         return
     if isinstance(maker, type) and not callable(getattr(maker, "predict", None)):
         yield "it has no predict(instruction, obs)"
-    needed = [name for name, value in _parameters(maker).items() if _is_needed(value)]
-    if needed:
-        yield f"it is made without arguments; give {', '.join(needed)} a default"
+    required = [name for name, value in _parameters(maker).items() if _is_needed(value)]
+    if required:
+        yield f"it is made without arguments; give {', '.join(required)} a default"
 
 
 def _parameters(maker: Any) -> dict[str, inspect.Parameter]:
@@ -110,8 +110,8 @@ class AgentRegistry(Registry[AgentMaker]):
         """Return the closest name, packaged agent files included."""
         from . import agent_files
 
-        known = [*self.entries, *agent_files.packaged()]
-        return suggest(name, known) + left_out(self.group)
+        names = [*self.entries, *agent_files.packaged()]
+        return suggest(name, names) + left_out(self.group)
 
 
 AGENTS = AgentRegistry(

@@ -80,12 +80,12 @@ class ReceivedEpisode:
                 path.unlink(missing_ok=True)
 
     def _make_room(self, path: Path, place: PurePosixPath) -> None:
-        own = self._run / PurePosixPath(*place.parts[:2])
-        if own not in self._made:
-            if (own / EPISODE).exists():
-                raise ClusterError(f"{own}: holds an episode already; go on with --resume")
-            shutil.rmtree(own, ignore_errors=True)  # remains of an interrupted episode
-            self._made.append(own)
+        folder = self._run / PurePosixPath(*place.parts[:2])
+        if folder not in self._made:
+            if (folder / EPISODE).exists():
+                raise ClusterError(f"{folder}: holds an episode already; go on with --resume")
+            shutil.rmtree(folder, ignore_errors=True)  # remains of an interrupted episode
+            self._made.append(folder)
         # Private, as `EpisodeLog` makes it.
         (self._run / EPISODES).mkdir(mode=0o700, exist_ok=True)
         path.parent.mkdir(parents=True, exist_ok=True)

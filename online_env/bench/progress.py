@@ -25,7 +25,7 @@ class ProgressDisplay:
     Args:
         listed: All jobs of the run.
         console: Where it is shown.
-        done: How many jobs had ended before, in a run that is resumed.
+        finished: How many jobs had ended before, in a run that is resumed.
         clock: Returns seconds; it must never be set back.
     """
 
@@ -33,12 +33,12 @@ class ProgressDisplay:
         self,
         listed: "Sequence[Job]",
         console: Console,
-        done: int = 0,
+        finished: int = 0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._console = console
         self._count = len(listed)
-        self._before = done
+        self._before = finished
         self._clock = clock
         self._start = self._told = clock()
         self._ended: set[int] = set()
@@ -52,7 +52,7 @@ class ProgressDisplay:
             ]
             self._bar = Progress(*columns, console=console, transient=True)
             self._task = self._bar.add_task(
-                "starts a desktop", total=len(listed), completed=done, pace=""
+                "starts a desktop", total=len(listed), completed=finished, pace=""
             )
 
     def __enter__(self) -> "ProgressDisplay":
@@ -78,13 +78,13 @@ class ProgressDisplay:
         self._ended.add(number)
         status = record["status"]
         result = status
-        why = record["problem"]
+        explanation = record["problem"]
         if status == "ok":
             result = f"{record['score']:.2f}"
-            why = record["reason"]
+            explanation = record["reason"]
         line = (
             f"[{number}/{self._count}] {job}  {result}  {record['steps']} steps "
-            f" {record['seconds']:.1f} s  {why}"
+            f" {record['seconds']:.1f} s  {explanation}"
         )
         style = COLOURS.get(status)
         self._print(shorten(line), style)
@@ -101,12 +101,12 @@ class ProgressDisplay:
     @property
     def pace(self) -> str:
         """The rate of episodes per hour, and the time left at that rate."""
-        passed = self._clock() - self._start
-        if not self._ended or passed <= 0:
+        elapsed = self._clock() - self._start
+        if not self._ended or elapsed <= 0:
             return ""
-        rate = len(self._ended) / passed
-        left = (self._count - self._done) / rate
-        return f"{3600 * rate:.0f} an hour, {format_duration(left)} left"
+        rate = len(self._ended) / elapsed
+        remaining_s = (self._count - self._done) / rate
+        return f"{3600 * rate:.0f} an hour, {format_duration(remaining_s)} left"
 
     def _print(self, text: str, style: str | None) -> None:
         self._console.print(text, style=style, markup=False, soft_wrap=True)

@@ -70,12 +70,12 @@ def check_installed(provider: str, names: Iterable[str]) -> None:
         return
     from ..embedded.image.install import lacking
 
-    needed: dict[str, str] = {}
+    task_by_profile: dict[str, str] = {}
     for name in names:
         for app in TASKS.get(name).apps:
             if app in APPS:
-                needed.setdefault(APPS[app].profile, name)
-    for profile, name in needed.items():
+                task_by_profile.setdefault(APPS[app].profile, name)
+    for profile, name in task_by_profile.items():
         absent = lacking(profile)
         if absent:
             listed = some_of(absent, 4)

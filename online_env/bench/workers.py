@@ -71,19 +71,19 @@ class WorkerSetup:
 
 def references(bench: Bench) -> tuple[ForeignEntry, ...]:
     """Return references to the agents, tasks and provider of a run from outside the library."""
-    found: list[ForeignEntry] = []
+    entries: list[ForeignEntry] = []
     for registry, name, entry in bench.foreign():
         file = file_of(entry)
         if isinstance(entry, FileAgentMaker):
-            found.append(ForeignEntry(registry.kind, name, name))
+            entries.append(ForeignEntry(registry.kind, name, name))
         elif isinstance(entry, AgentReference):
-            found.append(ForeignEntry(registry.kind, name, entry))
+            entries.append(ForeignEntry(registry.kind, name, entry))
         elif is_from_data(entry):
-            found.append(ForeignEntry(registry.kind, name, entry.source["path"]))
+            entries.append(ForeignEntry(registry.kind, name, entry.source["path"]))
         else:
             place = entry.__module__ if file is None else file.path
-            found.append(ForeignEntry(registry.kind, name, f"{place}:{entry.__qualname__}"))
-    return tuple(found)
+            entries.append(ForeignEntry(registry.kind, name, f"{place}:{entry.__qualname__}"))
+    return tuple(entries)
 
 
 def default_desktops() -> int:
@@ -123,7 +123,7 @@ class LocalPool:
         self.max_episodes = desktops
         self._setup = setup
         self._serve = serve or serve_episodes
-        self._own = threading.local()
+        self._local = threading.local()
         self._all: list[_Worker] = []
 
     def __enter__(self) -> "LocalPool":
@@ -147,10 +147,10 @@ class LocalPool:
         If the process ends over it, the record is an error of the machine's, which is tried again.
         Errors that refuse the episode are raised here as they were there.
         """
-        worker: _Worker | None = getattr(self._own, "worker", None)
+        worker: _Worker | None = getattr(self._local, "worker", None)
         if worker is None or not worker.alive:
             worker = _Worker(self._setup, self._serve)
-            self._own.worker = worker
+            self._local.worker = worker
             self._all.append(worker)
         # A monotonic clock, so that setting the time does not change durations.
         start = time.monotonic()
@@ -170,13 +170,13 @@ class _Worker:
         self, setup: WorkerSetup, serve: Callable[[Connection, WorkerSetup], None]
     ) -> None:
         context = multiprocessing.get_context("spawn")
-        self._connection, there = context.Pipe()
+        self._connection, child_end = context.Pipe()
         self._busy = False
         self._process: SpawnProcess = context.Process(
-            target=serve, args=(there, setup), name="episodes"
+            target=serve, args=(child_end, setup), name="episodes"
         )
         self._process.start()
-        there.close()
+        child_end.close()
         self._ready = False
 
     @property

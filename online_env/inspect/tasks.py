@@ -41,11 +41,13 @@ def registered(name: str) -> Callable[[Callable[..., Task]], Callable[..., Task]
     full = f"{PACKAGE}/{name}"
 
     def decorate(function: Callable[..., Task]) -> Callable[..., Task]:
-        made = cast("Callable[..., Task]", task(name=full)(function))
-        info = registry_info(made)
+        inspect_task_function = cast("Callable[..., Task]", task(name=full)(function))
+        info = registry_info(inspect_task_function)
         if info.name != full:
-            registry_add(made, RegistryInfo(type="task", name=full, metadata=info.metadata))
-        return made
+            registry_add(
+                inspect_task_function, RegistryInfo(type="task", name=full, metadata=info.metadata)
+            )
+        return inspect_task_function
 
     return decorate
 
@@ -87,10 +89,12 @@ def bench(
         desktops: How many run at a time.
         keep: Of how many results the model is sent the pictures again.
     """
-    known = Path(config).expanduser()
-    loaded = load_bench(known.resolve() if known.exists() else config)
-    chosen = override(loaded, task=_joined(tasks), corruption=_joined(corruptions), seeds=seeds)
-    return inspect_task(chosen, max_steps=max_steps, desktops=desktops, keep=keep)
+    path = Path(config).expanduser()
+    loaded = load_bench(path.resolve() if path.exists() else config)
+    benchmark = override(
+        loaded, task=_join_names(tasks), corruption=_join_names(corruptions), seeds=seeds
+    )
+    return inspect_task(benchmark, max_steps=max_steps, desktops=desktops, keep=keep)
 
 
 def inspect_task(
@@ -142,7 +146,7 @@ def _samples(benchmark: Bench) -> Iterator[Sample]:
                 )
 
 
-def _joined(names: _Names) -> str | None:
+def _join_names(names: _Names) -> str | None:
     """Return names as the command line of `hijack bench` takes them."""
     return ",".join(names) if isinstance(names, list) else names
 
@@ -153,12 +157,12 @@ def desktop(benchmark: Bench, sessions: Sessions) -> Any:
 
     async def solve(state: TaskState, generate: Generate) -> TaskState:
         model = get_model()
-        given = state.metadata
+        metadata = state.metadata
         session = Session(benchmark, str(model), native_display_size(model.api, model.name))
         store().set(_KEY, state.uuid)
 
         def begin() -> None:
-            session.begin(given["task"], given[CORRUPTION], given["seed"])
+            session.begin(metadata["task"], metadata[CORRUPTION], metadata["seed"])
 
         await sessions.open(state.uuid, session, begin)
         if session.record is not None:

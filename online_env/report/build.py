@@ -33,13 +33,13 @@ def load_report(path: Path, reference: str = "") -> RunReport:
     """
     if not path.is_file():
         return build_report(reading.read(path), reference=reference)
-    found = read_report(path)
-    if reference and reference != found.reference:
+    report = read_report(path)
+    if reference and reference != report.reference:
         raise ReportError(
-            f"{path}: is a finished report, whose reference agent is {found.reference!r}; give the"
+            f"{path}: is a finished report, whose reference agent is {report.reference!r}; give the"
             " folder of the run for another --reference"
         )
-    return found
+    return report
 
 
 def read_report(path: Path) -> RunReport:

@@ -90,12 +90,12 @@ def report(
         raise ReportError(f"--junit {junit}: is the file of --out, too; give another name")
     if seeds and (leaderboard or runs.is_file()):
         raise ReportError("--seeds chooses episodes of a run; give the folder of one")
-    given = {"--compare": other, "--pair": pairs, "--paper": paper, "--reference": reference}
-    beside = [name for name, value in given.items() if value]
+    options = {"--compare": other, "--pair": pairs, "--paper": paper, "--reference": reference}
+    beside = [name for name, value in options.items() if value]
     if leaderboard and (beside or as_json):
         raise ReportError(f"--leaderboard is a page without {(*beside, '--json')[0]}; leave it out")
-    whole = {"--paper": paper, f"--format {named}": named, "--reference": reference}
-    for option in [name for name, value in whole.items() if value and as_json]:
+    exclusive = {"--paper": paper, f"--format {named}": named, "--reference": reference}
+    for option in [name for name, value in exclusive.items() if value and as_json]:
         raise ReportError(f"--json is a list of rows, without {option}; give --format json alone")
     if leaderboard:
         raise SystemExit(_leaderboard(runs, named, out))
@@ -104,34 +104,34 @@ def report(
     if runs.is_file():
         if other is not None:
             raise ReportError(f"--compare: {runs} is a finished report; give the folders of runs")
-        found = load_report(runs, reference or "")
+        finished = load_report(runs, reference or "")
         if as_json:
-            cells = [{name: getattr(cell, name) for name in COLUMNS} for cell in found.cells]
-            _put(json.dumps(cells, indent=1) + "\n", out)
+            cells = [{name: getattr(cell, name) for name in COLUMNS} for cell in finished.cells]
+            _output(json.dumps(cells, indent=1) + "\n", out)
             return
         format = _format(named, out, beside)
-        _write(_document(found, None, paper), format, out)
+        _write(_document(finished, None, paper), format, out)
         return
     run = _read(runs, seeds)
     gate = ReleaseGate.read(fail_under, junit, *_agents_and_labels(run))
     comparison = None
     if other is not None:
-        comparison = compare(_read(other), run, _paired(pairs))
+        comparison = compare(_read(other), run, _parse_pairs(pairs))
     if as_json:
         rows = terminal.score_rows(run, run.records)
         if comparison is not None:
             rows = [asdict(cell) for cell in comparison.cells]
-        _put(json.dumps(rows, indent=1) + "\n", out)
-        raise SystemExit(_told(run, gate))
+        _output(json.dumps(rows, indent=1) + "\n", out)
+        raise SystemExit(_finish(run, gate))
     format = _format(named, out, beside)
     if format == TERMINAL and out is None and comparison is None:
         terminal.show(run, reference or "")
         if paper:
             terminal.show_paper(compare_with_paper(build_report(run)), console())
-        raise SystemExit(_told(run, gate))
+        raise SystemExit(_finish(run, gate))
     document = _document(build_report(run, reference=reference or ""), comparison, paper)
     _write(document, format, out)
-    raise SystemExit(_told(run, gate))
+    raise SystemExit(_finish(run, gate))
 
 
 def _format(named: str | None, out: Path | None, beside: Sequence[str]) -> str:
@@ -172,7 +172,7 @@ def _agents_and_labels(run: Run) -> tuple[list[str], list[str]]:
     return list(dict.fromkeys(agents)), list(dict.fromkeys(labels))
 
 
-def _told(run: Run, gate: ReleaseGate) -> int:
+def _finish(run: Run, gate: ReleaseGate) -> int:
     """Say on standard error what is missing, judge the run, and return the exit code."""
     if run.missing:
         click.echo(f"hijack: {run.folder}: {missing_line(run)}", err=True)
@@ -191,10 +191,10 @@ def _write(document: ReportDocument, format: str, out: Path | None) -> None:
     if format == TERMINAL and out is None:
         terminal.show_document(document, console())
         return
-    _put(write(document, format), out)
+    _output(write(document, format), out)
 
 
-def _put(text: str, out: Path | None) -> None:
+def _output(text: str, out: Path | None) -> None:
     if out is None:
         click.echo(printable(text), nl=False)
         return
@@ -204,24 +204,24 @@ def _put(text: str, out: Path | None) -> None:
     click.echo(f"wrote {out}")
 
 
-def _paired(pairs: tuple[str, ...]) -> Mapping[str, str] | None:
+def _parse_pairs(pairs: tuple[str, ...]) -> Mapping[str, str] | None:
     """Return the agents that are compared.
 
     Raises:
         ReportError: a pair is not two names.
     """
-    found: dict[str, str] = {}
+    agent_pairs: dict[str, str] = {}
     for pair in pairs:
         first, _, second = pair.partition("=")
         if not first or not second:
             raise ReportError(f"--pair: {pair!r} is not OLD=NEW, two names of agents")
-        if first in found:
+        if first in agent_pairs:
             raise ReportError(
-                f"--pair: {first!r} is compared with {found[first]!r} already; compare it with"
-                f" {second!r} by a command of its own"
+                f"--pair: {first!r} is compared with {agent_pairs[first]!r} already; compare it"
+                f" with {second!r} by a command of its own"
             )
-        found[first] = second
-    return found or None
+        agent_pairs[first] = second
+    return agent_pairs or None
 
 
 def _leaderboard(folder: Path, named: str | None, out: Path | None) -> int:
@@ -236,8 +236,8 @@ def _leaderboard(folder: Path, named: str | None, out: Path | None) -> int:
         raise ReportError(f"--leaderboard is a page; --format {named} is not possible, give html")
     if out is None:
         raise ReportError("--leaderboard: say where the page goes, such as -o leaderboard.html")
-    found = read_reports(folder)
-    for problem in found.problems:
+    reports = read_reports(folder)
+    for problem in reports.problems:
         click.echo(printable(f"hijack: left out: {problem}"), err=True)
-    _put(leaderboard(found), out)
-    return 1 if found.problems else 0
+    _output(leaderboard(reports), out)
+    return 1 if reports.problems else 0

@@ -27,19 +27,19 @@ class StepAnswer:
     problem: str = ""
 
 
-def read_answer(said: str, actions: Sequence[object], size: Size) -> StepAnswer:
+def read_answer(words: str, actions: Sequence[object], size: Size) -> StepAnswer:
     """Read the first action of an answer; points outside a picture of `size` move to its edge."""
     if not actions:
-        return StepAnswer(action=None, said=said, problem="no action")
+        return StepAnswer(action=None, said=words, problem="no action")
     first = actions[0]
     text = first if isinstance(first, str) else repr(first)[:200]
-    more = len(actions) - 1
+    further = len(actions) - 1
     try:
         action = _read(first, size)
     except HijackError as error:
         problem = f"no action: {error}"
-        return StepAnswer(action=None, text=text, said=said, more=more, problem=problem)
-    return StepAnswer(action=action, text=text, said=said, more=more)
+        return StepAnswer(action=None, text=text, said=words, more=further, problem=problem)
+    return StepAnswer(action=action, text=text, said=words, more=further)
 
 
 def _read(first: object, size: Size) -> Action:

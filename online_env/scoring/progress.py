@@ -57,9 +57,9 @@ class ScoreDisplay:
         elif time.monotonic() - self._told > LINE_PERIOD_S:
             self._told = time.monotonic()
             rate = self._done / (self._told - self._begun)
-            left = (self._total - self._done) / rate
+            remaining_s = (self._total - self._done) / rate
             counted = f"{self._done}/{self._total} rows"
-            self._say(f"{agent}: {counted}, {rate:.1f} rows/s, {left:.0f} s left")
+            self._say(f"{agent}: {counted}, {rate:.1f} rows/s, {remaining_s:.0f} s left")
 
     def notice(self, text: str) -> None:
         """Show what a user should know."""

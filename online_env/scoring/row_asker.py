@@ -72,7 +72,7 @@ class RowAsker:
         self._feed = feed
         self._start = start
         self._failed_starts = MAX_STARTS - 1  # the first failure is final
-        self._agent = self._started()
+        self._agent = self._start_agent()
         self._used = False
 
     @property
@@ -89,15 +89,15 @@ class RowAsker:
         """Put one row to the agent."""
         row = self._row(case)
         if isinstance(row, DamagedRowError):
-            return self._damaged(case, row)
-        self._revive()
+            return self._damaged_record(case, row)
+        self._restart_if_dead()
         start = time.perf_counter()
         try:
-            self._begin()
+            self._reset_agent()
             answer = self._answer(row)
         except AgentError as error:
-            return self._failed(case, row, error, time.perf_counter() - start)
-        return self._judged(case, row, answer, time.perf_counter() - start)
+            return self._failed_record(case, row, error, time.perf_counter() - start)
+        return self._judge(case, row, answer, time.perf_counter() - start)
 
     def ask_rows(self, cases: Sequence[Case]) -> list[ResultRecord]:
         """Put rows to `predict_batch`.
@@ -106,18 +106,18 @@ class RowAsker:
             AgentError: it raises, or does not return an answer for each row.
         """
         rows = [self._row(case) for case in cases]
-        whole = [row for row in rows if not isinstance(row, DamagedRowError)]
-        self._revive()
+        readable = [row for row in rows if not isinstance(row, DamagedRowError)]
+        self._restart_if_dead()
         start = time.perf_counter()
-        answers = iter(self._batch(whole) if whole else [])
-        seconds = (time.perf_counter() - start) / max(1, len(whole))
-        found: list[ResultRecord] = []
+        answers = iter(self._batch(readable) if readable else [])
+        seconds = (time.perf_counter() - start) / max(1, len(readable))
+        records: list[ResultRecord] = []
         for case, row in zip(cases, rows, strict=True):
             if isinstance(row, DamagedRowError):
-                found.append(self._damaged(case, row))
+                records.append(self._damaged_record(case, row))
                 continue
-            found.append(self._judged(case, row, next(answers), seconds))
-        return found
+            records.append(self._judge(case, row, next(answers), seconds))
+        return records
 
     def _row(self, case: Case) -> RowData | DamagedRowError:
         """Return a row, with what it asks for under `wanted` if steps are scored."""
@@ -133,28 +133,28 @@ class RowAsker:
             remedy = "mend the recording and build the dataset again"
             return DamagedRowError(f"{self._feed.folder}: row {case.row!r}: {error}; {remedy}")
 
-    def _started(self) -> RunningAgent:
+    def _start_agent(self) -> RunningAgent:
         while True:
             try:
                 agent = self._start()
             except AgentError as error:
                 self._failed_starts += 1
                 if self._failed_starts >= MAX_STARTS:
-                    where = "\n".join([str(error), *error.where[-1:]])
+                    details = "\n".join([str(error), *error.where[-1:]])
                     name = self._settings.agent
-                    raise AgentStartError(f"{name}: cannot be made: {where}") from error
+                    raise AgentStartError(f"{name}: cannot be made: {details}") from error
             else:
                 self._failed_starts = 0
                 return agent
 
-    def _revive(self) -> None:
+    def _restart_if_dead(self) -> None:
         """Start the agent again if it died, or hangs."""
         if not self._agent.alive:
             self._agent.close()
-            self._agent = self._started()
+            self._agent = self._start_agent()
             self._used = False
 
-    def _begin(self) -> None:
+    def _reset_agent(self) -> None:
         """Let the agent forget the last row."""
         if "reset" in self._agent.traits.methods:
             self._agent.reset()
@@ -170,26 +170,28 @@ class RowAsker:
         return self._agent.predict(row["instruction"], {"screenshot": row["screenshot"]})
 
     def _batch(self, rows: Sequence[RowData]) -> list[AgentAnswer]:
-        self._begin()
+        self._reset_agent()
         instructions = [row["instruction"] for row in rows]
         return self._agent.predict_batch(instructions, [row["screenshot"] for row in rows])
 
-    def _judged(self, case: Case, row: RowData, answer: Any, seconds: float) -> ResultRecord:
+    def _judge(self, case: Case, row: RowData, answer: Any, seconds: float) -> ResultRecord:
         if self._settings.question == "reminders":
             scored = _reminder(case.needed, answer)
         elif self._settings.question == "summaries":
             scored = _summary(row, answer)
         else:
-            said, actions = answer
+            words, actions = answer
             size = row["screenshot"].shape[:2]
-            scored = _step(row["wanted"], read_answer(said, actions, size), self._settings.near)
+            scored = _step(row["wanted"], read_answer(words, actions, size), self._settings.near)
         return self._record(case, row, seconds) | scored
 
-    def _failed(self, case: Case, row: RowData, error: AgentError, seconds: float) -> ResultRecord:
+    def _failed_record(
+        self, case: Case, row: RowData, error: AgentError, seconds: float
+    ) -> ResultRecord:
         failed = failure(f"the agent: {error}", error.where)
         return self._record(case, row, seconds) | failed
 
-    def _damaged(self, case: Case, error: DamagedRowError) -> ResultRecord:
+    def _damaged_record(self, case: Case, error: DamagedRowError) -> ResultRecord:
         record = empty_record(case, self._settings)
         return record | {
             "status": "invalid",
@@ -234,13 +236,13 @@ def empty_record(case: Case, settings: AskSettings) -> ResultRecord:
     }
 
 
-def failure(problem: str, where: Sequence[str] = ()) -> Scored:
+def failure(problem: str, frames: Sequence[str] = ()) -> Scored:
     """Return the fields of a record whose agent failed."""
     return {
         "status": "error",
         "problem": problem[:MAX_TEXT_CHARS],
         "cause": "agent",
-        "traceback": list(where),
+        "traceback": list(frames),
     }
 
 
@@ -250,9 +252,9 @@ def expected_step(row: RowData) -> ExpectedStep:
     Raises:
         ParameterError: its action lies outside its own target, or its outline is none.
     """
-    given: dict[str, Any] = row["action"]
-    keys = given["keys"]
-    action = Action(**{**given, "keys": tuple(keys) if keys else None})
+    recorded: dict[str, Any] = row["action"]
+    keys = recorded["keys"]
+    action = Action(**{**recorded, "keys": tuple(keys) if keys else None})
     scale = (1.0, 1.0) if row["corruption"] == CLEAN else picture_scale(row)
     box = _box(row["target_box"])
     polygon = target_outline(row["extra"], scale)
@@ -272,15 +274,15 @@ def _box(value: Sequence[int] | None) -> Box | None:
     return cast("Box", tuple(value)) if value else None
 
 
-def _step(wanted: ExpectedStep, answer: StepAnswer, near: Distance) -> Scored:
+def _step(expected: ExpectedStep, answer: StepAnswer, near: Distance) -> Scored:
     if answer.action is None:
-        verdict = unanswered(wanted, answer.problem)
+        verdict = unanswered(expected, answer.problem)
     else:
-        verdict = compare(wanted, answer.action, near)
+        verdict = compare(expected, answer.action, near)
     return {
         "score": float(verdict.right),
         "reason": verdict.reason[:MAX_TEXT_CHARS],
-        "wanted": wanted.action.type,
+        "wanted": expected.action.type,
         "parts": verdict.parts,
         "off": verdict.off,
         "malformed": int(answer.action is None),
@@ -291,14 +293,16 @@ def _step(wanted: ExpectedStep, answer: StepAnswer, near: Distance) -> Scored:
 
 
 def _reminder(needed: bool, answer: str | None) -> Scored:
-    given = is_reminder(answer)
+    has_reminder = is_reminder(answer)
     reason = ""
-    if given != needed:
-        reason = "a reminder that was not needed" if given else "no reminder, and one was needed"
+    if has_reminder != needed:
+        reason = (
+            "a reminder that was not needed" if has_reminder else "no reminder, and one was needed"
+        )
     return {
-        "score": float(given == needed),
+        "score": float(has_reminder == needed),
         "reason": reason,
-        "given": given,
+        "given": has_reminder,
         "said": (answer or "")[:MAX_TEXT_CHARS],
     }
 

@@ -104,7 +104,7 @@ class WorkerPool:
                         share = self._shares.popleft()
                     except IndexError:
                         return
-                    self._put(asker, share)
+                    self._ask_share(asker, share)
             finally:
                 asker.close()
         except BaseException as error:  # noqa: BLE001  (the thread of the run raises it)
@@ -131,25 +131,27 @@ class WorkerPool:
             raise
         return agent
 
-    def _put(self, asker: RowAsker, share: Sequence[Case]) -> None:
+    def _ask_share(self, asker: RowAsker, share: Sequence[Case]) -> None:
         for start in range(0, len(share), asker.batch):
             part = share[start : start + asker.batch]
             if len(part) > 1:
                 try:
-                    self._tell_all(part, asker.ask_rows(part))
+                    self._put_results(part, asker.ask_rows(part))
                     continue
                 except AgentError as error:
-                    self._tell(f"predict_batch fails, so its rows are asked one by one: {error}")
+                    self._notify_once(
+                        f"predict_batch fails, so its rows are asked one by one: {error}"
+                    )
             for case in part:
                 if self._stopped:
                     return
-                self._tell_all([case], [asker.ask_row(case)])
+                self._put_results([case], [asker.ask_row(case)])
 
-    def _tell_all(self, cases: Sequence[Case], records: Sequence[ResultRecord]) -> None:
+    def _put_results(self, cases: Sequence[Case], records: Sequence[ResultRecord]) -> None:
         for judged in zip(cases, records, strict=True):
             self._judged.put(judged)
 
-    def _tell(self, text: str) -> None:
+    def _notify_once(self, text: str) -> None:
         with self._lock:
             if text not in self._noticed:
                 self._noticed.add(text)

@@ -323,5 +323,5 @@ def test_the_limit_of_an_episode_is_kept_when_the_clock_is_set_back(tmp_path, mo
     monkeypatch.setattr(time, "time", lambda: 1.7e9 + 86_400 * next(days))
     env = CorruptedEnv(FakeStage(FakeDesktop(), score=1.0), settle=AT_ONCE, max_steps=9)
     with no_machine(), AgentThread(Teller) as agent:
-        record = episodes._played(env, agent, JOBS[0], 0, None, None, 600)
+        record = episodes._play_episode(env, agent, JOBS[0], 0, None, None, 600)
     assert record["status"] == "ok", record["problem"]

@@ -65,7 +65,7 @@ def test_an_episode_that_takes_longer_than_its_limit_is_ended_after_the_answer(
 ):
     env = CorruptedEnv(FakeStage(FakeDesktop(), score=1.0), settle=AT_ONCE, max_steps=9)
     with no_machine(), AgentThread(Teller) as agent:
-        record = episodes._played(env, agent, JOBS[0], 0, None, None, limit)
+        record = episodes._play_episode(env, agent, JOBS[0], 0, None, None, limit)
     assert (record["status"], record["steps"]) == (status, steps)
     if status == "error":
         assert record["problem"] == "the episode took longer than 0 s"

@@ -39,11 +39,11 @@ class AgentS(OsworldAgent):
 
     def __init__(self) -> None:
         for attribute, keys in _NEEDED:
-            given = getattr(self, attribute)
-            lost = [key for key in keys if key not in given]
-            if lost:
+            settings = getattr(self, attribute)
+            missing = [key for key in keys if key not in settings]
+            if missing:
                 name = type(self).__name__
-                raise ParameterError(f"{name}.{attribute} lacks {', '.join(lost)}")
+                raise ParameterError(f"{name}.{attribute} lacks {', '.join(missing)}")
         self._aci = plain_aci()(
             env=None,
             platform="linux",
@@ -58,8 +58,8 @@ class AgentS(OsworldAgent):
         """Return the agent's plan and its action as code."""
         # Agent S3 scales the points of its grounding model to a screen of this size.
         self._aci.height, self._aci.width = obs["screenshot"].shape[:2]
-        said, actions = super().predict(instruction, obs)
-        return said, [_word(action) for action in actions]
+        words, actions = super().predict(instruction, obs)
+        return words, [_word(action) for action in actions]
 
 
 def _word(action: str) -> str:

@@ -153,8 +153,8 @@ class CuaComputer:
 
 def _words(result: Mapping[str, Any]) -> str:
     """Return the model's words in a result of the loop."""
-    found: list[str] = []
+    texts: list[str] = []
     for item in result.get("output", ()):
         if item.get("type") == "message":
-            found += [part.get("text", "") for part in item.get("content", ())]
-    return " ".join(found)
+            texts += [part.get("text", "") for part in item.get("content", ())]
+    return " ".join(texts)

@@ -203,7 +203,7 @@ class LoopAgent:
             HijackError: The loop takes no action for too long.
         """
         if self._bridge is None:
-            self._bridge = self._begun(instruction, obs["screenshot"])
+            self._bridge = self._start_loop(instruction, obs["screenshot"])
         else:
             self._bridge.pictures.put(obs["screenshot"])
         try:
@@ -217,15 +217,15 @@ class LoopAgent:
             raise turn.raised
         return turn.said, [turn.code]
 
-    def _begun(self, instruction: str, picture: UInt8Array) -> _Bridge:
+    def _start_loop(self, instruction: str, picture: UInt8Array) -> _Bridge:
         bridge = _Bridge(picture)
         self._thread = threading.Thread(
-            target=self._played, args=(bridge, instruction), name="loop", daemon=True
+            target=self._run_loop, args=(bridge, instruction), name="loop", daemon=True
         )
         self._thread.start()
         return bridge
 
-    def _played(self, bridge: _Bridge, instruction: str) -> None:
+    def _run_loop(self, bridge: _Bridge, instruction: str) -> None:
         """Run the loop to its end; its exceptions are raised where `predict` waits."""
         try:
             turn = _last_turn(self.run(LoopComputer(bridge), instruction))

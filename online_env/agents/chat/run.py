@@ -41,12 +41,12 @@ class ChatRun:
 
     def folders(self, settings: AgentSettings) -> tuple[str | os.PathLike[str], ...]:
         """Return the folders in which prompts are looked up first."""
-        found: list[str | os.PathLike[str]] = []
+        folders: list[str | os.PathLike[str]] = []
         if self.prompts is not None:
-            found.append(self.prompts)
+            folders.append(self.prompts)
         if settings.prompts is not None:
-            found.append(settings.prompts)
-        return tuple(found)
+            folders.append(settings.prompts)
+        return tuple(folders)
 
 
 def _secrets(settings: AgentSettings) -> Iterable[str]:

@@ -57,7 +57,7 @@ class UsageMeter:
         """
         if prices is not None and not read and prices.cost(1, 1):
             prices = None
-        used = TokenCounts(
+        counts = TokenCounts(
             requests=1,
             retries=tries - 1,
             input_tokens=read,
@@ -65,9 +65,9 @@ class UsageMeter:
             usd=None if prices is None else prices.cost(read, written),
             seconds=seconds,
         )
-        self._whole.add(used)
+        self._whole.add(counts)
         if self._steps:
-            self._steps[-1].add(used)
+            self._steps[-1].add(counts)
 
     def to_data(self) -> dict[str, Any]:
         """Return the counts as JSON data, those of each step in `steps`."""

@@ -56,8 +56,8 @@ class PixelOnlooker(Pixel):
         Args:
             picture: uint8 RGB `[H, W, 3]`.
         """
-        found = self._onlooker.check(ScreenReader().read(picture))
-        return None if found is None else found.say
+        finding = self._onlooker.check(ScreenReader().read(picture))
+        return None if finding is None else finding.say
 
     def _forget(self) -> None:
         self.summaries = []
@@ -82,20 +82,20 @@ class PixelOnlooker(Pixel):
                 return answer
         if self.summarises:
             notes += self._look_on(picture, lines)
-        said, actions = self._act(picture)
-        self._said = f"{said} {actions[0] if actions[0] == WAIT else ''}".strip()
+        words, actions = self._act(picture)
+        self._said = f"{words} {actions[0] if actions[0] == WAIT else ''}".strip()
         self._before = (picture.copy(), lines)
-        return " ".join([*notes, said]), actions
+        return " ".join([*notes, words]), actions
 
     def _check(self, lines: Sequence[TextLine]) -> tuple[str, Sequence[str]] | None:
         """Check the first picture; ask once for re-initialisation, and look again."""
-        found = self._onlooker.check(lines)
-        if found is not None and not self._asked:
+        finding = self._onlooker.check(lines)
+        if finding is not None and not self._asked:
             self._asked = True
-            return f"Reminder: {found.say}", [REINIT]
+            return f"Reminder: {finding.say}", [REINIT]
         self._checked = True
-        if found is not None:
-            self._recover(found)
+        if finding is not None:
+            self._recover(finding)
         return None
 
     def _look_on(self, picture: UInt8Array, lines: tuple[TextLine, ...]) -> list[str]:
@@ -108,22 +108,22 @@ class PixelOnlooker(Pixel):
             self.summaries.append(notes[-1])
         if not self._recovery.ended:
             return notes
-        found = self._onlooker.watch(lines, picture.shape[:2], self._windows())
-        if found is not None and self._recover(found):
-            notes.append(f"Reminder: {found.say}")
+        finding = self._onlooker.watch(lines, picture.shape[:2], self._windows())
+        if finding is not None and self._recover(finding):
+            notes.append(f"Reminder: {finding.say}")
         return notes
 
     def _windows(self) -> tuple[str, ...]:
         """Return the windows of the plan, with the one at work at the end."""
         return (*self._named, self.walk.window) if self.walk.window else ()
 
-    def _recover(self, found: ScreenFinding) -> bool:
+    def _recover(self, finding: ScreenFinding) -> bool:
         """Begin to put something right; return whether it is still worth a try."""
-        tried = self._put_right.count(found.kind)
-        if tried >= MAX_SAME_RECOVERIES or len(self._put_right) >= MAX_RECOVERIES:
+        tries = self._put_right.count(finding.kind)
+        if tries >= MAX_SAME_RECOVERIES or len(self._put_right) >= MAX_RECOVERIES:
             return False
-        self._put_right.append(found.kind)
-        self._recovery = PlanWalk(read_plan(found.steps), self.reader)
+        self._put_right.append(finding.kind)
+        self._recovery = PlanWalk(read_plan(finding.steps), self.reader)
         return True
 
     def _act(self, picture: UInt8Array) -> tuple[str, Sequence[str]]:
@@ -134,8 +134,8 @@ class PixelOnlooker(Pixel):
                 return f"Recovery. {walked.said}", [walked.action]
             self._recovery = PlanWalk((), self.reader)
         walked = self.walk.act(picture)
-        lost = ScreenFinding(kind="lost", say=walked.said, steps=FALLBACK_STEPS)
-        if not walked.lost or not self.summarises or not self._recover(lost):
+        finding = ScreenFinding(kind="lost", say=walked.said, steps=FALLBACK_STEPS)
+        if not walked.lost or not self.summarises or not self._recover(finding):
             return walk_answer(walked)
         self.walk.wait_again()
         return f"{walked.said} Recovery.", [self._recovery.act(picture).action]

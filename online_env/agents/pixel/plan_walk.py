@@ -63,8 +63,8 @@ class PlanWalk:
     @property
     def window(self) -> str:
         """The window in use at this step of the plan; "" if the plan names none."""
-        named = [step.text for step in self.steps[: self._at + 1] if step.verb == "window"]
-        return named[-1] if named else ""
+        windows = [step.text for step in self.steps[: self._at + 1] if step.verb == "window"]
+        return windows[-1] if windows else ""
 
     def wait_again(self) -> None:
         """Look for the text of a step that is lost once more."""
@@ -93,45 +93,45 @@ class PlanWalk:
         """Return the action of a step; `None` if it needs none."""
         match step.verb:
             case "type" | "press":
-                return self._taken(step, keyboard_code(step))
+                return self._take_step(step, keyboard_code(step))
             case "give up":
-                return self._taken(step, FAIL)
+                return self._take_step(step, FAIL)
             case "scroll" if not step.text:
-                return self._taken(step, wheel_code(step, picture.shape[:2], step.count))
+                return self._take_step(step, wheel_code(step, picture.shape[:2], step.count))
             case "wait" if not step.text:
-                return self._taken(step, WAIT)
+                return self._take_step(step, WAIT)
             case _:
-                return self._look(step, picture)
+                return self._act_on_text(step, picture)
 
-    def _look(self, step: ToldStep, picture: UInt8Array) -> WalkResult | None:
+    def _act_on_text(self, step: ToldStep, picture: UInt8Array) -> WalkResult | None:
         """Look for the text of a step, and act on it."""
         lines = self._reader.read(picture)
-        seen = find_step_text(step, lines)
-        if seen is None:
-            return self._not_seen(step, lines, picture.shape[:2])
+        match_found = find_step_text(step, lines)
+        if match_found is None:
+            return self._search_on(step, lines, picture.shape[:2])
         if step.verb in ("wait", "window", "scroll"):
             return None
-        x, y = click_point(step, seen, picture.shape[:2])
+        x, y = click_point(step, match_found, picture.shape[:2])
         code = _CLICKS[step.verb].format(x=x, y=y)
-        return self._taken(step, code, f"I read {seen.line.text!r}.")
+        return self._take_step(step, code, f"I read {match_found.line.text!r}.")
 
-    def _not_seen(self, step: ToldStep, lines: Sequence[TextLine], size: Size) -> WalkResult:
+    def _search_on(self, step: ToldStep, lines: Sequence[TextLine], size: Size) -> WalkResult:
         if step.verb == "scroll" and self._turned < MAX_SCROLLS:
             self._turned += 1
             return WalkResult(
                 said=self._words(step), action=wheel_code(step, size, CLICKS_PER_SCROLL)
             )
-        said = self._words(step, f"I do not see {step.text!r}.")
+        words = self._words(step, f"I do not see {step.text!r}.")
         if self._missed < MAX_WAITS:
             self._missed += 1
-            return WalkResult(said=said, action=WAIT)
+            return WalkResult(said=words, action=WAIT)
         closest = closest_text(lines, step.text)
-        return WalkResult(said=f"{said} The closest text is {closest!r}.", lost=True)
+        return WalkResult(said=f"{words} The closest text is {closest!r}.", lost=True)
 
-    def _taken(self, step: ToldStep, action: str, note: str = "") -> WalkResult:
-        said = self._words(step, note)
+    def _take_step(self, step: ToldStep, action: str, note: str = "") -> WalkResult:
+        words = self._words(step, note)
         self._advance()
-        return WalkResult(said=said, action=action)
+        return WalkResult(said=words, action=action)
 
     def _words(self, step: ToldStep, note: str = "") -> str:
         return f"Step {self._at + 1} of {len(self.steps)}: {step.line}. {note}".rstrip()
@@ -145,12 +145,12 @@ def find_step_text(step: ToldStep, lines: Sequence[TextLine]) -> TextMatch | Non
     return find_text(lines, step.text, anchors) if anchors else None
 
 
-def click_point(step: ToldStep, seen: TextMatch, size: Size) -> Point:
+def click_point(step: ToldStep, match_found: TextMatch, size: Size) -> Point:
     """Return the pixel to click on: in the middle of a text, or beside it."""
-    left, top, right, bottom = seen.box
-    x, y = seen.centre
-    across = round(LINE_HEIGHTS_ACROSS * seen.line.height)
-    along = round(LINE_HEIGHTS_ALONG * seen.line.height)
+    left, top, right, bottom = match_found.box
+    x, y = match_found.centre
+    across = round(LINE_HEIGHTS_ACROSS * match_found.line.height)
+    along = round(LINE_HEIGHTS_ALONG * match_found.line.height)
     places = {
         "": (x, y),
         "right of": (right + across, y),
