@@ -287,8 +287,8 @@ def _step(expected: ExpectedStep, answer: StepAnswer, near: Distance) -> Scored:
         "off": verdict.off,
         "malformed": int(answer.action is None),
         "last_action": answer.text[:MAX_TEXT_CHARS],
-        "said": answer.said[:MAX_TEXT_CHARS],
-        "more": answer.more,
+        "said": answer.words[:MAX_TEXT_CHARS],
+        "more": answer.further_actions,
     }
 
 

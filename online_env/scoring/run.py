@@ -41,7 +41,7 @@ class ScoreSettings:
         dataset: the folder of a dataset, or of an export for onlookers.
         agents: names in `agents.AGENTS`.
         question: what the agents are asked.
-        chosen: which rows.
+        selection: which rows.
         near: how far a point may be off where no box is known.
         timeout: seconds an agent has for a row.
         workers: processes, each with an agent of its own; they do not change what is recorded.
@@ -53,7 +53,7 @@ class ScoreSettings:
     dataset: Path
     agents: tuple[str, ...]
     question: Question = "steps"
-    chosen: Selection = field(default_factory=Selection)
+    selection: Selection = field(default_factory=Selection)
     near: Distance = NEAR
     timeout: float = ROW_TIMEOUT_S
     workers: int = 1
@@ -88,7 +88,7 @@ class ScoreRun:
         self.settings = settings
         feed = open_feed(settings.dataset, settings.question)
         self._content = feed.content
-        self.cases: CaseList = select_cases(feed, settings.question, settings.chosen)
+        self.cases: CaseList = select_cases(feed, settings.question, settings.selection)
         for agent in settings.agents:
             _check_agent(agent, settings.question)
         codes = map(_agent_code, settings.agents)
@@ -113,8 +113,8 @@ class ScoreRun:
             "agents": list(settings.agents),
             "corruptions": list(self.cases.labels),
             "seeds": seeds,
-            "split": settings.chosen.split,
-            "limit": settings.chosen.limit,
+            "split": settings.selection.split,
+            "limit": settings.selection.limit,
             "distance": str(settings.near),
             "timeout": settings.timeout,
             "unscored": self.cases.unscored,

@@ -115,7 +115,7 @@ def score(
         dataset=dataset,
         agents=override(Bench(), agent=agent).agents,
         question=choose_question(dataset, ask),
-        chosen=Selection(corruptions=_labels(corruptions), split=split, limit=limit),
+        selection=Selection(corruptions=_labels(corruptions), split=split, limit=limit),
         near=Distance.parse(distance),
         timeout=timeout,
         workers=workers,

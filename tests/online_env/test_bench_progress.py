@@ -66,7 +66,7 @@ class Clock:
 def test_the_rate_and_the_time_left_count_what_was_played_now():
     clock, stream = Clock(), io.StringIO()
     console = Console(file=stream, width=60)
-    with ProgressDisplay([JOB] * 12, console, done=2, clock=clock) as display:
+    with ProgressDisplay([JOB] * 12, console, finished=2, clock=clock) as display:
         assert display.pace == ""
         for number, status in ((3, "invalid"), (3, "ok"), (4, "ok")):
             display.begins(JOB, number, 0)

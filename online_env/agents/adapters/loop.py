@@ -46,7 +46,7 @@ class _Turn:
     """The next move of a loop: an action, its end, or an exception."""
 
     code: str = ""
-    said: str = ""
+    words: str = ""
     last: bool = False
     raised: BaseException | None = None
 
@@ -87,7 +87,7 @@ class _Bridge:
         """
         with self._lock:
             self._check()
-            self.turns.put(_Turn(code=code, said=said))
+            self.turns.put(_Turn(code=code, words=said))
             picture = self.pictures.get()
             if picture is None:
                 self._over = True
@@ -215,7 +215,7 @@ class LoopAgent:
             self._bridge.turns.put(turn)  # asked again, it gives the same answer
         if turn.raised is not None:
             raise turn.raised
-        return turn.said, [turn.code]
+        return turn.words, [turn.code]
 
     def _start_loop(self, instruction: str, picture: UInt8Array) -> _Bridge:
         bridge = _Bridge(picture)
@@ -242,4 +242,4 @@ def _last_turn(words: object) -> _Turn:
     if not isinstance(words, str):
         raise ParameterTypeError(f"a loop returns nothing, words, or FAIL, got {words!r:.80}")
     code = FAIL if words.strip() == FAIL else DONE
-    return _Turn(code=code, said=words, last=True)
+    return _Turn(code=code, words=words, last=True)

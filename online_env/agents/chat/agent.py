@@ -147,7 +147,7 @@ class OnlookedAgent(ChatAgent):
             last = self._turns[-1]
             summary = self._onlooker.summarise(instruction, last, picture)
             self._turns[-1] = Turn(
-                picture=last.picture, said=last.said, raw=last.raw, summary=summary
+                picture=last.picture, answer=last.answer, raw=last.raw, summary=summary
             )
         return self._act(instruction, picture, self._reminder)
 
@@ -160,7 +160,7 @@ class OnlookedAgent(ChatAgent):
 
 
 def _make_turn(picture: ScreenPicture, reply: Reply) -> Turn:
-    return Turn(picture=picture, said=reply.shown[:MAX_ANSWER_CHARS], raw=reply.raw)
+    return Turn(picture=picture, answer=reply.shown[:MAX_ANSWER_CHARS], raw=reply.raw)
 
 
 def make_agent(settings: AgentSettings, run: ChatRun | None = None) -> ChatAgent:

@@ -82,7 +82,7 @@ class Onlooker:
 
     def summarise(self, instruction: str, turn: Turn, after: ScreenPicture) -> str:
         """Return what happened between the picture of a turn and the one after it."""
-        values = {"instruction": instruction, "action": turn.said}
+        values = {"instruction": instruction, "action": turn.answer}
         query = ModelQuery(prompt=self._summary.fill(values), picture=after, before=(turn.picture,))
         return self._model.ask(query, "summarise").text.strip()
 

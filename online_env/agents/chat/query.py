@@ -50,13 +50,13 @@ class Turn:
 
     Args:
         picture: what the agent saw.
-        said: the model's answer.
+        answer: the model's answer.
         raw: the answer in the API's form, to be sent back to the API.
         summary: what happened, in the onlooker's words; `None` without one.
     """
 
     picture: ScreenPicture
-    said: str
+    answer: str
     raw: Any = None
     summary: str | None = None
 
@@ -130,9 +130,9 @@ def messages(query: ModelQuery) -> list[ChatMessage]:
         _add(conversation, "user", query.prompt.each)
         _add(conversation, "user", turn.picture if query.is_shown(index) else LEFT_OUT)
         if query.summarised:
-            _add(conversation, "user", f"Step {index + 1}: {turn.summary or turn.said}")
+            _add(conversation, "user", f"Step {index + 1}: {turn.summary or turn.answer}")
         else:
-            _add(conversation, "assistant", turn.said)
+            _add(conversation, "assistant", turn.answer)
     for picture in query.before:
         _add(conversation, "user", picture)
     _add(conversation, "user", query.prompt.each)

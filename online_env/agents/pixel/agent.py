@@ -79,4 +79,4 @@ class Pixel:
 
 def walk_answer(walked: WalkResult) -> tuple[str, Sequence[str]]:
     """Return words and action: `DONE` at the end of the plan, and where it cannot go on."""
-    return walked.said, [walked.action or DONE]
+    return walked.words, [walked.action or DONE]

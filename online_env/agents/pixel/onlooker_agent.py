@@ -131,14 +131,14 @@ class PixelOnlooker(Pixel):
         if not self._recovery.ended:
             walked = self._recovery.act(picture)
             if walked.action:
-                return f"Recovery. {walked.said}", [walked.action]
+                return f"Recovery. {walked.words}", [walked.action]
             self._recovery = PlanWalk((), self.reader)
         walked = self.walk.act(picture)
-        finding = ScreenFinding(kind="lost", say=walked.said, steps=FALLBACK_STEPS)
-        if not walked.lost or not self.summarises or not self._recover(finding):
+        finding = ScreenFinding(kind="lost", say=walked.words, steps=FALLBACK_STEPS)
+        if not walked.is_lost or not self.summarises or not self._recover(finding):
             return walk_answer(walked)
         self.walk.wait_again()
-        return f"{walked.said} Recovery.", [self._recovery.act(picture).action]
+        return f"{walked.words} Recovery.", [self._recovery.act(picture).action]
 
 
 class NoCheck(PixelOnlooker):

@@ -30,14 +30,14 @@ class WalkResult:
     """The result of a walk on one picture.
 
     Args:
-        said: The step, and what was seen of it.
+        words: The step, and what was seen of it.
         action: pyautogui code, `WAIT` or `FAIL`; "" if there is nothing left to do.
-        lost: Whether a text did not appear, so that the plan cannot continue.
+        is_lost: Whether a text did not appear, so that the plan cannot continue.
     """
 
-    said: str
+    words: str
     action: str = ""
-    lost: bool = False
+    is_lost: bool = False
 
 
 class PlanWalk:
@@ -82,7 +82,7 @@ class PlanWalk:
             if walked is not None:
                 return walked
             self._advance()
-        return WalkResult(said="That was the whole plan.")
+        return WalkResult(words="That was the whole plan.")
 
     def _advance(self) -> None:
         self._at += 1
@@ -119,19 +119,19 @@ class PlanWalk:
         if step.verb == "scroll" and self._turned < MAX_SCROLLS:
             self._turned += 1
             return WalkResult(
-                said=self._words(step), action=wheel_code(step, size, CLICKS_PER_SCROLL)
+                words=self._words(step), action=wheel_code(step, size, CLICKS_PER_SCROLL)
             )
         words = self._words(step, f"I do not see {step.text!r}.")
         if self._missed < MAX_WAITS:
             self._missed += 1
-            return WalkResult(said=words, action=WAIT)
+            return WalkResult(words=words, action=WAIT)
         closest = closest_text(lines, step.text)
-        return WalkResult(said=f"{words} The closest text is {closest!r}.", lost=True)
+        return WalkResult(words=f"{words} The closest text is {closest!r}.", is_lost=True)
 
     def _take_step(self, step: ToldStep, action: str, note: str = "") -> WalkResult:
         words = self._words(step, note)
         self._advance()
-        return WalkResult(said=words, action=action)
+        return WalkResult(words=words, action=action)
 
     def _words(self, step: ToldStep, note: str = "") -> str:
         return f"Step {self._at + 1} of {len(self.steps)}: {step.line}. {note}".rstrip()

@@ -121,7 +121,7 @@ def _with_calls(query: ModelQuery) -> list[dict[str, Any]]:
         opening = []
         if is_last:
             break
-        answered = query.turns[index].raw or [_part(query.turns[index].said)]
+        answered = query.turns[index].raw or [_part(query.turns[index].answer)]
         conversation.append({"role": "assistant", "content": list(answered)})
     return conversation
 
