@@ -35,8 +35,9 @@ _Names = str | list[str] | None
 def registered(name: str) -> Callable[[Callable[..., Task]], Callable[..., Task]]:
     """Decorator: make a task known as `agenthijack/<name>`.
 
-    Inspect would put the name of the import package in front where this library is installed as a
-    wheel, and nothing where it is editable.
+    Inspect puts the name of the import package in front where this library is installed as a wheel,
+    and nothing where it is editable. It has no public function that registers a task under another
+    name, so this uses its registry.
     """
     full = f"{PACKAGE}/{name}"
 

@@ -18,9 +18,7 @@ from hijack_data.runs.run_log import GIVEN_KINDS
 from ..results.scores import worst_labels
 
 FORMAT = "agenthijack-report"
-# Version 1 lacked what agents were given, and how conditions differ; version 2 `early` of cells;
-# version 3 `applications`.
-VERSION = 4
+VERSION = 1
 T = TypeVar("T")
 _SHARES = frozenset(
     [

@@ -89,7 +89,7 @@ def _notes(report: RunReport, partial: int) -> Iterator[str]:
 
 
 def _where_early(report: RunReport) -> str:
-    """Return the cells whose episodes ended early, in brackets; reports of version 2 have none."""
+    """Return the cells whose episodes ended early, in brackets; none if no cell says so."""
     listed = [
         f"{cell.agent} under {cell.corruption} {cell.early} of {cell.n}"
         for cell in report.cells

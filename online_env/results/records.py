@@ -21,7 +21,6 @@ from hijack_data.errors import some_of
 from hijack_data.files import unwritable, write_atomic
 from hijack_data.locking import Lock, LockedError, lock
 from hijack_data.runs.run_log import (
-    CHAINED,
     EPISODE,
     EPISODES,
     FORMAT,
@@ -185,8 +184,7 @@ def resume(
 
     Raises:
         RunError: The run is another one (the message names the first difference), it or an episode
-            without a line is damaged, it was made by an older version, or another process has the
-            folder.
+            without a line is damaged, or another process has the folder.
     """
     if not (folder / RUN).exists():
         return create(folder, config, episodes, made_by)
@@ -376,9 +374,6 @@ def _check_empty(folder: Path) -> None:
 
 def _check_same(folder: Path, config: Mapping[str, Any], episodes: Sequence[str]) -> None:
     head = read_head(folder)
-    if head["version"] < CHAINED:
-        problem = f"was begun by an older version (format {head['version']}, now {VERSION})"
-        raise RunError(f"{folder}: {problem}; begin a new run")
     package = PACKAGES[0]
     begun_version = head.get("versions", {}).get(package)
     present = versions().get(package)

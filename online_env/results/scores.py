@@ -271,8 +271,8 @@ def counts(record: ResultRecord) -> bool:
     """Return whether an episode counts for the agent.
 
     An episode whose desktop died is repeated, and counts if the desktop dies again: once is the
-    machine's failure, but an agent must not escape a bad episode by killing its desktop. Records of
-    version 1 do not name the cause of an error; their errors count.
+    machine's failure, but an agent must not escape a bad episode by killing its desktop. An error
+    without a cause counts.
     """
     if record["status"] != "error":
         return record["status"] == "ok"
