@@ -257,6 +257,9 @@ def _bounded_answer(answer: object, rule: str) -> AgentAnswer:
     """Return a checked answer; a text that is too long keeps one character more than is allowed.
 
     So the environment notices that the text was cut, and notes it in the step.
+
+    Raises:
+        AgentError: The answer is not a text and a list, or the list is too long.
     """
     match answer:
         case (str() as said, Sequence() as actions) if not isinstance(actions, _TEXTS):

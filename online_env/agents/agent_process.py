@@ -133,6 +133,9 @@ class AgentProcess:
             ParameterError: it is no agent.
             PluginError: its file or module cannot be imported.
             UnknownNameError: its file or module has no such name.
+            ParameterError: It is not an agent.
+            PluginError: Its file or module cannot be imported.
+            UnknownNameError: Its file or module has no such name.
         """
         self._process = _Process(self._memory)
         try:
@@ -146,6 +149,7 @@ class AgentProcess:
 
         Raises:
             HijackError: it is refused, see `describe`; the process is ended then.
+            PluginError: The process sent no description of the agent.
         """
         sha256 = self._reference.source.get("sha256")
         complete = False
@@ -175,7 +179,11 @@ class AgentProcess:
     def predict_batch(
         self, instructions: Sequence[str], pictures: Sequence[Any]
     ) -> list[AgentAnswer]:
-        """Return the answers to several pictures; the time-out counts for each."""
+        """Return the answers to several pictures; the time-out counts for each.
+
+        Raises:
+            AgentError: The process sent another number of answers, or no list.
+        """
         timeout = self._timeout * len(pictures)
         texts = list(instructions)
         answers = self._call("predict_batch", timeout, pictures=pictures, instructions=texts)
@@ -221,6 +229,7 @@ class AgentProcess:
         Raises:
             AgentError: the agent raises, or its process ends or gives no answer in time; then the
                 process is ended.
+            AgentGoneError: The process has ended before.
         """
         process = self._process
         if process is None:
@@ -249,8 +258,6 @@ class AgentProcess:
 
 def describe(text: str) -> AgentReference:
     """Return a reference to the agent that a user names, as its own process describes it.
-
-    Raises `ParameterError`, `PluginError` and `UnknownNameError` as `AgentProcess.describe`.
 
     Args:
         text: `package.module:Name` or `path/to/file.py:Name`.
@@ -315,7 +322,11 @@ class _Process:
             start += written_bytes
 
     def send(self, message: Message) -> None:
-        """Send a request, which is small: no picture is in it."""
+        """Send a request, which is small: no picture is in it.
+
+        Raises:
+            _DeadError: The connection is closed.
+        """
         data = encode(message)
         self._connection.setblocking(True)
         try:
@@ -326,7 +337,11 @@ class _Process:
             self._connection.setblocking(False)
 
     def receive(self, deadline: float) -> Message:
-        """Return the answer."""
+        """Return the answer.
+
+        Raises:
+            _DeadError: The process has ended, or sent no valid message.
+        """
         (size,) = HEADER.unpack(self._read(HEADER.size, deadline))
         if size > MAX_REPLY:
             raise _DeadError(f"sent a message of {size} bytes, of which {MAX_REPLY} are allowed")

@@ -94,7 +94,11 @@ class AgentServer:
         return agent_calls.reset(self._agent)
 
     def _load(self, reference: str, sha256: str | None) -> Message:
-        """Import the agent's code; return what it is, or why it is refused."""
+        """Import the agent's code; return what it is, or why it is refused.
+
+        Raises:
+            PluginError: Caught here: a refusal is returned as data.
+        """
         try:
             self._maker = load_reference(reference)
             check_agent(self._maker)

@@ -221,6 +221,8 @@ class Recovering(Oracle):
 
         Raises:
             DesktopError: the last try failed, too.
+            GiveUpError: The task is infeasible.
+            DesktopTimeoutError: An element did not appear on the last try, too.
         """
         machine = self._machine
         if machine is None:

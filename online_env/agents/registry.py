@@ -142,10 +142,12 @@ def names() -> tuple[str, ...]:
 def make(name: str) -> Agent:
     """Return a new agent.
 
-    Raises `UnknownNameError` with the closest name, `PluginError` if the file, module or plug-in
-    cannot be loaded, and `ParameterError` if it does not hold an agent.
-
     Args:
         name: of an agent, `package.module:Class`, `path/to/file.py:Class`, or an agent file.
+
+    Raises:
+        UnknownNameError: There is no such agent; the message has the closest name.
+        PluginError: The file, module or plug-in cannot be loaded.
+        ParameterError: It does not hold an agent.
     """
     return AGENTS.get(AGENTS.find(name))()

@@ -195,7 +195,8 @@ def all_planners() -> Planners:
 def load_bench(path_or_name: str | os.PathLike[str]) -> Bench:
     """Read a benchmark from a path or by the bare name of a packaged one (`"embedded_small"`).
 
-    Raises `ConfigError` with all mistakes of the file, each as `file:line:column: message`.
+    Raises:
+        ConfigError: All mistakes of the file, each as `file:line:column: message`.
     """
     problems = Problems()
     name, data = read_config(path_or_name)
@@ -219,9 +220,6 @@ def override(
 ) -> Bench:
     """Return the benchmark with the values of the command line.
 
-    Raises `UnknownNameError` with the closest name, `ParameterError` for an empty list or a
-    repeated name, and `PluginError` for a file, module or plug-in that cannot be loaded.
-
     Args:
         bench: the benchmark of the file.
         agent: names, `package.module:Class` or `file.py:Class`, separated by commas, or `all`.
@@ -229,6 +227,11 @@ def override(
         corruption: labels and names of corruptions, or `all`.
         seeds: the number of seeds, which begin at 0.
         osworld_files: OSWorld's file cache.
+
+    Raises:
+        UnknownNameError: There is no such name; the message has the closest one.
+        ParameterError: A list is empty, or names something twice.
+        PluginError: A file, module or plug-in cannot be loaded.
     """
     if osworld_files is not None:
         bench = replace(bench, osworld_files=osworld_files)
@@ -261,6 +264,7 @@ def _registered_names(option: str, text: str, registry: AnyRegistry) -> tuple[st
 
     Raises:
         HijackError: a name does not exist, or cannot be loaded.
+        ConfigError: An agent file or a task file has mistakes.
     """
     registry.load()  # plug-ins are loaded first, so broken ones are known
     names: list[str] = []

@@ -106,7 +106,8 @@ class LiveEpisodes:
     def __call__(self, job: Job, attempt: int) -> ResultRecord:
         """Run a job.
 
-        Raises `MissingCapabilityError` if the desktop cannot have the corruption at all.
+        Raises:
+            MissingCapabilityError: The desktop cannot have the corruption at all.
         """
         bench = self._bench
         begin(job.agent, slug_of(*job.key[1:3], job.seed, job.agent, attempt))
@@ -176,7 +177,6 @@ def play(
     thread of its own, and the record says so unless it is the library's. If the agent raises, or
     the desktop fails after the agent's first action, the status of the record is `error`, and
     `cause` names who failed; if the desktop fails earlier, the status is `invalid`.
-    Errors by which `CorruptedEnv.reset` refuses the episode are passed on.
 
     Args:
         env: The environment.
@@ -186,6 +186,9 @@ def play(
         planner: The corruption; `None` for a clean episode.
         show: Called once the task is set up, with a privileged agent and the job, to give the agent
             its task and desktop.
+
+    Raises:
+        MissingCapabilityError: The desktop lacks a capability that the corruption needs.
     """
     privileged_inputs = () if is_ours(type(agent)) else ("process",)
     with AgentThread(lambda: agent) as thread:

@@ -28,6 +28,9 @@ def embedded(size: Size) -> AbstractContextManager[Desktop]:
 
     A failed start is retried, because one killed process must not end a run. Errors that a retry
     cannot fix (a missing package, a missing right) are raised at once.
+
+    Raises:
+        DesktopError: The desktop cannot be started.
     """
     from ..embedded.desktop import EmbeddedDesktop
 

@@ -84,7 +84,11 @@ class NodeDesktop:
         """Answer, to show that the actor is alive."""
 
     def play(self, job: Job, attempt: int) -> Iterator[tuple[str, Any]]:
-        """Play an episode; yield its files by name, and finally an `EpisodeEnd` without a name."""
+        """Play an episode; yield its files by name, and finally an `EpisodeEnd` without a name.
+
+        Raises:
+            RuntimeError: `begin` was not called.
+        """
         if self._episodes is None:
             raise RuntimeError("begin was not called")
         record, problem = answer(self._episodes, job, attempt)

@@ -66,9 +66,6 @@ def _connection() -> Any:
 class RayPool:
     """Desktops on the nodes of a Ray cluster: an `EpisodePool`.
 
-    Entering it raises `MissingDependencyError` without Ray, and `ClusterError` if there is no
-    cluster, or no node has room for a desktop.
-
     Args:
         setup: The settings for an actor.
         max_desktops: The most desktops at once.
@@ -93,6 +90,12 @@ class RayPool:
         self._supplier: threading.Thread | None = None
 
     def __enter__(self) -> "RayPool":
+        """Connect to the cluster.
+
+        Raises:
+            MissingDependencyError: Ray is not installed.
+            ClusterError: There is no cluster, or no node has room for a desktop.
+        """
         bundle = pack(self._setup)
         with ExitStack() as stack:
             session = _connection().session(
@@ -205,6 +208,7 @@ class RayPool:
 
         Raises:
             ClusterError: A node cannot play, or processes keep dying.
+            _with_node_name: The error that a node reported, with the node's name.
         """
         if not self._starting:
             self._stopped.wait(POLL_S)
@@ -323,7 +327,11 @@ class RayPool:
         return False
 
     def _play(self, desktop: _Desktop, job: Job, attempt: int) -> ResultRecord:
-        """Play an episode on a desktop and place its files in the folder of the run."""
+        """Play an episode on a desktop and place its files in the folder of the run.
+
+        Raises:
+            _with_node_name: The error that refuses the episode, with the node's name.
+        """
         arrival = ReceivedEpisode(self._setup.folder)
         end = EpisodeEnd(problem=ClusterError("the episode ended without a record"))
         episode_stream = desktop.actor.play.options(

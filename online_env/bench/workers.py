@@ -190,7 +190,12 @@ class _Worker:
         return self._process.exitcode
 
     def play(self, job: Job, attempt: int) -> ResultRecord:
-        """Let the process play an episode; raises `EOFError` or `OSError` if the process dies."""
+        """Let the process play an episode.
+
+        Raises:
+            EOFError: The process died.
+            OSError: The process died while it was written to.
+        """
         self._busy = True
         if not self._ready:
             self._receive()
@@ -299,7 +304,11 @@ def load_references(references: Iterable[ForeignEntry]) -> None:
 
 
 def _leave(*_: object) -> NoReturn:
-    """End this process as at the end of a run: its desktop is taken down."""
+    """End this process as at the end of a run: its desktop is taken down.
+
+    Raises:
+        SystemExit: Always.
+    """
     raise SystemExit(1)
 
 

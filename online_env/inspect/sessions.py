@@ -65,13 +65,16 @@ class Session:
     def begin(self, task: str, label: str, seed: int) -> None:
         """Start a desktop and the episode.
 
-        If the desktop fails then, the episode is over and `record` says so; `DesktopError` is
-        raised only if there is no record. What refuses the episode raises its own error.
+        If the desktop fails then, the episode is over and `record` says so. What
+        refuses the episode raises its own error.
 
         Args:
             task: The name of a task.
             label: The label of a corruption of the benchmark.
             seed: Decides the task's variant and the corruption's draws.
+
+        Raises:
+            DesktopError: The desktop failed before there was a record.
         """
         bench = self._bench
         provider = PROVIDERS.get(bench.provider)
@@ -148,7 +151,11 @@ def _resize(picture: UInt8Array, size: Size) -> UInt8Array:
 
 
 def _zoom(picture: UInt8Array, region: tuple[int, int, int, int], size: Size) -> UInt8Array:
-    """Return a region, given in pixels of `size`, enlarged as far as it fits into `size`."""
+    """Return a region, given in pixels of `size`, enlarged as far as it fits into `size`.
+
+    Raises:
+        HijackError: The region shows nothing of the screen.
+    """
     height, width = picture.shape[:2]
     [(left, top, right, bottom)] = CoordMap(size, (height, width)).boxes_to_screen([region])
     cut = picture[top:bottom, left:right]

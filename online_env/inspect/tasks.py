@@ -78,9 +78,6 @@ def bench(
 ) -> Task:
     """Return any benchmark as a task: `inspect eval agenthijack/bench -T config=my.yaml`.
 
-    A mistake in the configuration raises `ConfigError`, a name that does not exist
-    `UnknownNameError`.
-
     Args:
         config: A file, or the name of a packaged one.
         tasks: Names, instead of those of the file.
@@ -89,6 +86,10 @@ def bench(
         max_steps: Actions until an episode is cut off, instead of the file's.
         desktops: How many run at a time.
         keep: Of how many results the model is sent the pictures again.
+
+    Raises:
+        ConfigError: The configuration has mistakes.
+        UnknownNameError: There is no such task or corruption.
     """
     path = Path(config).expanduser()
     loaded = load_bench(path.resolve() if path.exists() else config)

@@ -22,14 +22,13 @@ from .summaries import summarise_agents
 def load_report(path: Path, reference: str = "") -> RunReport:
     """Return the report of a run's folder, or the one in a file `report.json`.
 
-    `RunError` is raised for a folder that is not a run or of a newer version.
-
     Args:
         path: the folder, or the file.
         reference: the reference agent of mCE; a file keeps its own.
 
     Raises:
         ReportError: the run has no episodes, or the file is not a report.
+        RunError: The folder is not a run, or the run is of a newer version.
     """
     if not path.is_file():
         return build_report(reading.read(path), reference=reference)

@@ -197,6 +197,10 @@ def _read_gate(text: str, agents: Sequence[str], labels: Sequence[str]) -> list[
     """Return the gates of one `--fail-under`.
 
     A gate without an agent applies to every agent; yardsticks are exempt if there are other agents.
+
+    Raises:
+        ParameterError: The text is not SCORE=X, or the number is out of range.
+        UnknownNameError: There is no such score or agent.
     """
     score_name, equals, number = text.rpartition("=")
     if not equals:

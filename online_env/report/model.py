@@ -315,7 +315,11 @@ def from_data(data: object, source: str) -> RunReport:
 
 
 def _make_dataclass(kind: type[T], data: object, place: str) -> T:
-    """Return a dataclass made from JSON data, after checking every field."""
+    """Return a dataclass made from JSON data, after checking every field.
+
+    Raises:
+        ReportError: The data are not an object, or a field is missing or unknown.
+    """
     if not isinstance(data, dict):
         raise ReportError(f"{place}: must be an object, got {shown(data)}; make the report again")
     hints = get_type_hints(kind)
@@ -360,7 +364,11 @@ def _holds_objects(value: object) -> bool:
 
 
 def _convert(hint: Any, value: object, place: str) -> Any:
-    """Convert a value to the type of its field."""
+    """Convert a value to the type of its field.
+
+    Raises:
+        ReportError: The value has another type.
+    """
     arguments = get_args(hint)
     if isinstance(hint, UnionType):
         return None if value is None else _convert(arguments[0], value, place)

@@ -251,7 +251,11 @@ def _parse_record(line: bytes) -> ResultRecord:
 
 
 def _refuse(name: str) -> object:
-    """Refuse NaN and Infinity, which Python's parser accepts although JSON does not have them."""
+    """Refuse NaN and Infinity, which Python's parser accepts although JSON does not have them.
+
+    Raises:
+        ValueError: Always.
+    """
     raise ValueError(f"{name} is not a number")
 
 

@@ -129,9 +129,6 @@ def create(
 ) -> Lock:
     """Begin a run in a folder that is new or empty.
 
-    Raises `RunError` if the folder is not empty, cannot be created, or is in use by another
-    process.
-
     Args:
         folder: The folder, which is created if it is missing.
         config: The benchmark, as `Bench.to_data` gives it.
@@ -143,6 +140,7 @@ def create(
 
     Raises:
         unwritable: A file cannot be written; see `hijack_data.files`.
+        RunError: The folder is not empty, cannot be created, or is in use by another process.
     """
     _check_distinct(episodes)
     _check_empty(folder)
@@ -234,7 +232,8 @@ def hold(folder: Path) -> Lock:
 def append(folder: Path, record: ResultRecord) -> None:
     """Add a finished episode; it is on the disk when this returns.
 
-    Raises `StorageError` if the disk is full, and `HijackError` if the file cannot be written.
+    Raises:
+        unwritable: `StorageError` if the disk is full, otherwise `HijackError`.
     """
     append_all(folder, [record])
 

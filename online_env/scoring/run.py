@@ -127,8 +127,13 @@ class ScoreRun:
     ) -> Lock:
         """Begin the run in a new folder, or go on with it; the folder is locked.
 
-        `RunError` is raised as by `records.create` and `records.resume`; `notice` is called with
-        what a user should know.
+        Args:
+            out: The folder of the run.
+            resume: Whether to go on with a run that is there.
+            notice: Called with what a user should know.
+
+        Raises:
+            RunError: As by `records.create` and `records.resume`.
         """
         return records.begin(
             out,

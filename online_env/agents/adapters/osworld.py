@@ -100,7 +100,11 @@ def _make_agent(agent: Any) -> Any:
 
 
 def _loggers(reset: Any) -> list[logging.Logger]:
-    """Return the logger, if `reset` cannot be called without."""
+    """Return the logger, if `reset` cannot be called without.
+
+    Raises:
+        ParameterTypeError: `reset` needs other arguments than a logger.
+    """
     try:
         parameters = inspect.signature(reset).parameters.values()
     except (TypeError, ValueError):  # a class implemented in C has no signature

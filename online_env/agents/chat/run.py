@@ -30,7 +30,8 @@ class ChatRun:
     def begin(self, episode: str, settings: AgentSettings) -> None:
         """Open the log of an episode, or its replay.
 
-        Raises `ReplayError` if the replayed run has no such episode.
+        Raises:
+            ReplayError: The replayed run has no such episode.
         """
         name = f"{episode}.jsonl"
         if self.replay is not None:

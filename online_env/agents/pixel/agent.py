@@ -25,7 +25,8 @@ class Pixel:
     infeasible: the agent answers that only if the plan says so, because otherwise it would be right
     about infeasible tasks merely by getting lost.
 
-    Raises `MissingDependencyError` without the extra `ocr`.
+    Raises:
+        MissingDependencyError: The extra `ocr` is not installed.
     """
 
     uses_plan = True

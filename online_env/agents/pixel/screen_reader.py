@@ -141,10 +141,11 @@ class ScreenReader:
     def read(self, picture: UInt8Array) -> tuple[TextLine, ...]:
         """Return the lines of a picture, from top to bottom.
 
-        Raises `MissingDependencyError` without the extra `ocr`.
-
         Args:
             picture: uint8 RGB `[H, W, 3]`.
+
+        Raises:
+            MissingDependencyError: The extra `ocr` is not installed.
         """
         if self._picture is not None and self._picture.shape != picture.shape:
             self._lines = ()  # their places are those of another picture

@@ -47,7 +47,7 @@ def items(value: object, field: str) -> list[Mapping[str, Any]]:
     """Return a list of mappings.
 
     Raises:
-        EndpointError: the value is not a list of mappings.
+        broken: An `EndpointError`: the value is not a list of mappings.
     """
     if not isinstance(value, list):
         raise broken(f"has no list {field}", value)
@@ -61,7 +61,7 @@ def label(item: Mapping[str, Any], field: str) -> str:
     """Return the name by which a later request refers to a part of an answer.
 
     Raises:
-        EndpointError: the part has none.
+        broken: An `EndpointError`: the part has none.
     """
     value = item.get(field)
     if not isinstance(value, str) or not value:
