@@ -32,11 +32,11 @@ AgentAnswer: TypeAlias = tuple[str, list[object]]
 
 
 class AgentError(Exception):
-    """An agent raised, died, or gave no answer; `where` lists its frames, innermost last."""
+    """An agent raised, died, or gave no answer; `frames` lists its frames, innermost last."""
 
-    def __init__(self, problem: str, where: Sequence[str] = ()) -> None:
+    def __init__(self, problem: str, frames: Sequence[str] = ()) -> None:
         super().__init__(problem)
-        self.where = tuple(where)
+        self.frames = tuple(frames)
 
 
 class AgentGoneError(AgentError):
@@ -46,10 +46,10 @@ class AgentGoneError(AgentError):
 class InvalidAction:
     """Stands for an action that is no text, and has the `repr` of the agent's object."""
 
-    shown = ""
+    text = ""
 
     def __repr__(self) -> str:
-        return self.shown
+        return self.text
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -237,7 +237,7 @@ def error_text(raised: BaseException) -> str:
 def error_frames(raised: BaseException) -> tuple[str, ...]:
     """Return the frames of an exception, except ours, as `file:line in function: code`."""
     if isinstance(raised, AgentError):
-        return raised.where
+        return raised.frames
     lines = [
         f"{frame.filename}:{frame.lineno} in {frame.name}: {frame.line}"[:MAX_LINE]
         for frame in traceback.extract_tb(raised.__traceback__)
@@ -279,7 +279,7 @@ def _bounded_action(action: object) -> object:
 
 def invalid_action(kind: str, text: str) -> InvalidAction:
     """Return a stand-in for an object of a class named `kind`, for messages and the log."""
-    return type(kind[:MAX_LINE], (InvalidAction,), {"shown": text})()
+    return type(kind[:MAX_LINE], (InvalidAction,), {"text": text})()
 
 
 def _cut_text(text: str) -> str:

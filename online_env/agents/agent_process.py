@@ -41,7 +41,7 @@ from .supervisor import EXIT_TIMEOUT_S, KILL_TIMEOUT_S, kill_descendants
 START_TIMEOUT_S = 900.0  # until an agent is made for the first time: weights may be large
 MEMORY_SHARE = 0.75  # of the machine's memory that an agent may use, by default
 MAX_PRINTED = 64 * 2**10  # bytes of what an agent prints that are passed on, for each object
-_TAIL = 8192  # bytes of what it printed that are kept for the message of a crash
+_MAX_TAIL_BYTES = 8192  # bytes of what it printed that are kept for the message of a crash
 _DESCRIBE_TIMEOUT_S = 300.0  # until a module is imported for the first look at its agent
 _REFUSALS = {kind.__name__: kind for kind in (ParameterError, PluginError, UnknownNameError)}
 _SECRETS = ("AGENTHIJACK_SERVE_TOKEN", "AGENTHIJACK_TOKEN")  # of servers of ours
@@ -439,7 +439,7 @@ class _Process:
                 return
             if not data:
                 return
-            self._tail = (self._tail + data)[-_TAIL:]
+            self._tail = (self._tail + data)[-_MAX_TAIL_BYTES:]
             allowance = MAX_PRINTED - self.printed
             self.printed += len(data)
             if allowance > 0:

@@ -231,5 +231,5 @@ def _points(action: str) -> Iterator[tuple[int, int]]:
 
 
 def _with_place(error: AgentError) -> str:
-    place = error.where[-1] if error.where else ""
+    place = error.frames[-1] if error.frames else ""
     return f"{error} ({os.path.basename(place)})" if place else str(error)

@@ -23,11 +23,10 @@ from ..tasks.careful import CarefulHand
 from ..tasks.hand import GiveUpError
 from .base import DONE, FAIL, Observation
 
-# S until the solution has its next action; it waits 20 s for elements that do not appear.
+# The time in which a solution must find its next action; it waits 20 s for a missing element.
 ACTION_TIMEOUT_S = 300.0
-SHUTDOWN_TIMEOUT_S = (
-    30.0  # s for a solution that looks for an element to notice that the episode is over
-)
+# The time in which a solution that looks for an element must notice that the episode is over.
+SHUTDOWN_TIMEOUT_S = 30.0
 
 
 class _StoppedError(DesktopError):

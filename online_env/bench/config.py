@@ -314,13 +314,13 @@ def _check_names(
         UnknownNameError: one of them is not known.
         ParameterError: one of them is given twice.
     """
-    known = tuple(known)
+    available = tuple(known)
     if text.strip() == ALL:
-        return known
+        return available
     names = tuple(_split_names(text))
     for name in names:
-        if name not in known:
-            advice = suggest(name, known) if hint is None else hint(name)
+        if name not in available:
+            advice = suggest(name, available) if hint is None else hint(name)
             raise UnknownNameError(f"{option}: no {name!r}{advice}")
         if names.count(name) > 1:
             raise ParameterError(f"{option} names {name!r} twice: {text!r}; remove one")

@@ -14,7 +14,7 @@ from hijack_data.runs.run_log import EPISODE, EPISODES
 from ..agents.chat.request_log import FOLDER as REQUESTS
 from ..errors import ClusterError
 
-_SENT = (EPISODES, REQUESTS)
+_SENT_FOLDERS = (EPISODES, REQUESTS)
 
 
 def take_files(folder: Path) -> Iterator[tuple[str, bytes]]:
@@ -23,10 +23,12 @@ def take_files(folder: Path) -> Iterator[tuple[str, bytes]]:
     Args:
         folder: A folder with only this episode; it is empty afterwards.
     """
-    paths = [path for name in _SENT for path in (folder / name).rglob("*") if path.is_file()]
+    paths = [
+        path for name in _SENT_FOLDERS for path in (folder / name).rglob("*") if path.is_file()
+    ]
     for path in sorted(paths, key=_rank):
         yield path.relative_to(folder).as_posix(), path.read_bytes()
-    for name in _SENT:
+    for name in _SENT_FOLDERS:
         shutil.rmtree(folder / name, ignore_errors=True)
 
 
@@ -58,7 +60,7 @@ class ReceivedEpisode:
             unwritable: The file cannot be written.
         """
         place = PurePosixPath(name)
-        is_inside = len(place.parts) > 1 and place.parts[0] in _SENT
+        is_inside = len(place.parts) > 1 and place.parts[0] in _SENT_FOLDERS
         if not is_inside or ".." in place.parts:
             raise ClusterError(f"a node sent the file {name!r}, which is none of an episode")
         path = self._run / place

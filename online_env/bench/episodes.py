@@ -124,7 +124,12 @@ class LiveEpisodes:
         except AgentError as error:
             problem = f"the agent cannot be made: {error}"
             record = lost_record(job, attempt, problem, start=start)
-            return {**record, "cause": "agent", "traceback": list(error.where), GIVEN: list(inputs)}
+            return {
+                **record,
+                "cause": "agent",
+                "traceback": list(error.frames),
+                GIVEN: list(inputs),
+            }
         try:
             limit = bench.episode_timeout
             read_plan = self._read_plan
@@ -309,7 +314,7 @@ def _call_agent(function: Callable[..., object], *values: object) -> AgentError 
 
 
 def _end_as_failure(env: EpisodeEnv, error: AgentError) -> None:
-    env.abandon(f"the agent raised {error}"[:MAX_PROBLEM_CHARS], error.where)
+    env.abandon(f"the agent raised {error}"[:MAX_PROBLEM_CHARS], error.frames)
 
 
 def lost_record(job: Job, attempt: int, problem: str, *, start: float) -> ResultRecord:

@@ -34,7 +34,7 @@ STEP_SECONDS = 0.8
 STEP_BYTES = 430_000
 # Agents with a known number of steps; `None` means one step more than the oracle.
 STEPS: Mapping[str, int | None] = {"oracle": None, "recovering": None, "do_nothing": 6, "fail": 1}
-WITHOUT_THINKING = (*STEPS, "random")  # agents whose answers take no time
+INSTANT_AGENTS = (*STEPS, "random")  # agents whose answers take no time
 MAX_RUNS = 20
 MAX_RECORDS = 20_000
 MAX_MEASURED_FOLDERS = 100  # episodes whose files are measured
@@ -171,7 +171,7 @@ def _money(listed: Sequence[Job], estimates: Sequence[EpisodeEstimate]) -> Itera
 def _unmeasured(listed: Sequence[Job], estimates: Sequence[EpisodeEstimate]) -> Iterator[str]:
     """Yield the agents whose answering time is unknown and not counted."""
     for job, item in zip(listed, estimates, strict=True):
-        if item.basis != "runs" and job.agent not in WITHOUT_THINKING:
+        if item.basis != "runs" and job.agent not in INSTANT_AGENTS:
             yield job.agent
 
 

@@ -29,7 +29,7 @@ from .workers import WorkerSetup
 
 OURS = ("hijack_data", "online_env")
 CODE = "code of agenthijack"
-_SHOWN = 12  # digits of a hash in messages
+_HASH_DIGITS = 12  # digits of a hash in messages
 _REMEDY = "every node needs this file under this path: copy it there, or use a shared folder"
 
 _Files = Mapping[str, bytes]
@@ -134,7 +134,7 @@ def software() -> dict[str, str]:
         for path in sorted(root.rglob("*.py")):
             digest.update(f"{package}/{path.relative_to(root)}\n".encode())
             digest.update(path.read_bytes())
-    versions[CODE] = digest.hexdigest()[:_SHOWN]
+    versions[CODE] = digest.hexdigest()[:_HASH_DIGITS]
     return versions
 
 
@@ -209,7 +209,7 @@ def _check_file(path: str, sha256: str) -> None:
 
 def _check_hash(path: str, digest: str, expected: str) -> None:
     if digest != expected:
-        digests = f"SHA-256 {digest[:_SHOWN]} instead of {expected[:_SHOWN]}"
+        digests = f"SHA-256 {digest[:_HASH_DIGITS]} instead of {expected[:_HASH_DIGITS]}"
         raise ClusterError(f"{path}: is another file here ({digests}); {_REMEDY}")
 
 

@@ -26,7 +26,7 @@ from ..bench.providers import PROVIDERS
 from ..environment import CorruptedEnv, EvalSettings, SmallTasks
 from ..errors import DesktopError
 
-_POLL = 0.1  # s between two looks for a free desktop
+_POLL_S = 0.1  # s between two looks for a free desktop
 
 
 class Session:
@@ -41,7 +41,7 @@ class Session:
     def __init__(self, bench: Bench, model: str, display_size: Size | None) -> None:
         self._bench = bench
         self._model = model
-        self._shown = display_size
+        self._display_size = display_size
         self._stack = ExitStack()
         self._env: CorruptedEnv | None = None
         self._obs: dict[str, Any] = {}
@@ -60,7 +60,7 @@ class Session:
     def size(self) -> Size:
         """(height, width) of the picture that the model sees."""
         height, width = self._obs["screenshot"].shape[:2]
-        return self._shown or (height, width)
+        return self._display_size or (height, width)
 
     def begin(self, task: str, label: str, seed: int) -> None:
         """Start a desktop and the episode.
@@ -185,7 +185,7 @@ class Sessions:
     async def open(self, sample: str, session: Session, begin: Callable[[], None]) -> None:
         """Wait for a free desktop, and begin an episode in a thread."""
         while not self._free.acquire(blocking=False):
-            await anyio.sleep(_POLL)
+            await anyio.sleep(_POLL_S)
         self._by_sample[sample] = session
         try:
             await in_thread(begin)

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 MAX_LINE = 300  # characters of a line on a terminal
 # p values below this show a difference.
 SIGNIFICANT_P = 0.05
-_GIVEN = {"task": "the task", "plan": "the plan", "process": "the runner's process"}
+_INPUT_WORDS = {"task": "the task", "plan": "the plan", "process": "the runner's process"}
 
 
 def percent(share: float | None, sign: str = "") -> str:
@@ -63,7 +63,7 @@ def worst(labels: Sequence[str], success: float | None) -> str:
 
 def privileged_inputs(kinds: Iterable[str] | None) -> str:
     """Return what an agent was given besides instruction and pictures; empty if unknown."""
-    return " and ".join(_GIVEN[kind] for kind in kinds or ())
+    return " and ".join(_INPUT_WORDS[kind] for kind in kinds or ())
 
 
 def shorten(text: str) -> str:

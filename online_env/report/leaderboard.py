@@ -45,7 +45,7 @@ class Standing:
 
     Attributes:
         rank: from 1; `None` for an unranked agent.
-        why: why it is unranked; empty if it is ranked.
+        reason: why it is unranked; empty if it is ranked.
         place: of the run in the folder.
         run: its identity.
         row: the agent.
@@ -55,7 +55,7 @@ class Standing:
     """
 
     rank: int | None
-    why: str
+    reason: str
     place: str
     run: RunIdentity
     row: AgentSummary
@@ -234,7 +234,7 @@ def _make_ranking(group: Sequence[tuple[str, RunReport]]) -> Ranking:
         lines.append(
             Standing(
                 rank=None if reason else 1 + ranked.index(row.corrupted),
-                why=reason,
+                reason=reason,
                 place=place,
                 run=report.run,
                 row=row,

@@ -29,9 +29,9 @@ _SHARES = frozenset(
 )
 _CHANGES = frozenset({"delta", "delta_low", "delta_high"})
 YEAR_10000 = 253_402_300_800  # in seconds since 1970
-_ROUNDED = 1e-9  # rounding tolerance: a mean may exceed its range by this much
+_ROUNDING = 1e-9  # rounding tolerance: a mean may exceed its range by this much
 # Keys of the file that are not fields of the report.
-_BESIDE = ("format", "version", "comparison", "paper")
+_EXTRA_KEYS = ("format", "version", "comparison", "paper")
 
 
 class ReportError(HijackError, ValueError):
@@ -305,7 +305,7 @@ def from_data(data: object, source: str) -> RunReport:
     document = check_versioned(
         data, format=FORMAT, version=VERSION, where=source, what="a report", error=ReportError
     )
-    values = {key: value for key, value in document.items() if key not in _BESIDE}
+    values = {key: value for key, value in document.items() if key not in _EXTRA_KEYS}
     try:
         json.dumps(values, ensure_ascii=False, allow_nan=False).encode()
     except ValueError as error:
@@ -348,7 +348,7 @@ def _check_range(key: str, value: object, place: str) -> None:
         high = 1 if key in _CHANGES | _SHARES else MOST
         if key == "created":
             high = YEAR_10000 - 1
-        if not low - _ROUNDED <= value <= high + _ROUNDED:
+        if not low - _ROUNDING <= value <= high + _ROUNDING:
             problem = f"must be from {low} to {high}"
     elif key == "given" and isinstance(value, tuple) and not set(GIVEN_KINDS).issuperset(value):
         problem = f"must be among {', '.join(GIVEN_KINDS)}"

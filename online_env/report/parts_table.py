@@ -10,7 +10,7 @@ from ..results.parts import REMINDER_COLUMNS, STEP_COLUMNS, PartsRow, part_rows
 from ..results.reading import Run
 from .identity import agent_names, corruptions_by_label
 
-_COUNTED = ("hidden",)
+_COUNT_COLUMNS = ("hidden",)
 
 
 def show_parts(run: Run, screen: Any) -> None:
@@ -56,4 +56,4 @@ def _figures(row: PartsRow, columns: Sequence[str]) -> list[str]:
 def _cell(name: str, value: float | None) -> str:
     if value is None:
         return ""
-    return str(value) if name in _COUNTED else f"{100 * value:.1f}"
+    return str(value) if name in _COUNT_COLUMNS else f"{100 * value:.1f}"

@@ -33,7 +33,7 @@ from .paper import compare_with_paper
 
 @click.command()
 @click.argument("runs", type=click.Path(path_type=Path))
-@click.option("--format", "named", metavar="NAME", help=f"One of {', '.join(FORMATS)}.")
+@click.option("--format", "format_name", metavar="NAME", help=f"One of {', '.join(FORMATS)}.")
 @click.option(
     "-o",
     "--out",
@@ -51,7 +51,7 @@ from .paper import compare_with_paper
 @click.option("--reference", metavar="AGENT", help="Agent of the run that mCE refers to.")
 @click.option(
     "--compare",
-    "other",
+    "earlier",
     type=click.Path(path_type=Path),
     metavar="EARLIER",
     help="Compare the run case by case with an earlier one.",
@@ -68,12 +68,12 @@ from .paper import compare_with_paper
 @gate_options
 def report(
     runs: Path,
-    named: str | None,
+    format_name: str | None,
     out: Path | None,
     as_json: bool,
     seeds: int | None,
     reference: str | None,
-    other: Path | None,
+    earlier: Path | None,
     pairs: tuple[str, ...],
     paper: bool,
     leaderboard: bool,
@@ -90,40 +90,40 @@ def report(
         raise ReportError(f"--junit {junit}: is the file of --out, too; give another name")
     if seeds and (leaderboard or runs.is_file()):
         raise ReportError("--seeds chooses episodes of a run; give the folder of one")
-    options = {"--compare": other, "--pair": pairs, "--paper": paper, "--reference": reference}
+    options = {"--compare": earlier, "--pair": pairs, "--paper": paper, "--reference": reference}
     beside = [name for name, value in options.items() if value]
     if leaderboard and (beside or as_json):
         raise ReportError(f"--leaderboard is a page without {(*beside, '--json')[0]}; leave it out")
-    exclusive = {"--paper": paper, f"--format {named}": named, "--reference": reference}
+    exclusive = {"--paper": paper, f"--format {format_name}": format_name, "--reference": reference}
     for option in [name for name, value in exclusive.items() if value and as_json]:
         raise ReportError(f"--json is a list of rows, without {option}; give --format json alone")
     if leaderboard:
-        raise SystemExit(_leaderboard(runs, named, out))
-    if pairs and other is None:
+        raise SystemExit(_leaderboard(runs, format_name, out))
+    if pairs and earlier is None:
         raise ReportError("--pair names agents of two runs; give the earlier one with --compare")
     if runs.is_file():
-        if other is not None:
+        if earlier is not None:
             raise ReportError(f"--compare: {runs} is a finished report; give the folders of runs")
         finished = load_report(runs, reference or "")
         if as_json:
             cells = [{name: getattr(cell, name) for name in COLUMNS} for cell in finished.cells]
             _output(json.dumps(cells, indent=1) + "\n", out)
             return
-        format = _format(named, out, beside)
+        format = _format(format_name, out, beside)
         _write(_document(finished, None, paper), format, out)
         return
     run = _read(runs, seeds)
     gate = ReleaseGate.read(fail_under, junit, *_agents_and_labels(run))
     comparison = None
-    if other is not None:
-        comparison = compare(_read(other), run, _parse_pairs(pairs))
+    if earlier is not None:
+        comparison = compare(_read(earlier), run, _parse_pairs(pairs))
     if as_json:
         rows = terminal.score_rows(run, run.records)
         if comparison is not None:
             rows = [asdict(cell) for cell in comparison.cells]
         _output(json.dumps(rows, indent=1) + "\n", out)
         raise SystemExit(_finish(run, gate))
-    format = _format(named, out, beside)
+    format = _format(format_name, out, beside)
     if format == TERMINAL and out is None and comparison is None:
         terminal.show(run, reference or "")
         if paper:
@@ -134,9 +134,9 @@ def report(
     raise SystemExit(_finish(run, gate))
 
 
-def _format(named: str | None, out: Path | None, beside: Sequence[str]) -> str:
+def _format(format_name: str | None, out: Path | None, beside: Sequence[str]) -> str:
     """Return the format, which has to show what the options `beside` ask for."""
-    format = choose_format(named, out)
+    format = choose_format(format_name, out)
     for option in beside:
         if option in FORMATS_BY_OPTION:
             check_shown(option, format)
@@ -224,7 +224,7 @@ def _parse_pairs(pairs: tuple[str, ...]) -> Mapping[str, str] | None:
     return agent_pairs or None
 
 
-def _leaderboard(folder: Path, named: str | None, out: Path | None) -> int:
+def _leaderboard(folder: Path, format_name: str | None, out: Path | None) -> int:
     """Write the page of all runs in a folder; returns the exit code.
 
     Raises:
@@ -232,8 +232,10 @@ def _leaderboard(folder: Path, named: str | None, out: Path | None) -> int:
     """
     from .leaderboard import leaderboard, read_reports
 
-    if named not in (None, "html"):
-        raise ReportError(f"--leaderboard is a page; --format {named} is not possible, give html")
+    if format_name not in (None, "html"):
+        raise ReportError(
+            f"--leaderboard is a page; --format {format_name} is not possible, give html"
+        )
     if out is None:
         raise ReportError("--leaderboard: say where the page goes, such as -o leaderboard.html")
     reports = read_reports(folder)

@@ -55,7 +55,7 @@ COMPARED_HEADINGS = (
     "p",
     "seen at 80 %",
 )
-_COUNTED = ("hidden",)  # columns of the parts that are counts, not shares
+_COUNT_COLUMNS = ("hidden",)  # columns of the parts that are counts, not shares
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")  # the characters that a formula may begin with
 _MARKUP = "\\`*_[]<>|&~$#"
 Texts = Sequence[str]
@@ -187,7 +187,7 @@ def parts_table(rows: Sequence[Mapping[str, Any]]) -> tuple[Texts, list[Texts]]:
     """Return headings and rows of a scoring run's other results, in percent."""
     names = {key: None for row in rows for key in row}
     keys = [key for key in names if key not in ("agent", "corruption", "n")]
-    headings = [key if key in _COUNTED else f"{key.replace('_', ' ')}, %" for key in keys]
+    headings = [key if key in _COUNT_COLUMNS else f"{key.replace('_', ' ')}, %" for key in keys]
     return ("agent", "corruption", "n", *headings), [
         (
             row["agent"],
@@ -269,7 +269,7 @@ def _safe(text: str) -> str:
 def _part(key: str, value: float | None) -> str:
     if value is None:
         return ""
-    return str(value) if key in _COUNTED else formatting.percent(value)
+    return str(value) if key in _COUNT_COLUMNS else formatting.percent(value)
 
 
 def _is_number(text: str) -> bool:

@@ -29,11 +29,11 @@ Scores: TypeAlias = tuple[Sequence[float], Sequence[Hashable]]
 PairedScores: TypeAlias = tuple[Sequence[float], Sequence[float], Sequence[Hashable]]
 
 LEVEL = 0.95
-NOISE = 1e-9  # values that differ by less are equal: sums of scores such as 0.1 are not exact
-# Tasks' worth of doubt that is added to what the tasks show: that the seeds of a task tell no more
-# than one of them, and that clean and corrupted success are not related. Few tasks may agree by
+TOLERANCE = 1e-9  # values that differ by less are equal: sums of scores such as 0.1 are not exact
+# Weight, in tasks, of a prior that is added to the data. Its content: the seeds of a task tell no
+# more than one of them, and clean and corrupted success are unrelated. Few tasks may agree by
 # chance, and at 0 and 100 % they always do.
-DOUBT = 1.0
+PRIOR_TASKS = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +104,7 @@ class _Wilson:
         they vary less.
         """
         chance = self.value * (1 - self.value)
-        doubt = DOUBT / self.tasks
+        doubt = PRIOR_TASKS / self.tasks
         measured = self.variance * self.count / (self.count - 1) if self.count > 1 else chance
         share = min(1.0, (measured + doubt) / (chance + doubt))
         trials = self.tasks / share
@@ -268,7 +268,7 @@ def check_pairs(clean: Sequence[float], corrupted: Sequence[float]) -> None:
 
 def are_alike(values: Floats64) -> bool:
     """Return whether values are equal but for rounding."""
-    return float(np.ptp(values)) <= NOISE
+    return float(np.ptp(values)) <= TOLERANCE
 
 
 def differences_by_task(
@@ -326,7 +326,7 @@ def _interval(wilson: _Wilson, level: float) -> Interval:
 
 def _correlation(before: _TaskMeans, after: _TaskMeans) -> float:
     """Return the correlation of clean and corrupted success over tasks, which is not overrated."""
-    doubt = DOUBT / before.tasks
+    doubt = PRIOR_TASKS / before.tasks
     spreads = [means.covariance(means) + doubt for means in (before, after)]
     return before.covariance(after) / sqrt(spreads[0] * spreads[1])
 

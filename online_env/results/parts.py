@@ -28,8 +28,8 @@ def part_rows(records: Iterable[ResultRecord]) -> list[PartsRow]:
         if record.get("question") == "reminders":
             groups.setdefault((record["agent"], "all"), []).append(record)
     return [
-        {"agent": agent, "corruption": label, "n": len(found), **_part_values(found)}
-        for (agent, label), found in groups.items()
+        {"agent": agent, "corruption": label, "n": len(cell), **_part_values(cell)}
+        for (agent, label), cell in groups.items()
     ]
 
 

@@ -67,7 +67,7 @@ PACKAGES = ("agenthijack", "numpy", "pillow", "gymnasium", "rapidocr", "onnxrunt
 
 MAX_SETTING_CHARS = 200  # letters of a setting in a message
 MAX_LISTED_ENTRIES = 5  # entries of a long list in a message
-_BEGUN = (LOCK, RECORDS)  # files in a folder where a run was about to begin
+_START_FILES = (LOCK, RECORDS)  # files in a folder where a run was about to begin
 _HALF_WRITTEN = f".{RUN}.*.tmp"  # temporary files that a killed `write_atomic` leaves
 
 
@@ -362,7 +362,7 @@ def _check_empty(folder: Path) -> None:
     if RUN in holds:
         advice = f"read it with: hijack report {folder}, go on with it by --resume, or give another"
         raise RunError(f"{folder}: holds a run already; {advice} --out")
-    harmless = {*_BEGUN, *fnmatch.filter(holds, _HALF_WRITTEN)}
+    harmless = {*_START_FILES, *fnmatch.filter(holds, _HALF_WRITTEN)}
     if has_records:
         harmless.remove(RECORDS)  # of a run whose head is gone; a new run must not count them
     foreign = [name for name in holds if name not in harmless]

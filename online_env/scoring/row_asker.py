@@ -42,7 +42,7 @@ class AskSettings:
         near: how far a click may be off where no box is known.
         batch: rows that `predict_batch` is given at a time.
         in_process: whether a user's agent runs in this process, for debugging.
-        given: what the agent is given beside instruction and pictures, for the records.
+        privileged_inputs: what the agent is given beside instruction and pictures, for the records.
     """
 
     agent: str
@@ -50,7 +50,7 @@ class AskSettings:
     near: Distance
     batch: int = 8
     in_process: bool = False
-    given: tuple[str, ...] = ()
+    privileged_inputs: tuple[str, ...] = ()
 
 
 class RowAsker:
@@ -140,7 +140,7 @@ class RowAsker:
             except AgentError as error:
                 self._failed_starts += 1
                 if self._failed_starts >= MAX_STARTS:
-                    details = "\n".join([str(error), *error.where[-1:]])
+                    details = "\n".join([str(error), *error.frames[-1:]])
                     name = self._settings.agent
                     raise AgentStartError(f"{name}: cannot be made: {details}") from error
             else:
@@ -188,7 +188,7 @@ class RowAsker:
     def _failed_record(
         self, case: Case, row: RowData, error: AgentError, seconds: float
     ) -> ResultRecord:
-        failed = failure(f"the agent: {error}", error.where)
+        failed = failure(f"the agent: {error}", error.frames)
         return self._record(case, row, seconds) | failed
 
     def _damaged_record(self, case: Case, error: DamagedRowError) -> ResultRecord:
@@ -232,7 +232,7 @@ def empty_record(case: Case, settings: AskSettings) -> ResultRecord:
         "steps": 1,
         "seconds": 0.0,
         "malformed": 0,
-        GIVEN: list(settings.given),  # rows have no task and no plan
+        GIVEN: list(settings.privileged_inputs),  # rows have no task and no plan
     }
 
 

@@ -70,7 +70,7 @@ class ScoreSettings:
             near=self.near,
             batch=self.batch,
             in_process=self.in_process,
-            given=("process",) if in_runner else (),
+            privileged_inputs=("process",) if in_runner else (),
         )
 
 

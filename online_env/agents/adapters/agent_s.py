@@ -15,7 +15,7 @@ from .osworld import OsworldAgent
 EXTRA = "agent-s"
 _GROUNDING = "gui_agents.s3.agents.grounding"
 _AGENT = "gui_agents.s3.agents.agent_s"
-_NEEDED = (
+_REQUIRED_KEYS = (
     ("engine", ("engine_type", "model")),
     ("grounding", ("engine_type", "model", "grounding_width", "grounding_height")),
 )
@@ -38,7 +38,7 @@ class AgentS(OsworldAgent):
     options: ClassVar[Mapping[str, Any]] = {}
 
     def __init__(self) -> None:
-        for attribute, keys in _NEEDED:
+        for attribute, keys in _REQUIRED_KEYS:
             settings = getattr(self, attribute)
             missing = [key for key in keys if key not in settings]
             if missing:

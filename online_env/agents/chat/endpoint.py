@@ -19,9 +19,11 @@ from .usage import UsageMeter
 from .wires import ModelWire, make_wire
 from .wires.common import EXTRA, RETRIES
 
-_AGAIN = frozenset({408, 409, 425, 429})  # statuses below 500 after which a request may succeed
+_RETRY_STATUSES = frozenset(
+    {408, 409, 425, 429}
+)  # statuses below 500 after which a request may succeed
 _BOM = "\ufeff"
-_KEPT = 500  # characters kept of an endpoint's message about a failure
+_MAX_MESSAGE_CHARS = 500  # characters kept of an endpoint's message about a failure
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +89,11 @@ class Endpoint:
             self._recorder.note(line)
         reply = self._wire.read(logged_response(line))
         self._meter.add(
-            reply.read, reply.written, self._settings.prices, line["seconds"], line["tries"]
+            reply.input_tokens,
+            reply.output_tokens,
+            self._settings.prices,
+            line["seconds"],
+            line["tries"],
         )
         return reply
 
@@ -182,13 +188,13 @@ class Endpoint:
         """Convert an exception of a client to an `EndpointError`, without the key in its text."""
         status = getattr(error, "status_code", None)
         message = self._redact_key(f"{type(error).__name__}: {error}")
-        problem = f"{self._place}: {message[:_KEPT]}"
+        problem = f"{self._place}: {message[:_MAX_MESSAGE_CHARS]}"
         if status in (401, 403):
             source = self._settings.api_key_env
             advice = f"check the key in {source}" if source else "name its key by api_key_env"
             return EndpointError(f"{problem}; {advice}")
         if isinstance(status, int):
-            passes = status in _AGAIN or status >= 500
+            passes = status in _RETRY_STATUSES or status >= 500
             return EndpointError(problem, passes, _retry_after(error))
         is_lost = "Connection" in type(error).__name__ or "Timeout" in type(error).__name__
         return EndpointError(problem, transient=is_lost)

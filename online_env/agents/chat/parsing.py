@@ -34,13 +34,13 @@ from .query import Reply
 WORDS = (WAIT, DONE, FAIL)
 # Dialects whose calls an endpoint may return as tool calls of its API: those of Qwen's tools, which
 # become text, and those with a name for each action.
-_QWEN = ("qwen2.5_vl", "qwen3_vl", "gui_owl", "mai_ui")
-_NAMED = ("gemini",)
+_QWEN_DIALECTS = ("qwen2.5_vl", "qwen3_vl", "gui_owl", "mai_ui")
+_NAMED_CALL_DIALECTS = ("gemini",)
 # A fence after prose on the same line, and a word in fences after prose at the very end.
 _OPENS_LATE = re.compile(r"(?<=[^\s`])[ \t]*(```(?:python|py|json)[ \t]*\r?\n)")
 _LAST_WORD = re.compile(rf"```\s*({'|'.join(WORDS)})\s*```\s*\Z")
 _AGENTNET = re.compile(r"\bcomputer\s*\.\s*\w+\s*\(")
-_KEPT = 2000  # characters of an unreadable reply that are kept in the record
+_MAX_EXCERPT_CHARS = 2000  # characters of an unreadable reply that are kept in the record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,11 +79,15 @@ class ReplyParser:
         try:
             return self._read(reply, size)
         except HijackError as error:
-            return [unreadable(error, reply.shown[:_KEPT])]
+            return [unreadable(error, reply.shown[:_MAX_EXCERPT_CHARS])]
 
     def _read(self, reply: Reply, size: Size) -> list[str]:
         # Calls of the API stand for themselves, whatever the words beside them.
-        has_calls = bool(reply.calls) and self.dialect in (*TOOL_PARSERS, *_QWEN, *_NAMED)
+        has_calls = bool(reply.calls) and self.dialect in (
+            *TOOL_PARSERS,
+            *_QWEN_DIALECTS,
+            *_NAMED_CALL_DIALECTS,
+        )
         text = "" if has_calls else answer_text(reply.text, self.dialect).strip()
         if self.dialect in TOOL_PARSERS:
             return self._read_calls(reply, text, size)
@@ -93,10 +97,10 @@ class ReplyParser:
             return self._pyautogui(reply, text, size)
         if self.dialect == "computer_13":
             return _computer_13(text, size)
-        if self.dialect in _QWEN and reply.calls:
+        if self.dialect in _QWEN_DIALECTS and reply.calls:
             calls = [tool_call_text(str(c["name"]), c["arguments"]) for c in reply.calls]
             text = "\n".join(calls)
-        if self.dialect in _NAMED and reply.calls:
+        if self.dialect in _NAMED_CALL_DIALECTS and reply.calls:
             codes_by_call = [code_of(dict(c), self.dialect, size) for c in reply.calls]
             return [code for codes in codes_by_call for code in codes]
         return code_of(text, self.dialect, size, self._resized_size(size))
@@ -160,7 +164,7 @@ class ReplyParser:
 
     def _malformed(self, text: str) -> str:
         """Return an action that counts as malformed: the text itself unless that would be valid."""
-        excerpt = text[:_KEPT]
+        excerpt = text[:_MAX_EXCERPT_CHARS]
         try:
             read_action(excerpt)
         except ActionError:

@@ -94,16 +94,16 @@ class Reply:
         text: its words.
         calls: calls of tools, each with `name` and `arguments`.
         raw: the part that the API expects back in the next request.
-        read: tokens of the request, as the endpoint counted them.
-        written: tokens of the answer.
+        input_tokens: tokens of the request, as the endpoint counted them.
+        output_tokens: tokens of the answer.
         refused: whether the model refused to answer.
     """
 
     text: str
     calls: tuple[Mapping[str, Any], ...] = ()
     raw: Any = None
-    read: int = 0
-    written: int = 0
+    input_tokens: int = 0
+    output_tokens: int = 0
     refused: bool = False
 
     @property

@@ -19,7 +19,7 @@ from .query import logged, request_digest
 
 FOLDER = REQUESTS
 REDACTED = "[key]"
-_NEEDED = frozenset({"step", "role", "sha256", "request", "seconds", "tries"})
+_REQUIRED_FIELDS = frozenset({"step", "role", "sha256", "request", "seconds", "tries"})
 
 
 class RequestRecorder(Protocol):
@@ -148,8 +148,8 @@ def _lines(path: Path) -> list[dict[str, Any]]:
             line = json.loads(text)
         except (ValueError, RecursionError) as error:
             raise ReplayError(f"{path}:{number}: is damaged ({error})") from None
-        if not isinstance(line, dict) or not line.keys() >= _NEEDED:
-            fields = ", ".join(sorted(_NEEDED))
+        if not isinstance(line, dict) or not line.keys() >= _REQUIRED_FIELDS:
+            fields = ", ".join(sorted(_REQUIRED_FIELDS))
             raise ReplayError(f"{path}:{number}: is damaged (it lacks one of {fields})")
         mistake = _mistake(line)
         if mistake:

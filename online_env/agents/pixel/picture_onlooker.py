@@ -20,10 +20,10 @@ from .text_matching import MIN_LIKENESS, all_texts, even, find_text, likeness
 PASSWORD = "password"  # of the desktop's user, who knows it
 GONE = "The window is gone"
 COVERED = "A foreign window is in the way"
-_BARE = 8  # lines that a bare desktop has at most: names of icons, and the panel
-_SHOWN = 6  # texts that a summary names
-_PANEL = 0.9  # of the height: the panel is below
-_CLOCK = 0.9  # of the width: the clock is to the right
+_MAX_DESKTOP_LINES = 8  # lines that a bare desktop has at most: names of icons, and the panel
+_MAX_LISTED_TEXTS = 6  # texts that a summary names
+_PANEL_TOP_SHARE = 0.9  # of the height: the panel is below
+_CLOCK_LEFT_SHARE = 0.9  # of the width: the clock is to the right
 _LETTERS = re.compile(r"[^\W\d_]{3}")
 
 
@@ -177,12 +177,16 @@ class PictureOnlooker:
 def panel_buttons(lines: Sequence[TextLine], size: Size) -> list[TextLine]:
     """Return the window buttons of the panel, from left to right; none if no panel shows."""
     height, width = size
-    low = [line for line in lines if line.box[1] > _PANEL * height]
+    low = [line for line in lines if line.box[1] > _PANEL_TOP_SHARE * height]
     menu = find_text(low, "Applications")
     if menu is None:
         return []
     band = [line for line in low if line.box[3] > menu.box[1] and line.box[0] > menu.box[2]]
-    buttons = [line for line in band if _LETTERS.search(line.text) and line.box[0] < _CLOCK * width]
+    buttons = [
+        line
+        for line in band
+        if _LETTERS.search(line.text) and line.box[0] < _CLOCK_LEFT_SHARE * width
+    ]
     return sorted(buttons, key=lambda line: line.box[0])
 
 
@@ -190,7 +194,7 @@ def _find_gone_window(
     above: Sequence[TextLine], buttons: Sequence[TextLine], window: str
 ) -> ScreenFinding | None:
     """Return the finding that the window is not visible, if only desktop and panel are."""
-    if not buttons or len(above) > _BARE or all_texts(above, window):
+    if not buttons or len(above) > _MAX_DESKTOP_LINES or all_texts(above, window):
         return None
     return ScreenFinding(
         kind=GONE,
@@ -225,4 +229,4 @@ def _texts(lines: Sequence[TextLine], other_lines: Sequence[TextLine]) -> list[s
     """Return the texts that are in some lines but not in others."""
     other_texts = {even(line.text) for line in other_lines}
     texts = [repr(line.text) for line in lines if even(line.text) not in other_texts]
-    return texts[:_SHOWN]
+    return texts[:_MAX_LISTED_TEXTS]

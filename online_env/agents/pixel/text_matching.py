@@ -13,9 +13,7 @@ WHOLE_LINE = 1.0
 WHOLE_WORDS = 0.95
 PART_OF_WORD = 0.85  # inside a longer word
 MIN_INEXACT_CHARS = 4  # characters: what has fewer must be read exactly, and as whole words
-MIN_LIKENESS = (
-    0.78  # likeness of a text that OCR read with mistakes; two of ten letters may be wrong
-)
+MIN_LIKENESS = 0.78  # of a text that OCR read with mistakes: two of ten letters may be wrong
 _ALIKE = str.maketrans(
     {
         "0": "o",
@@ -97,9 +95,9 @@ def all_texts(lines: Iterable[TextLine], text: str) -> list[TextMatch]:
     return exact or alike
 
 
-def closest_text(lines: Iterable[TextLine], wanted: str) -> str:
+def closest_text(lines: Iterable[TextLine], target: str) -> str:
     """Return the line that is most like a text, for messages; "" if there are no lines."""
-    key = even(wanted)
+    key = even(target)
     return max(
         (line.text for line in lines), key=lambda text: likeness(even(text), key), default=""
     )

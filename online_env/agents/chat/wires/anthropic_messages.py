@@ -71,10 +71,10 @@ class AnthropicMessages:
             text="\n".join(words),
             calls=tuple(_call(block) for block in uses),
             raw=list(blocks),
-            read=tokens(
+            input_tokens=tokens(
                 usage, "input_tokens", "cache_creation_input_tokens", "cache_read_input_tokens"
             ),
-            written=tokens(usage, "output_tokens"),
+            output_tokens=tokens(usage, "output_tokens"),
             refused=answer.get("stop_reason") == "refusal",
         )
 

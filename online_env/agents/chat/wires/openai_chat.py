@@ -54,8 +54,8 @@ class OpenAIChat:
         return Reply(
             text="\n".join(words),
             calls=tuple(_calls(message)),
-            read=tokens(usage, "prompt_tokens"),
-            written=tokens(usage, "completion_tokens"),
+            input_tokens=tokens(usage, "prompt_tokens"),
+            output_tokens=tokens(usage, "completion_tokens"),
             refused=bool(refusal),
         )
 

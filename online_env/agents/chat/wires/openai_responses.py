@@ -60,8 +60,8 @@ class OpenAIResponses:
             text="\n".join(words),
             calls=tuple({"name": NAME, "arguments": action} for action in _actions(calls)),
             raw={"id": label(answer, "id"), "calls": [_call_data(call) for call in calls]},
-            read=tokens(usage, "input_tokens"),
-            written=tokens(usage, "output_tokens"),
+            input_tokens=tokens(usage, "input_tokens"),
+            output_tokens=tokens(usage, "output_tokens"),
             refused=refused,
         )
 
