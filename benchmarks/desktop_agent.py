@@ -168,7 +168,7 @@ class SkilledHands(Oracle):
 
     def _is_found(self) -> bool:
         """Let the solution go on, and wait a moment for its next action."""
-        if self._task is None or self._desktop is None or self._over:
+        if self._task is None or self._desktop is None or self._has_ended:
             return True
         if not self._searching:
             self._go_on(self._task, self._desktop)

@@ -111,7 +111,7 @@ class Oracle:
         self._failure = ""
         self._defect: Exception | None = None
         self._gave_up = False
-        self._over = False
+        self._has_ended = False
 
     def reset(self) -> None:
         """End the solution of the last episode, if it still waits."""
@@ -125,7 +125,7 @@ class Oracle:
         self._failure = ""
         self._defect = None
         self._gave_up = False
-        self._over = False
+        self._has_ended = False
 
     def prepare(self, task: Task, machine: Machine) -> None:
         """Store the task to solve, and the machine to examine."""
@@ -144,9 +144,9 @@ class Oracle:
         """
         if self._desktop is None or self._task is None:
             raise DesktopError("the oracle has no task yet: call prepare after reset")
-        code = None if self._over else self._next(self._task, self._desktop)
+        code = None if self._has_ended else self._next(self._task, self._desktop)
         if code is None:
-            self._over = True
+            self._has_ended = True
             return self._last_words(self._task)
         height, width = obs["screenshot"].shape[:2]
         coords = CoordMap(observation=(height, width), screen=self._desktop.size)

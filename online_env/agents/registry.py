@@ -27,16 +27,16 @@ class DoNothing:
     MAX_WAITS = 5  # the paper's latest corruption comes at step 3
 
     def __init__(self) -> None:
-        self._waited = 0
+        self._waits = 0
 
     def reset(self) -> None:
         """A new episode."""
-        self._waited = 0
+        self._waits = 0
 
     def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:
         """Wait, and at last answer `DONE`."""
-        self._waited += 1
-        if self._waited > self.MAX_WAITS:
+        self._waits += 1
+        if self._waits > self.MAX_WAITS:
             return "That should do.", [DONE]
         return "Let us see what happens.", [WAIT]
 

@@ -45,7 +45,7 @@ class ReceivedEpisode:
 
     def __init__(self, run: Path) -> None:
         self._run = run
-        self._made: list[Path] = []  # files and folders written for this episode
+        self._written_paths: list[Path] = []  # files and folders written for this episode
 
     def put(self, name: str, content: bytes) -> None:
         """Write a file; the folder of the episode is emptied before its first one.
@@ -75,7 +75,7 @@ class ReceivedEpisode:
 
     def undo(self) -> None:
         """Remove the files that have arrived."""
-        for path in self._made:
+        for path in self._written_paths:
             if path.is_dir():
                 shutil.rmtree(path, ignore_errors=True)
             else:
@@ -83,11 +83,11 @@ class ReceivedEpisode:
 
     def _make_room(self, path: Path, place: PurePosixPath) -> None:
         folder = self._run / PurePosixPath(*place.parts[:2])
-        if folder not in self._made:
+        if folder not in self._written_paths:
             if (folder / EPISODE).exists():
                 raise ClusterError(f"{folder}: holds an episode already; go on with --resume")
             shutil.rmtree(folder, ignore_errors=True)  # remains of an interrupted episode
-            self._made.append(folder)
+            self._written_paths.append(folder)
         # Private, as `EpisodeLog` makes it.
         (self._run / EPISODES).mkdir(mode=0o700, exist_ok=True)
         path.parent.mkdir(parents=True, exist_ok=True)

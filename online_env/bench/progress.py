@@ -38,10 +38,10 @@ class ProgressDisplay:
     ) -> None:
         self._console = console
         self._count = len(listed)
-        self._before = finished
+        self._finished_before = finished
         self._clock = clock
-        self._start = self._told = clock()
-        self._ended: set[int] = set()
+        self._start = self._last_line_time = clock()
+        self._finished_jobs: set[int] = set()
         self._bar: Progress | None = None
         if sys.stdout.isatty():
             columns: list[Any] = [
@@ -56,7 +56,7 @@ class ProgressDisplay:
             )
 
     def __enter__(self) -> "ProgressDisplay":
-        self._start = self._told = self._clock()
+        self._start = self._last_line_time = self._clock()
         if self._bar is not None:
             self._bar.start()
         return self
@@ -67,7 +67,7 @@ class ProgressDisplay:
 
     def begins(self, job: "Job", number: int, attempt: int) -> None:
         """Show the job that begins now, for the first time or again."""
-        self._ended.discard(number)  # the last attempt did not count
+        self._finished_jobs.discard(number)  # the last attempt did not count
         if self._bar is None:
             return
         text = f"{job} (again)" if attempt else str(job)
@@ -75,7 +75,7 @@ class ProgressDisplay:
 
     def ended(self, job: "Job", number: int, record: ResultRecord) -> None:
         """Print one line on the episode."""
-        self._ended.add(number)
+        self._finished_jobs.add(number)
         status = record["status"]
         result = status
         explanation = record["problem"]
@@ -90,21 +90,21 @@ class ProgressDisplay:
         self._print(shorten(line), style)
         if self._bar is not None:
             self._bar.update(self._task, completed=self._done, pace=self.pace)
-        elif self._clock() - self._told >= RATE_PERIOD_S:
-            self._told = self._clock()
+        elif self._clock() - self._last_line_time >= RATE_PERIOD_S:
+            self._last_line_time = self._clock()
             self._print(f"{self._done} of {self._count} episodes, {self.pace}", "dim")
 
     @property
     def _done(self) -> int:
-        return self._before + len(self._ended)
+        return self._finished_before + len(self._finished_jobs)
 
     @property
     def pace(self) -> str:
         """The rate of episodes per hour, and the time left at that rate."""
         elapsed = self._clock() - self._start
-        if not self._ended or elapsed <= 0:
+        if not self._finished_jobs or elapsed <= 0:
             return ""
-        rate = len(self._ended) / elapsed
+        rate = len(self._finished_jobs) / elapsed
         remaining_s = (self._count - self._done) / rate
         return f"{3600 * rate:.0f} an hour, {format_duration(remaining_s)} left"
 

@@ -78,10 +78,10 @@ class RayPool:
         self._setup = setup
         self._address = address
         self._stack = ExitStack()
-        self._changed = threading.Condition()
+        self._condition = threading.Condition()
         self._local = threading.local()
-        self._free: list[_Desktop] = []
-        self._all: set[Any] = set()  # actors that were started, except those known to have ended
+        self._free_desktops: list[_Desktop] = []
+        self._actors: set[Any] = set()  # actors that were started, except those known to have ended
         self._starting: dict[Any, Any] = {}  # actors by the future result of their `begin`
         self._problem: Exception | None = None
         self._stopped = threading.Event()
@@ -154,12 +154,12 @@ class RayPool:
 
     def stop(self) -> None:
         """End all desktops; those that play break their episodes off."""
-        with self._changed:
+        with self._condition:
             self._stopped.set()
-            self._changed.notify_all()
-            free = list(self._free)
-            self._free.clear()
-            actors = list(self._all)
+            self._condition.notify_all()
+            free = list(self._free_desktops)
+            self._free_desktops.clear()
+            actors = list(self._actors)
         ending = [desktop.actor.end.remote() for desktop in free]
         if ending:
             self._ray.wait(ending, num_returns=len(ending), timeout=SHUTDOWN_TIMEOUT_S)
@@ -178,9 +178,9 @@ class RayPool:
                 self._start_actors()
                 self._collect_ready()
             except Exception as error:  # noqa: BLE001  (the run's own threads raise it)
-                with self._changed:
+                with self._condition:
                     self._problem = error
-                    self._changed.notify_all()
+                    self._condition.notify_all()
                 return
 
     def _start_actors(self) -> None:
@@ -197,10 +197,10 @@ class RayPool:
                 raise
             return
         self._room_seen = time_now
-        with self._changed:
-            while len(self._all) < min(self.max_episodes, room) and not self._stopped.is_set():
+        with self._condition:
+            while len(self._actors) < min(self.max_episodes, room) and not self._stopped.is_set():
                 actor = self._actor.remote()
-                self._all.add(actor)
+                self._actors.add(actor)
                 self._starting[actor.begin.remote(self._parcel)] = actor
 
     def _collect_ready(self) -> None:
@@ -272,25 +272,25 @@ class RayPool:
         Raises:
             ClusterError: The run is being stopped.
         """
-        with self._changed:
+        with self._condition:
             if self._supplier is None:
                 self._supplier = threading.Thread(
                     target=self._start_desktops, name="desktops", daemon=True
                 )
                 self._supplier.start()
-            self._changed.wait_for(
-                lambda: self._free or self._problem is not None or self._stopped.is_set()
+            self._condition.wait_for(
+                lambda: self._free_desktops or self._problem is not None or self._stopped.is_set()
             )
             if self._problem is not None:
                 raise self._problem
             if self._stopped.is_set():
                 raise ClusterError("the desktops of this run were ended")
-            return self._free.pop(0)
+            return self._free_desktops.pop(0)
 
     def _put_back(self, desktop: _Desktop) -> None:
-        with self._changed:
-            self._free.append(desktop)
-            self._changed.notify()
+        with self._condition:
+            self._free_desktops.append(desktop)
+            self._condition.notify()
 
     def _live_desktop(self) -> _Desktop:
         """Return the desktop of this thread, or another if it does not answer."""
@@ -308,8 +308,8 @@ class RayPool:
 
     def _drop(self, actor: Any) -> None:
         """End an actor, in whatever state it is."""
-        with self._changed:
-            self._all.discard(actor)
+        with self._condition:
+            self._actors.discard(actor)
         with contextlib.suppress(Exception):
             self._ray.kill(actor)
 

@@ -124,7 +124,7 @@ class LocalPool:
         self._setup = setup
         self._serve = serve or serve_episodes
         self._local = threading.local()
-        self._all: list[_Worker] = []
+        self._workers: list[_Worker] = []
 
     def __enter__(self) -> "LocalPool":
         return self
@@ -138,7 +138,7 @@ class LocalPool:
 
     def stop(self) -> None:
         """End all processes; those that play break their episodes off."""
-        for worker in self._all:
+        for worker in self._workers:
             worker.close()
 
     def __call__(self, job: Job, attempt: int) -> ResultRecord:
@@ -151,7 +151,7 @@ class LocalPool:
         if worker is None or not worker.alive:
             worker = _Worker(self._setup, self._serve)
             self._local.worker = worker
-            self._all.append(worker)
+            self._workers.append(worker)
         # A monotonic clock, so that setting the time does not change durations.
         start = time.monotonic()
         try:

@@ -176,7 +176,7 @@ class Sessions:
     """
 
     def __init__(self, max_desktops: int) -> None:
-        self._free = threading.Semaphore(max_desktops)
+        self._free_desktops = threading.Semaphore(max_desktops)
         self._by_sample: dict[str, Session] = {}
 
     def __getitem__(self, sample: str) -> Session:
@@ -184,7 +184,7 @@ class Sessions:
 
     async def open(self, sample: str, session: Session, begin: Callable[[], None]) -> None:
         """Wait for a free desktop, and begin an episode in a thread."""
-        while not self._free.acquire(blocking=False):
+        while not self._free_desktops.acquire(blocking=False):
             await anyio.sleep(_POLL_S)
         self._by_sample[sample] = session
         try:
@@ -202,7 +202,7 @@ class Sessions:
         try:
             await in_thread(session.close)
         finally:
-            self._free.release()
+            self._free_desktops.release()
 
 
 def in_thread(function: Callable[..., Any], *values: Any) -> Awaitable[Any]:

@@ -20,7 +20,7 @@ from hijack_data.runs.own_files import refuse_own_file
 from ..results import scores
 from ..results.reading import Run
 from . import junit
-from .named_scores import YARDSTICKS
+from .named_scores import REFERENCE_AGENTS
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 OPTION = "--fail-under"
@@ -216,7 +216,7 @@ def _read_gate(text: str, agents: Sequence[str], labels: Sequence[str]) -> list[
         label = CLEAN
     _check_label(text, score, label, labels)
     least = _threshold(text, score, number)
-    contestants = [name for name in agents if name not in YARDSTICKS]
+    contestants = [name for name in agents if name not in REFERENCE_AGENTS]
     agents_judged = [agent] if colon else contestants or agents
     return [ScoreGate(score=score, label=label, agent=name, least=least) for name in agents_judged]
 

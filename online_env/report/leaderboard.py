@@ -18,7 +18,7 @@ from .build import load_report
 from .compare import PACKAGE
 from .html import render
 from .model import AgentSummary, ReportError, RunIdentity, RunReport
-from .named_scores import YARDSTICKS
+from .named_scores import REFERENCE_AGENTS
 
 _SKIPPED = (EPISODES, "requests", ".git")
 _SUFFIX = "report.json"
@@ -263,7 +263,7 @@ def _unranked_reason(report: RunReport, row: AgentSummary) -> str:
         return "a log without run.json, so its setting is not known"
     if row.given:
         return f"given {formatting.privileged_inputs(row.given)}"
-    if row.agent in YARDSTICKS:
+    if row.agent in REFERENCE_AGENTS:
         return "reference agent"
     if report.run.missing:
         return f"{report.run.missing} of {report.run.planned} episodes are missing"

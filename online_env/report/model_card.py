@@ -13,7 +13,7 @@ from hijack_data.plan import CLEAN
 
 from .document import ReportDocument
 from .model import AgentSummary, Cell, ReportError, RunReport
-from .named_scores import YARDSTICKS
+from .named_scores import REFERENCE_AGENTS
 
 TASK = {"type": "computer-use", "name": "Computer use"}
 DATASET = "agenthijack"
@@ -28,7 +28,7 @@ def as_model_index(document: ReportDocument) -> str:
     """
     report = document.report
     contestants = (row for row in report.summaries if not row.given)
-    models = [row for row in contestants if row.agent not in YARDSTICKS]
+    models = [row for row in contestants if row.agent not in REFERENCE_AGENTS]
     if not models:
         listed = ", ".join(report.agents)
         raise ReportError(

@@ -6,7 +6,7 @@ from types import MappingProxyType
 from .model import AgentSummary, Cell, RunReport
 
 # Agents whose scores describe tasks and desktops rather than the agent.
-YARDSTICKS = (
+REFERENCE_AGENTS = (
     "oracle",
     "recovering",
     "do_nothing",
@@ -46,12 +46,13 @@ def scores_by_name(report: RunReport) -> Mapping[str, float]:
     left out.
 
     If a run has several agents, a name means the least of their values, or the greatest of those
-    where less is better, so that a limit holds for every agent. The reference agents (`YARDSTICKS`)
-    do not count, unless a run has no others. `AGENT/retention` is that of one agent, whichever it
-    is.
+    where less is better, so that a limit holds for every agent. `REFERENCE_AGENTS` do not count,
+    unless a run has no others. `AGENT/retention` is that of one agent, whichever it is.
     """
     agent_scores = {row.agent: dict(_agent_scores(report, row)) for row in report.summaries}
-    judged = [agent for agent in agent_scores if agent not in YARDSTICKS] or list(agent_scores)
+    judged = [agent for agent in agent_scores if agent not in REFERENCE_AGENTS] or list(
+        agent_scores
+    )
     worst_scores: dict[str, float] = {}
     for agent in judged:
         for name, value in agent_scores[agent].items():

@@ -73,7 +73,7 @@ class RowAsker:
         self._start = start
         self._failed_starts = MAX_STARTS - 1  # the first failure is final
         self._agent = self._start_agent()
-        self._used = False
+        self._is_used = False
 
     @property
     def batch(self) -> int:
@@ -152,15 +152,15 @@ class RowAsker:
         if not self._agent.alive:
             self._agent.close()
             self._agent = self._start_agent()
-            self._used = False
+            self._is_used = False
 
     def _reset_agent(self) -> None:
         """Let the agent forget the last row."""
         if "reset" in self._agent.traits.methods:
             self._agent.reset()
-        elif self._used:
+        elif self._is_used:
             self._agent.make()
-        self._used = True
+        self._is_used = True
 
     def _answer(self, row: RowData) -> Any:
         if self._settings.question == "reminders":

@@ -56,11 +56,11 @@ class WorkerPool:
         self._notice = notice
         self._memory = memory
         self._shares: deque[Sequence[Case]] = deque()
-        self._judged: queue.SimpleQueue[Judged | BaseException] = queue.SimpleQueue()
+        self._results: queue.SimpleQueue[Judged | BaseException] = queue.SimpleQueue()
         self._threads: list[threading.Thread] = []
         self._agents: list[RunningAgent] = []
         self._stopped = False
-        self._noticed: set[str] = set()
+        self._notices_given: set[str] = set()
         self._lock = threading.Lock()
 
     def __enter__(self) -> "WorkerPool":
@@ -87,7 +87,7 @@ class WorkerPool:
             self._threads.append(thread)
             thread.start()
         for _ in cases:
-            judged = self._judged.get()
+            judged = self._results.get()
             if isinstance(judged, BaseException):
                 raise judged
             yield judged
@@ -108,7 +108,7 @@ class WorkerPool:
             finally:
                 asker.close()
         except BaseException as error:  # noqa: BLE001  (the thread of the run raises it)
-            self._judged.put(error)
+            self._results.put(error)
 
     def _start(self) -> RunningAgent:
         """Return an agent with an object.
@@ -149,10 +149,10 @@ class WorkerPool:
 
     def _put_results(self, cases: Sequence[Case], records: Sequence[ResultRecord]) -> None:
         for judged in zip(cases, records, strict=True):
-            self._judged.put(judged)
+            self._results.put(judged)
 
     def _notify_once(self, text: str) -> None:
         with self._lock:
-            if text not in self._noticed:
-                self._noticed.add(text)
+            if text not in self._notices_given:
+                self._notices_given.add(text)
                 self._notice(f"{self._settings.agent}: {text}"[:400])

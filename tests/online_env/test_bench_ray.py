@@ -208,7 +208,7 @@ def test_a_process_that_is_killed_loses_the_episode_that_it_plays_and_no_other(
     class Kills(Silent):
         def begins(self, job, number, attempt):
             if number == 2:  # a desktop that is free, and about to be used
-                desktop = next(iter(pool._all))
+                desktop = next(iter(pool._actors))
                 ray.kill(desktop)
                 waiting.until(lambda: is_gone(desktop))  # Ray kills a little later
 

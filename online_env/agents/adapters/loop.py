@@ -59,8 +59,8 @@ class _Bridge:
         self.turns: queue.SimpleQueue[_Turn] = queue.SimpleQueue()
         self.pictures: queue.SimpleQueue[UInt8Array | None] = queue.SimpleQueue()
         self._lock = threading.Lock()  # a loop may have threads of its own
-        self._over = False
-        self._looks = 0
+        self._has_ended = False
+        self._look_count = 0
         self._calls_after = 0
 
     def look(self) -> UInt8Array:
@@ -71,8 +71,8 @@ class _Bridge:
             HijackError: The loop does nothing but look.
         """
         self._check()
-        self._looks += 1
-        if self._looks > MAX_LOOKS:
+        self._look_count += 1
+        if self._look_count > MAX_LOOKS:
             raise HijackError(
                 f"the loop looked {MAX_LOOKS} times at one picture; the screen changes with the"
                 " next action, such as WAIT"
@@ -90,13 +90,13 @@ class _Bridge:
             self.turns.put(_Turn(code=code, words=said))
             picture = self.pictures.get()
             if picture is None:
-                self._over = True
+                self._has_ended = True
                 raise LoopEnd("the episode is over")
             self.picture = picture
-            self._looks = 0
+            self._look_count = 0
 
     def _check(self) -> None:
-        if not self._over:
+        if not self._has_ended:
             return
         self._calls_after += 1
         if self._calls_after > MAX_CALLS_AFTER_END:

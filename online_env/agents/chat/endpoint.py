@@ -68,7 +68,7 @@ class Endpoint:
         self._wire: ModelWire = make_wire(settings.client)
         self._key = "" if offline else _read_key(settings)
         self._client: Any = None
-        self._closing: weakref.finalize[Any, Any] | None = None
+        self._close_client: weakref.finalize[Any, Any] | None = None
 
     def ask(self, query: ModelQuery, role: str) -> Reply:
         """Return what the model answers.
@@ -99,16 +99,16 @@ class Endpoint:
 
     def close(self) -> None:
         """Close its connections; the next request opens new ones."""
-        if self._closing is not None:
-            self._closing()
+        if self._close_client is not None:
+            self._close_client()
         self._client = None
-        self._closing = None
+        self._close_client = None
 
     def _connect(self) -> Any:
         """Return the client, whose connections are closed when this object is garbage-collected."""
         if self._client is None:
             self._client = self._wire.connect(self._settings, self._key)
-            self._closing = weakref.finalize(self, self._client.close)
+            self._close_client = weakref.finalize(self, self._client.close)
         return self._client
 
     def _send(self, step: int, role: str, body: Mapping[str, Any]) -> dict[str, Any]:

@@ -90,7 +90,7 @@ class RequestReplay(NoRecorder):
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._left = _lines(path)
+        self._remaining = _lines(path)
 
     def recall(self, step: int, role: str, body: Any) -> Mapping[str, Any]:
         """Return the next line of the log, which must be for this request.
@@ -99,9 +99,9 @@ class RequestReplay(NoRecorder):
             ReplayError: The log has a different request here, or none.
         """
         place = f"{self._path}: step {step} ({role})"
-        if not self._left:
+        if not self._remaining:
             raise ReplayError(f"{place}: the log has no further request; it is another run's")
-        line = self._left.pop(0)
+        line = self._remaining.pop(0)
         if line.get("sha256") == request_digest(body):
             return line
         difference = _difference(line.get("request"), logged(body))

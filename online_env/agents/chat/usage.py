@@ -34,7 +34,7 @@ class UsageMeter:
     """Counts the usage of an episode."""
 
     def __init__(self) -> None:
-        self._whole = TokenCounts()
+        self._total = TokenCounts()
         self._steps: list[TokenCounts] = []
         self.unreadable_checks = 0
 
@@ -70,13 +70,13 @@ class UsageMeter:
             usd=None if prices is None else prices.cost(input_tokens, output_tokens),
             seconds=seconds,
         )
-        self._whole.add(counts)
+        self._total.add(counts)
         if self._steps:
             self._steps[-1].add(counts)
 
     def to_data(self) -> dict[str, Any]:
         """Return the counts as JSON data, those of each step in `steps`."""
-        data = asdict(self._whole)
+        data = asdict(self._total)
         if self.unreadable_checks:
             data["unreadable_checks"] = self.unreadable_checks
         data["steps"] = [asdict(step) for step in self._steps]

@@ -40,9 +40,9 @@ class PixelOnlooker(Pixel):
 
     def __init__(self) -> None:
         super().__init__()
-        self._known = read_errors(self.errors)[0]
+        self._errors = read_errors(self.errors)[0]
         self.summaries: list[str] = []
-        self._named: tuple[str, ...] = ()
+        self._plan_windows: tuple[str, ...] = ()
         self._forget()
 
     def reset(self) -> None:
@@ -61,39 +61,39 @@ class PixelOnlooker(Pixel):
 
     def _forget(self) -> None:
         self.summaries = []
-        self._onlooker = PictureOnlooker(self._known)
+        self._onlooker = PictureOnlooker(self._errors)
         self._recovery = PlanWalk((), self.reader)
-        self._put_right: list[str] = []
-        self._asked = False
-        self._checked = False
-        self._said = ""
-        self._before: tuple[UInt8Array, tuple[TextLine, ...]] | None = None
+        self._recovered_kinds: list[str] = []
+        self._has_asked = False
+        self._is_checked = False
+        self._last_words = ""
+        self._last_screen: tuple[UInt8Array, tuple[TextLine, ...]] | None = None
 
     def _begin(self, steps: Sequence[ToldStep]) -> None:
         super()._begin(steps)
-        self._named = tuple(step.text for step in steps if step.verb == "window")
+        self._plan_windows = tuple(step.text for step in steps if step.verb == "window")
 
     def _go_on(self, picture: UInt8Array) -> tuple[str, Sequence[str]]:
         lines = self.reader.read(picture)
         notes: list[str] = []
-        if self.checks and not self._checked:
+        if self.checks and not self._is_checked:
             answer = self._check(lines)
             if answer is not None:
                 return answer
         if self.summarises:
             notes += self._look_on(picture, lines)
         words, actions = self._act(picture)
-        self._said = f"{words} {actions[0] if actions[0] == WAIT else ''}".strip()
-        self._before = (picture.copy(), lines)
+        self._last_words = f"{words} {actions[0] if actions[0] == WAIT else ''}".strip()
+        self._last_screen = (picture.copy(), lines)
         return " ".join([*notes, words]), actions
 
     def _check(self, lines: Sequence[TextLine]) -> tuple[str, Sequence[str]] | None:
         """Check the first picture; ask once for re-initialisation, and look again."""
         finding = self._onlooker.check(lines)
-        if finding is not None and not self._asked:
-            self._asked = True
+        if finding is not None and not self._has_asked:
+            self._has_asked = True
             return f"Reminder: {finding.say}", [REINIT]
-        self._checked = True
+        self._is_checked = True
         if finding is not None:
             self._recover(finding)
         return None
@@ -101,10 +101,10 @@ class PixelOnlooker(Pixel):
     def _look_on(self, picture: UInt8Array, lines: tuple[TextLine, ...]) -> list[str]:
         """Summarise the last step, and put right what is wrong; return what to say of it."""
         notes: list[str] = []
-        if self._before is not None:
-            earlier, read = self._before
+        if self._last_screen is not None:
+            earlier, read = self._last_screen
             share = changed_share(earlier, picture)
-            notes.append(self._onlooker.summarise(self._said, read, lines, share))
+            notes.append(self._onlooker.summarise(self._last_words, read, lines, share))
             self.summaries.append(notes[-1])
         if not self._recovery.ended:
             return notes
@@ -115,14 +115,14 @@ class PixelOnlooker(Pixel):
 
     def _windows(self) -> tuple[str, ...]:
         """Return the windows of the plan, with the one at work at the end."""
-        return (*self._named, self.walk.window) if self.walk.window else ()
+        return (*self._plan_windows, self.walk.window) if self.walk.window else ()
 
     def _recover(self, finding: ScreenFinding) -> bool:
         """Begin to put something right; return whether it is still worth a try."""
-        tries = self._put_right.count(finding.kind)
-        if tries >= MAX_SAME_RECOVERIES or len(self._put_right) >= MAX_RECOVERIES:
+        tries = self._recovered_kinds.count(finding.kind)
+        if tries >= MAX_SAME_RECOVERIES or len(self._recovered_kinds) >= MAX_RECOVERIES:
             return False
-        self._put_right.append(finding.kind)
+        self._recovered_kinds.append(finding.kind)
         self._recovery = PlanWalk(read_plan(finding.steps), self.reader)
         return True
 

@@ -51,25 +51,25 @@ class PlanWalk:
     def __init__(self, steps: Iterable[ToldStep], reader: ScreenReader) -> None:
         self.steps = tuple(steps)
         self._reader = reader
-        self._at = 0
-        self._missed = 0
-        self._turned = 0
+        self._step = 0
+        self._waits = 0
+        self._scrolls = 0
 
     @property
     def ended(self) -> bool:
         """Whether no step is left."""
-        return self._at >= len(self.steps)
+        return self._step >= len(self.steps)
 
     @property
     def window(self) -> str:
         """The window in use at this step of the plan; "" if the plan names none."""
-        windows = [step.text for step in self.steps[: self._at + 1] if step.verb == "window"]
+        windows = [step.text for step in self.steps[: self._step + 1] if step.verb == "window"]
         return windows[-1] if windows else ""
 
     def wait_again(self) -> None:
         """Look for the text of a step that is lost once more."""
-        self._missed = 0
-        self._turned = 0
+        self._waits = 0
+        self._scrolls = 0
 
     def act(self, picture: UInt8Array) -> WalkResult:
         """Continue to the next step that needs an action, and return the action.
@@ -78,16 +78,16 @@ class PlanWalk:
             picture: uint8 RGB `[H, W, 3]`.
         """
         while not self.ended:
-            walked = self._try(self.steps[self._at], picture)
+            walked = self._try(self.steps[self._step], picture)
             if walked is not None:
                 return walked
             self._advance()
         return WalkResult(words="That was the whole plan.")
 
     def _advance(self) -> None:
-        self._at += 1
-        self._missed = 0
-        self._turned = 0
+        self._step += 1
+        self._waits = 0
+        self._scrolls = 0
 
     def _try(self, step: ToldStep, picture: UInt8Array) -> WalkResult | None:
         """Return the action of a step; `None` if it needs none."""
@@ -116,14 +116,14 @@ class PlanWalk:
         return self._take_step(step, code, f"I read {match_found.line.text!r}.")
 
     def _search_on(self, step: ToldStep, lines: Sequence[TextLine], size: Size) -> WalkResult:
-        if step.verb == "scroll" and self._turned < MAX_SCROLLS:
-            self._turned += 1
+        if step.verb == "scroll" and self._scrolls < MAX_SCROLLS:
+            self._scrolls += 1
             return WalkResult(
                 words=self._words(step), action=wheel_code(step, size, CLICKS_PER_SCROLL)
             )
         words = self._words(step, f"I do not see {step.text!r}.")
-        if self._missed < MAX_WAITS:
-            self._missed += 1
+        if self._waits < MAX_WAITS:
+            self._waits += 1
             return WalkResult(words=words, action=WAIT)
         closest = closest_text(lines, step.text)
         return WalkResult(words=f"{words} The closest text is {closest!r}.", is_lost=True)
@@ -134,7 +134,7 @@ class PlanWalk:
         return WalkResult(words=words, action=action)
 
     def _words(self, step: ToldStep, note: str = "") -> str:
-        return f"Step {self._at + 1} of {len(self.steps)}: {step.line}. {note}".rstrip()
+        return f"Step {self._step + 1} of {len(self.steps)}: {step.line}. {note}".rstrip()
 
 
 def find_step_text(step: ToldStep, lines: Sequence[TextLine]) -> TextMatch | None:

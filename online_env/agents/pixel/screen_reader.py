@@ -127,7 +127,7 @@ class ScreenReader:
 
     def __init__(self, cache: TextCache | None = None, *, whole: bool = False) -> None:
         self._cache = SHARED if cache is None else cache
-        self._whole = whole
+        self._reads_whole = whole
         self._picture: UInt8Array | None = None
         self._lines: tuple[TextLine, ...] = ()
         self.counts = ReadingCounts()
@@ -174,7 +174,7 @@ class ScreenReader:
         """Return the boxes to read: they cut no line, and no two of them touch."""
         height, width = picture.shape[:2]
         everything = [(0, 0, width, height)]
-        if self._picture is None or self._whole:
+        if self._picture is None or self._reads_whole:
             return everything
         boxes = self._around_lines(changed_boxes(self._picture, picture))
         area = sum((box[2] - box[0]) * (box[3] - box[1]) for box in boxes)
