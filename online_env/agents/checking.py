@@ -1,4 +1,4 @@
-"""Try an agent in the process that a run would start, so that one that hangs or dies is told."""
+"""Check an agent in its own process, as a run starts it: a hang or a crash is reported."""
 
 import sys
 from collections.abc import Iterator

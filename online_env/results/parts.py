@@ -1,4 +1,7 @@
-"""What a scoring run says beside the table of the report: parts of steps, reminders, summaries."""
+"""Results of a scoring run for which the report's main table has no column.
+
+These are the parts of a step that are right, and the precision and recall of reminders.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from statistics import fmean
@@ -15,7 +18,7 @@ _HIDDEN = 0.5  # a target of which less shows counts as hidden
 
 
 def part_rows(records: Iterable[ResultRecord]) -> list[PartsRow]:
-    """Return what is known beside the success, by agent and corruption.
+    """Return these results by agent and corruption.
 
     Rows about reminders also come for each agent over all corruptions, under `"all"`: with and
     without a reminder are different corruptions, so precision needs them together.

@@ -1,4 +1,4 @@
-"""From what an agent returns to the one action that is scored."""
+"""Read the one action that is scored from an agent's answer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Puts rows to an agent and turns its answers into records.
+"""Ask an agent about the rows of a dataset, and turn its answers into records.
 
 The agent gets nothing but pictures and, for steps, the instruction. Each row is an episode of its
 own: `reset()` comes before it, and an agent without `reset` is made again.
@@ -34,7 +34,7 @@ class AgentStartError(HijackError, RuntimeError):
 
 @dataclass(frozen=True, kw_only=True)
 class AskSettings:
-    """How rows are put to an agent.
+    """The settings by which an agent is asked about rows.
 
     Args:
         agent: its name.
@@ -54,7 +54,7 @@ class AskSettings:
 
 
 class RowAsker:
-    """One agent, and the rows that are put to it.
+    """Asks one agent about rows.
 
     Args:
         settings: how the rows are put.

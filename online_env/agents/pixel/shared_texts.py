@@ -1,4 +1,4 @@
-"""The text that was read of pictures, in a folder that the processes of a run share.
+"""Texts that OCR read, in a folder that the processes of a run share.
 
 Each part of a picture has a file, named by its pixels. Its lock makes sure that a part is read
 once, and that a process that needs it at the same time waits for the one that reads it: agents that
