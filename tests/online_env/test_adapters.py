@@ -292,7 +292,7 @@ def test_a_loop_that_only_looks_or_is_none_fails(loop, problem):
 
 
 def test_a_loop_that_hangs_fails(monkeypatch):
-    monkeypatch.setattr(LoopAgent, "patience", 0.2)
+    monkeypatch.setattr(LoopAgent, "action_timeout_s", 0.2)
     answer = threading.Event()
     env, _ = square_env()
     agent = LoopAgent(lambda computer, _: answer.wait(30) and "late")

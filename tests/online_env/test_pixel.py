@@ -384,7 +384,11 @@ def test_a_follower_gets_words_and_no_way_to_the_episode():
         curious = agent.agent
     assert isinstance(curious, PlanFollower)
     assert curious.lines == ("wait",)
-    assert not [name for name in curious.seen if "/bench/" in name or "/environment/" in name]
+    assert not [
+        name
+        for name in curious.seen
+        if "online_env/bench/" in name or "online_env/environment/" in name
+    ]
     with AgentThread(Contestant) as agent:
         _pass_plan(agent, lambda: ("wait",), [])
 
