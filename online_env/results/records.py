@@ -182,7 +182,8 @@ def resume(
 
     Raises:
         RunError: The run is another one (the message names the first difference), it or an episode
-            without a line is damaged, or another process has the folder.
+            without a line is damaged, its format version is another, or another process has the
+            folder.
     """
     if not (folder / RUN).exists():
         return create(folder, config, episodes, made_by)
@@ -373,6 +374,9 @@ def _check_empty(folder: Path) -> None:
 
 def _check_same(folder: Path, config: Mapping[str, Any], episodes: Sequence[str]) -> None:
     head = read_head(folder)
+    if head["version"] != VERSION:
+        problem = f"has format version {head['version']}, and this library writes {VERSION}"
+        raise RunError(f"{folder}: {problem}; begin a new run")
     package = PACKAGES[0]
     begun_version = head.get("versions", {}).get(package)
     present = versions().get(package)
