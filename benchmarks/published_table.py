@@ -8,7 +8,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import TypeAlias
 
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 from hijack_data.plan import CLEAN
 from online_env import tasks
 from online_env.report import formatting

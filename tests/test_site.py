@@ -24,7 +24,7 @@ notebooks = pytest.importorskip("notebooks")
 results = pytest.importorskip("results")
 make = pytest.importorskip("make")
 
-NINE = hj.names()[:9]
+NINE = hj.corruption_names()[:9]
 MKDOCS = (ROOT / "mkdocs.yml").read_text()
 
 
@@ -49,7 +49,7 @@ def test_the_page_of_a_corruption_says_what_the_corruption_says(name: str, tmp_p
     page = corruption_pages.page(name, tmp_path)
     from hijack_data import params
 
-    cls = type(hj.get(name))
+    cls = type(hj.make_corruption(name))
     for key, (parameter, _) in params.parameters(cls).items():
         assert f"| `{key}` |" in page
         assert parameter.doc in page

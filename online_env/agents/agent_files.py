@@ -15,9 +15,9 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from hijack_data.actions import DIALECTS
+from hijack_data.config.corruption_settings import check
 from hijack_data.config.files import available, read_config
-from hijack_data.config.spec import check
-from hijack_data.config.tree import (
+from hijack_data.config.nodes import (
     ConfigNode,
     MappingNode,
     Position,

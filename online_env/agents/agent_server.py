@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hijack_data.errors import HijackError, PluginError
-from hijack_data.loading import load_reference, source_of
+from hijack_data.loading import find_source, load_reference
 from hijack_data.types import UInt8Array
 
 from . import agent_calls
@@ -102,7 +102,7 @@ class AgentServer:
         try:
             self._maker = load_reference(reference)
             check_agent(self._maker)
-            source = source_of(self._maker) or {}
+            source = find_source(self._maker) or {}
             if sha256 is not None and source.get("sha256") != sha256:
                 remedy = "was changed since the run began; begin it again"
                 raise PluginError(f"{source.get('path', reference)}: {remedy}")

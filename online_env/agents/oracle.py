@@ -11,15 +11,15 @@ import threading
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from hijack_data.actions.allowed import REINIT
 from hijack_data.coords import CoordMap
 from hijack_data.errors import HijackError
-from hijack_data.runs.run_log import REINIT
 from hijack_data.types import Size, UInt8Array
 
 from ..desktops.protocol import Capability, Desktop, RunResult
 from ..errors import DesktopError, DesktopTimeoutError
 from ..tasks import Hand, Machine, Task
-from ..tasks.careful import CarefulHand
+from ..tasks.careful_hand import CarefulHand
 from ..tasks.hand import GiveUpError
 from .base import DONE, FAIL, Observation
 
@@ -226,7 +226,7 @@ class Recovering(Oracle):
         machine = self._machine
         if machine is None:
             raise DesktopError("the oracle has no task yet: call prepare after reset")
-        command = task.opens(machine)
+        command = task.initial_app(machine)
         start = machine.command_line(*command) if command else ""
         hand = CarefulHand(desktop, task.apps, start)
         for tries_left in reversed(range(self.TRIES)):
@@ -239,4 +239,4 @@ class Recovering(Oracle):
                     raise
             if not task.infeasible and task.validate(machine).passed:
                 return
-            hand.begin_again()
+            hand.prepare_retry()

@@ -9,8 +9,8 @@ import inspect
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeAlias
 
+from hijack_data.entry_points import left_out
 from hijack_data.errors import ParameterError, suggest
-from hijack_data.plugins import left_out
 from hijack_data.registry import Registry
 
 from .base import DONE, WAIT, Agent, Observation

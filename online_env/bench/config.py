@@ -12,9 +12,9 @@ import yaml
 
 from hijack_data.config import dump
 from hijack_data.config.build import Builder
+from hijack_data.config.corruption_settings import check
 from hijack_data.config.files import read_config
-from hijack_data.config.spec import check
-from hijack_data.config.tree import (
+from hijack_data.config.nodes import (
     ConfigNode,
     MappingNode,
     Position,
@@ -24,10 +24,9 @@ from hijack_data.config.tree import (
     kind_of,
 )
 from hijack_data.config.yaml_reader import read_yaml
-from hijack_data.corruption import check_not_broken, get
-from hijack_data.corruption import names as corruption_names
+from hijack_data.corruption import check_not_broken, corruption_names, make_corruption
 from hijack_data.errors import ConfigError, HijackError, ParameterError, UnknownNameError, suggest
-from hijack_data.loading import source_of
+from hijack_data.loading import find_source
 from hijack_data.params import Parameter
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
@@ -37,7 +36,7 @@ from hijack_data.types import Size
 from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
-from ..tasks import TASKS, Task, sets
+from ..tasks import TASKS, Task, task_sets
 from .providers import EMBEDDED, PROVIDERS
 
 AnyRegistry: TypeAlias = Registry[Any]
@@ -153,7 +152,7 @@ class Bench:
     def _code(self) -> Iterator[tuple[str, dict[str, str]]]:
         """Yield the files of the agents, tasks and provider that do not come with this library."""
         for _, name, entry in self.foreign():
-            source = entry.source if is_from_data(entry) else source_of(entry)
+            source = entry.source if is_from_data(entry) else find_source(entry)
             if source:
                 yield name, dict(source)
 
@@ -189,7 +188,7 @@ def is_from_data(entry: Any) -> bool:
 
 def all_planners() -> Planners:
     """Return the clean condition and every corruption with its defaults, by label."""
-    return {CLEAN: None, **{name: get(name) for name in corruption_names()}}
+    return {CLEAN: None, **{name: make_corruption(name) for name in corruption_names()}}
 
 
 def load_bench(path_or_name: str | os.PathLike[str]) -> Bench:
@@ -238,8 +237,8 @@ def override(
     if agent is not None:
         bench = replace(bench, agents=_registered_names("--agent", agent, AGENTS))
     if task is not None:
-        is_set = task.strip() in sets.set_names()
-        names = sets.members(task.strip()) if is_set else _task_names(task)
+        is_set = task.strip() in task_sets.set_names()
+        names = task_sets.members(task.strip()) if is_set else _task_names(task)
         bench = replace(bench, tasks=names)
     if corruption is not None:
         bench = replace(bench, corruptions=_planners(bench, corruption))
@@ -417,8 +416,8 @@ class _Reader:
 
     def _tasks(self, key: str, tree: ConfigNode) -> tuple[str, ...] | None:
         """Return the tasks of a named set, of a folder of OSWorld's, or of a list."""
-        if isinstance(tree, ScalarNode) and tree.value in sets.set_names():
-            return sets.members(str(tree.value))
+        if isinstance(tree, ScalarNode) and tree.value in task_sets.set_names():
+            return task_sets.members(str(tree.value))
         if isinstance(tree, ScalarNode) and _is_folder(tree.value):
             try:
                 return tuple(map(TASKS.find, _files_in(str(tree.value))))

@@ -8,7 +8,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
-from hijack_data.files import unwritable, write_atomic
+from hijack_data.file_io import unwritable, write_atomic
 from hijack_data.runs.run_log import EPISODE, EPISODES
 
 from ..agents.chat.request_log import FOLDER as REQUESTS

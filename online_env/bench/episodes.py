@@ -9,7 +9,7 @@ from typing import Any, Protocol, cast
 
 from hijack_data.planner import Planner
 from hijack_data.registry import is_ours
-from hijack_data.runs.run_log import GIVEN, VERSION, slug_of
+from hijack_data.runs.run_log import GIVEN, VERSION, episode_slug
 
 from .. import tasks
 from ..agents.agent_calls import NEEDS_TASK, AgentError, AgentGoneError, RunningAgent
@@ -60,15 +60,15 @@ class EpisodeEnv(Protocol):
         """Take one action."""
         ...
 
-    def hear(self, said: str) -> None:
+    def record_message(self, text: str) -> None:
         """Log the agent's words for its next action."""
         ...
 
-    def account(self, usage: dict[str, Any]) -> None:
+    def record_usage(self, usage: dict[str, Any]) -> None:
         """Store the usage that the agent has reported so far."""
         ...
 
-    def give(self, what: Sequence[str]) -> None:
+    def declare_privileged_inputs(self, kinds: Sequence[str]) -> None:
         """Store what the agent is given in addition to instruction and pictures."""
         ...
 
@@ -110,7 +110,7 @@ class LiveEpisodes:
             MissingCapabilityError: The desktop cannot have the corruption at all.
         """
         bench = self._bench
-        begin(job.agent, slug_of(*job.key[1:3], job.seed, job.agent, attempt))
+        begin(job.agent, episode_slug(*job.key[1:3], job.seed, job.agent, attempt))
         settings = EvalSettings(
             max_steps=bench.max_steps, recovery=bench.recovery, log=self._folder, agent=job.agent
         )
@@ -230,7 +230,7 @@ def _play_episode(
         error_raised = _call_agent(_prepare, agent, show, job, kinds)
     if read_plan is not None and error_raised is None:
         error_raised = _call_agent(_pass_plan, agent, read_plan, kinds)
-    env.give(kinds)
+    env.declare_privileged_inputs(kinds)
     if error_raised is not None:
         _end_as_failure(env, error_raised)
     while (record := env.record) is None:
@@ -281,7 +281,7 @@ def _take_turn(env: EpisodeEnv, agent: RunningAgent, obs: dict[str, Any]) -> dic
         _end_as_failure(env, error)
         return obs
     _store_usage(env, agent)
-    env.hear(text)
+    env.record_message(text)
     # An empty list of actions counts as a malformed action: otherwise an agent could stall forever.
     for action in actions or [""]:
         if env.record is None:
@@ -301,7 +301,7 @@ def _store_usage(env: EpisodeEnv, agent: RunningAgent) -> None:
     except AgentError as error:
         usage = {"problem": f"usage cannot be kept: {error}"[:MAX_PROBLEM_CHARS]}
     if usage is not None:
-        env.account(usage)
+        env.record_usage(usage)
 
 
 def _call_agent(function: Callable[..., object], *values: object) -> AgentError | None:
@@ -343,7 +343,7 @@ def _blank_record(job: Job, attempt: int, problem: str, start: float) -> ResultR
     task = tasks.get(job.task, job.seed)
     return {
         "version": VERSION,
-        "id": slug_of(task.id, job.corruption, job.seed, job.agent, attempt),
+        "id": episode_slug(task.id, job.corruption, job.seed, job.agent, attempt),
         "agent": job.agent,
         "task": task.id,
         "task_seed": job.seed,

@@ -21,7 +21,7 @@ from ..agents.makers import FileAgentMaker
 from ..agents.registry import AGENTS
 from ..results import scores
 from ..results.reading import ResultRecord, read
-from ..tasks import sets
+from ..tasks import task_sets
 from .config import Bench
 from .jobs import Job
 
@@ -111,12 +111,12 @@ def estimate(
 
 def expected(bench: Bench, listed: Sequence[Job], history: History) -> list[EpisodeEstimate]:
     """Return the expected cost of each job; the arguments are those of `estimate`."""
-    measured = sets.measured()
+    measured = task_sets.read_measurements()
     return [_estimate_job(bench, job, history, measured) for job in listed]
 
 
 def _estimate_job(
-    bench: Bench, job: Job, history: History, measured: Mapping[str, sets.Measured]
+    bench: Bench, job: Job, history: History, measured: Mapping[str, task_sets.Measured]
 ) -> EpisodeEstimate:
     per_step = history.step_bytes or STEP_BYTES
     usd = 0.0

@@ -55,7 +55,7 @@ class _Desktop:
 def is_started_here(address: str | None) -> bool:
     """Return whether an address stands for a Ray that the run itself starts and stops."""
     connection = _connection()
-    return connection.address_of(address) == connection.LOCAL
+    return connection.resolve_address(address) == connection.LOCAL
 
 
 def _connection() -> Any:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hijack_data.errors import HijackError
-from hijack_data.loading import SUFFIX, file_of, loaded_files, run_file
+from hijack_data.loading import SUFFIX, find_loaded_file, loaded_files, run_file
 
 from ..agents.chat.prompts import PATTERN
 from ..agents.chat.request_log import log_folder
@@ -168,7 +168,7 @@ def _agents(bench: Bench) -> list[tuple[str, AgentSettings]]:
 
 def _loaded_files(bench: Bench) -> Iterator[tuple[str, str]]:
     """Yield the files of classes that a run names, and loaded files that register plug-ins."""
-    named_files = [file_of(entry) for _, _, entry in bench.foreign()]
+    named_files = [find_loaded_file(entry) for _, _, entry in bench.foreign()]
     for file in loaded_files():
         if file.names or file in named_files:
             yield file.path, file.sha256

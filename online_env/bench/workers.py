@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 from hijack_data.errors import HijackError
-from hijack_data.loading import file_of, load_reference
+from hijack_data.loading import find_loaded_file, load_reference
 
 from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
@@ -73,7 +73,7 @@ def references(bench: Bench) -> tuple[ForeignEntry, ...]:
     """Return references to the agents, tasks and provider of a run from outside the library."""
     entries: list[ForeignEntry] = []
     for registry, name, entry in bench.foreign():
-        file = file_of(entry)
+        file = find_loaded_file(entry)
         if isinstance(entry, FileAgentMaker):
             entries.append(ForeignEntry(registry.kind, name, name))
         elif isinstance(entry, AgentReference):
@@ -265,11 +265,11 @@ def open_stage(bench: Bench, folder: Path) -> Generator[TaskStage]:
         bench: The benchmark.
         folder: The folder of the run, which the desktop must not see.
     """
-    from ..embedded.runtime import masks
+    from ..embedded.runtime import hidden_folders
     from ..environment import SmallTasks
     from ..osworld.played import of_osworld, osworld_stage
 
-    masks.hide(folder)
+    hidden_folders.hide(folder)
     if of_osworld(bench.tasks):
         files = Path(bench.osworld_files) if bench.osworld_files else None
         with osworld_stage(bench.size, files) as stage:

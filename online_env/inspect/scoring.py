@@ -50,7 +50,7 @@ async def score_sample(session: Session, state: TaskState) -> Score:
 
 
 def _end(session: Session, completion: str, cut_off: bool) -> None:
-    session.hear(completion)
+    session.record_message(completion)
     if cut_off:
         session.cut_off("a limit of Inspect's ended the episode before the agent took an action")
     else:

@@ -47,7 +47,7 @@ def read_report(path: Path) -> RunReport:
     Raises:
         ReportError: the file is not a report, or is of a newer version.
     """
-    from hijack_data.files import read_versioned_json
+    from hijack_data.file_io import read_versioned_json
 
     from .model import FORMAT, VERSION
 

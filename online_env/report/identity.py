@@ -7,7 +7,7 @@ from contextlib import suppress
 from typing import Any
 
 from hijack_data.config.files import available
-from hijack_data.corruption import get
+from hijack_data.corruption import make_corruption
 from hijack_data.errors import HijackError
 from hijack_data.runs.amounts import is_amount
 from hijack_data.runs.run_log import RUN, SCORE_RUN, digest_of
@@ -115,7 +115,7 @@ def changed_parameters(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     changed: dict[str, dict[str, Any]] = {}
     for label, name, settings in _entries(config.get("corruptions")):
         with suppress(HijackError):
-            default = get(name).params()
+            default = make_corruption(name).params()
             parameters = {key: value for key, value in settings.items() if key != _LABEL_KEY}
             changed[label] = {
                 key: parameters[key] for key in parameters if default.get(key) != parameters[key]

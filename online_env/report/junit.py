@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from hijack_data.files import make_folder, write_atomic
+from hijack_data.file_io import make_folder, write_atomic
 from hijack_data.runs.run_log import ROW
 
 from ..results import scores

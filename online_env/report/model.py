@@ -11,8 +11,8 @@ from types import UnionType
 from typing import Any, TypeVar, cast, get_args, get_type_hints
 
 from hijack_data.errors import HijackError, shown
-from hijack_data.files import check_versioned
-from hijack_data.runs.amounts import MOST
+from hijack_data.file_io import check_versioned
+from hijack_data.runs.amounts import MAX_AMOUNT
 from hijack_data.runs.run_log import GIVEN_KINDS
 
 from ..results.scores import worst_labels
@@ -345,7 +345,7 @@ def _check_range(key: str, value: object, place: str) -> None:
     problem = ""
     if isinstance(value, int | float):
         low = -1 if key in _CHANGES else 0
-        high = 1 if key in _CHANGES | _SHARES else MOST
+        high = 1 if key in _CHANGES | _SHARES else MAX_AMOUNT
         if key == "created":
             high = YEAR_10000 - 1
         if not low - _ROUNDING <= value <= high + _ROUNDING:
@@ -380,7 +380,7 @@ def _convert(hint: Any, value: object, place: str) -> Any:
         return _make_dataclass(hint, value, place)  # type: ignore[arg-type]
     expected = getattr(hint, "__origin__", hint)
     if expected is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(max(-2 * MOST, min(value, 2 * MOST)))  # out of range stays so
+        return float(max(-2 * MAX_AMOUNT, min(value, 2 * MAX_AMOUNT)))  # out of range stays so
     if isinstance(value, bool) or not isinstance(value, expected):
         name = getattr(expected, "__name__", expected)
         raise ReportError(f"{place}: must be {name}, got {shown(value)}; make the report again")

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from hijack_data.errors import counted
 from hijack_data.plan import CLEAN
-from hijack_data.runs.given import given_words
+from hijack_data.runs.privileged_inputs import describe_privileged_inputs
 
 from ..results import scores
 from ..results.reading import Run
@@ -159,7 +159,7 @@ def _input_notes(report: RunReport) -> Iterator[str]:
         listed = ", ".join(agents)
         verb = "was" if len(agents) == 1 else "were"
         if inputs:
-            description = given_words(inputs)
+            description = describe_privileged_inputs(inputs)
             yield f"{listed} {verb} given {description}, which agents that are compared do not get."
         elif inputs is None:
             yield f"What {listed} {verb} given beside instruction and pictures is not recorded."

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from hijack_data.cli.tables import FigureTable, grouped
+from hijack_data.cli.figure_table import FigureTable, grouped
 from hijack_data.runs.amounts import is_count
 
 from ..results.parts import REMINDER_COLUMNS, STEP_COLUMNS, PartsRow, part_rows

@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 
 from hijack_data.cli import console
-from hijack_data.files import make_folder, write_atomic
+from hijack_data.file_io import make_folder, write_atomic
 from hijack_data.printable import printable
 from hijack_data.runs.own_files import refuse_own_file
 

@@ -5,7 +5,7 @@ from statistics import fmean
 from typing import Any
 
 from hijack_data.plan import CLEAN
-from hijack_data.runs.given import given_to
+from hijack_data.runs.privileged_inputs import collect_privileged_inputs
 from hijack_data.runs.run_log import GIVEN_KINDS
 
 from ..results import scores
@@ -57,7 +57,7 @@ def _inputs_and_usage(
 
 
 def _privileged_inputs(attempts: Sequence[ResultRecord]) -> tuple[str, ...] | None:
-    input_sets = given_to(attempts)
+    input_sets = collect_privileged_inputs(attempts)
     kinds = {kind for inputs in input_sets for kind in inputs}
     return tuple(kind for kind in GIVEN_KINDS if kind in kinds) if input_sets else None
 

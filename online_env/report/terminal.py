@@ -7,7 +7,7 @@ from typing import Any
 from rich.console import Console
 
 from hijack_data.cli import console
-from hijack_data.cli.tables import FigureTable, grouped
+from hijack_data.cli.figure_table import FigureTable, grouped
 
 from ..results import costs, scores
 from ..results.reading import ResultRecord, Run

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from hijack_data.files import unwritable
+from hijack_data.file_io import unwritable
 from hijack_data.runs.run_head import config_digest
 from hijack_data.runs.run_log import SESSIONS
 

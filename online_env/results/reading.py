@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, TypeAlias, cast
 
 from hijack_data.errors import HijackError, shown
-from hijack_data.files import read_regular
+from hijack_data.file_io import read_regular
 from hijack_data.runs.amounts import is_amount
 from hijack_data.runs.run_head import check_head
-from hijack_data.runs.run_log import EPISODE, EPISODES, LINKS, RECORDS, RUN, SCORE_RUN, slug_of
+from hijack_data.runs.run_log import EPISODE, EPISODES, LINKS, RECORDS, RUN, SCORE_RUN, episode_slug
 from hijack_data.surrogates import has_half
 
 ResultRecord: TypeAlias = dict[str, Any]
@@ -275,7 +275,7 @@ def _check_new(record: ResultRecord, line_by_id: dict[object, int], number: int)
 
 def first_id(record: ResultRecord) -> str:
     """Return the id of the first attempt at the episode of a record."""
-    return slug_of(record["task"], record["corruption"], record["seed"], record["agent"], 0)
+    return episode_slug(record["task"], record["corruption"], record["seed"], record["agent"], 0)
 
 
 def _check_parts(parts: object) -> None:

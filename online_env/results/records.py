@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from hijack_data.errors import some_of
-from hijack_data.files import unwritable, write_atomic
+from hijack_data.file_io import unwritable, write_atomic
 from hijack_data.locking import Lock, LockedError, lock
 from hijack_data.runs.run_log import (
     EPISODE,
@@ -29,7 +29,7 @@ from hijack_data.runs.run_log import (
     RUN,
     VERSION,
     digest_of,
-    digest_of_file,
+    file_digest,
 )
 
 from . import origin
@@ -139,7 +139,7 @@ def create(
         The lock of the folder, which keeps others out until it is released.
 
     Raises:
-        unwritable: A file cannot be written; see `hijack_data.files`.
+        unwritable: A file cannot be written; see `hijack_data.file_io`.
         RunError: The folder is not empty, cannot be created, or is in use by another process.
     """
     _check_distinct(episodes)
@@ -285,7 +285,7 @@ def stored_record(folder: Path, record: ResultRecord) -> ResultRecord:
 def _chain_line(folder: Path, record: ResultRecord, before: bytes) -> bytes:
     """Return the line of a record, which names the SHA-256 of the line before it."""
     episode = folder / EPISODES / str(record.get("id")) / EPISODE
-    digest = digest_of_file(episode)
+    digest = file_digest(episode)
     links = {"previous": digest_of(before), "episode_sha256": digest}
     line = json.dumps({**record, **links}, ensure_ascii=False, allow_nan=False)
     return line.encode("utf-8", "backslashreplace")

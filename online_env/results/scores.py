@@ -5,7 +5,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import fmean
 from typing import Any, NamedTuple, TypeAlias
 
-from hijack_data.corruption import find, names
 from hijack_data.plan import CLEAN
 
 from .records import ResultRecord

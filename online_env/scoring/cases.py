@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 
 from hijack_data.errors import ParameterError, suggest
 from hijack_data.plan import CLEAN
-from hijack_data.runs.run_log import row_slug_of
+from hijack_data.runs.run_log import row_slug
 
 from .dataset_rows import DatasetRows, ExportedRows, RowData, RowFeed, is_export
 from .onlookers import is_reminder
@@ -49,7 +49,7 @@ class Case:
 
     def id(self, agent: str) -> str:
         """The id of its record."""
-        return row_slug_of(self.task, self.variant, self.corruption, self.seed, agent)
+        return row_slug(self.task, self.variant, self.corruption, self.seed, agent)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -48,7 +48,7 @@ class DatasetRows:
 
     def __init__(self, folder: Path) -> None:
         self._opening: Any = importlib.import_module("pipelines.dataset.opening")
-        self._lazy: Any = importlib.import_module("pipelines.dataset.lazy")
+        self._lazy: Any = importlib.import_module("pipelines.dataset.lazy_rows")
         self._dataset: Any = self._opening.open_dataset(folder)
         self.folder = folder
         self.content: str = self._dataset.fingerprint
@@ -71,7 +71,7 @@ class DatasetRows:
         """
         try:
             stored = self._dataset.reader[number]
-            row, picture = self._opening.opened(stored, self._shared(stored))
+            row, picture = self._opening.open_row(stored, self._shared(stored))
         except HijackError as error:
             raise DamagedRowError(str(error)) from error
         if picture is self._base:
@@ -85,7 +85,7 @@ class DatasetRows:
             return None
         data = self._lazy.picture_bytes(stored[name])
         if data != self._data:
-            self._base = self._lazy.decoded(stored, name)
+            self._base = self._lazy.decode_column(stored, name)
             self._data = data
         return self._base
 
@@ -104,8 +104,8 @@ class ExportedRows:
 
     def __init__(self, folder: Path, table: str, pictures: tuple[str, ...]) -> None:
         self._opening: Any = importlib.import_module("pipelines.dataset.opening")
-        self._images: Any = importlib.import_module("pipelines.dataset.images")
-        access: Any = importlib.import_module("pipelines.dataset.access")
+        self._images: Any = importlib.import_module("pipelines.dataset.image_codec")
+        access: Any = importlib.import_module("pipelines.dataset.row_reader")
         columns: Any = importlib.import_module("pipelines.dataset.columns")
         self._files = sorted((folder / table).glob("*.parquet"))
         if not self._files:

@@ -10,7 +10,7 @@ import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from hijack_data.actions.dialects.fields import key_names
+from hijack_data.actions.dialects.field_checks import key_names
 from hijack_data.errors import ParameterError
 from hijack_data.types import AIMING, Action, Box, Point, Size, in_box
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import ParameterError
-from hijack_data.loading import source_of
+from hijack_data.loading import find_source
 from hijack_data.locking import Lock
 from hijack_data.registry import is_ours
 from hijack_data.runs.run_log import SCORE_RUN
@@ -233,7 +233,7 @@ def _agent_code(agent: str) -> tuple[str, dict[str, Any]]:
         settings = {} if maker.settings is None else {"settings": dict(maker.settings)}
         return agent, {**maker.source, **settings}
     code: dict[str, Any] = {}
-    source = None if is_ours(maker) else source_of(maker)
+    source = None if is_ours(maker) else find_source(maker)
     if source is not None:
         code.update(source)
     settings = getattr(maker, "settings", None)

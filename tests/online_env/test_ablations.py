@@ -10,7 +10,7 @@ import hijack_data as hj
 from hijack_data.cli import main
 from hijack_data.config import load_config
 from hijack_data.plan import CLEAN
-from hijack_data.runs.run_planners import planners_of
+from hijack_data.runs.run_planners import read_planners
 from online_env import tasks
 from online_env.agents.registry import AGENTS
 from online_env.bench.config import load_bench
@@ -121,7 +121,7 @@ def test_conditions_that_differ_in_the_same_parameters_are_levels(tmp_path):
 def test_the_levels_of_a_run_that_was_configured_by_a_file_are_told(tmp_path):
     """`Bench.to_data` writes every parameter out, and its steps as mappings."""
     entries = load_bench("ablations/intensity").to_data()["corruptions"]
-    labels = list(planners_of(entries))
+    labels = list(read_planners(entries))
     report = reported(tmp_path, entries, {"pixel": dict.fromkeys(labels, 5)})
     assert [(found.title, len(found.levels)) for found in find_ablations(report)] == [
         ("resolution: scale", 4),
@@ -175,7 +175,9 @@ def test_agents_without_a_module_are_an_ablation(tmp_path):
 
 
 def test_a_run_of_the_nine_has_no_ablation(tmp_path):
-    run = read_run(tmp_path / "run", whole("mine", dict.fromkeys((CLEAN, *hj.names()), 3)))
+    run = read_run(
+        tmp_path / "run", whole("mine", dict.fromkeys((CLEAN, *hj.corruption_names()), 3))
+    )
     assert find_ablations(build_report(run)) == ()
 
 

@@ -45,7 +45,7 @@ def test_the_shipped_small_benchmark():
         1,
     )
     assert set(bench.tasks) <= set(tasks.names())
-    assert list(bench.planners) == ["clean", *hj.names()]
+    assert list(bench.planners) == ["clean", *hj.corruption_names()]
     assert bench.planners["marks"] == hj.Marks()
     assert bench.planners["clean"] is None
     assert len(jobs(bench)) == 2 * 10 * 10

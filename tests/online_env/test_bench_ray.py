@@ -15,7 +15,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 import hijack_data as hj
 from hijack_data.errors import MissingDependencyError, ParameterError, UnknownNameError
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 from hijack_data.locking import lock
 from online_env.agents.agent_files import read_agent
 from online_env.agents.makers import FileAgentMaker

@@ -27,7 +27,7 @@ from online_env.bench.jobs import Job
 from online_env.report import junit
 from online_env.results import costs, origin, records
 from online_env.results.reading import Run, RunError, read, with_first_seeds
-from online_env.tasks import sets
+from online_env.tasks import task_sets
 
 from support.reported import made, run_of, scored
 
@@ -232,7 +232,7 @@ def test_an_estimate_says_what_each_part_of_it_rests_on():
         Job("oracle", "mine", "clean", 0),
         Job("random", TASK, "clean", 0),
     ]
-    known = sets.measured()[TASK]
+    known = task_sets.read_measurements()[TASK]
     unknown = EPISODE_SECONDS + 60 * STEP_SECONDS
     step = (known.seconds - known.setup) / (known.actions + 1)
     found = expected(BENCH, listed, history)
@@ -252,7 +252,7 @@ def test_an_estimate_says_what_each_part_of_it_rests_on():
 
 def test_no_agent_takes_more_steps_than_a_run_allows():
     short = Bench(tasks=(TASK,), corruptions={"clean": None}, max_steps=3)
-    known = sets.measured()[TASK]
+    known = task_sets.read_measurements()[TASK]
     assert known.actions > 3
     oracle, idle = expected(
         short, [Job("oracle", TASK, "clean", 0), Job("do_nothing", TASK, "clean", 0)], History()

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from hijack_data.errors import ConfigError, HijackError, ParameterError, UnknownNameError
-from hijack_data.runs.run_log import slug_of
+from hijack_data.runs.run_log import episode_slug
 from online_env.agents.chat.request_log import RequestReplay
 from online_env.agents.scripted import Scripted, read_script
 from online_env.errors import ReplayError
@@ -132,7 +132,9 @@ def test_an_episode_without_a_line_whose_record_is_damaged(run, content):
 
 def test_episodes_that_would_share_a_folder_are_refused(tmp_path):
     """An id keeps nothing of a name in another script, so two agents would write one record."""
-    ids = [slug_of("t", "clean", 0, agent, 0) for agent in ("我的.py:代理", "你的.py:代理", "a")]
+    ids = [
+        episode_slug("t", "clean", 0, agent, 0) for agent in ("我的.py:代理", "你的.py:代理", "a")
+    ]
     with pytest.raises(RunError, match=r"1 ids stand for several episodes.*rename one of them"):
         records.create(tmp_path / "run", CONFIG, ids)
     assert not (tmp_path / "run").exists()

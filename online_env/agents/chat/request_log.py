@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
-from hijack_data.files import make_folder, unwritable
+from hijack_data.file_io import make_folder, unwritable
 from hijack_data.runs.amounts import is_amount, is_count
 from hijack_data.runs.run_log import REQUESTS
 

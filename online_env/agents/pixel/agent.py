@@ -8,7 +8,7 @@ from typing import Any
 from hijack_data import extras
 from hijack_data.types import UInt8Array
 
-from ...tasks.plan_words import ToldStep, read_plan
+from ...tasks.plan_words import PlanStep, read_plan
 from ..base import DONE, Observation
 from .plan_walk import PlanWalk, WalkResult
 from .screen_reader import SHARED, ScreenReader
@@ -71,7 +71,7 @@ class Pixel:
             return NO_PLAN, [DONE]
         return self._go_on(obs["screenshot"])
 
-    def _begin(self, steps: Sequence[ToldStep]) -> None:
+    def _begin(self, steps: Sequence[PlanStep]) -> None:
         self.walk = PlanWalk(steps, self.reader)
 
     def _go_on(self, picture: UInt8Array) -> tuple[str, Sequence[str]]:

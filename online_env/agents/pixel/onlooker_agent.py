@@ -8,10 +8,10 @@ modules can be left out: `NoCheck`, `NoSummary`.
 from collections.abc import Sequence
 from typing import ClassVar
 
-from hijack_data.runs.run_log import REINIT
+from hijack_data.actions.allowed import REINIT
 from hijack_data.types import UInt8Array
 
-from ...tasks.plan_words import ToldStep, read_plan
+from ...tasks.plan_words import PlanStep, read_plan
 from ..agent_files import DEFAULT_ERRORS, read_errors
 from ..base import WAIT
 from .agent import Pixel, walk_answer
@@ -69,7 +69,7 @@ class PixelOnlooker(Pixel):
         self._last_words = ""
         self._last_screen: tuple[UInt8Array, tuple[TextLine, ...]] | None = None
 
-    def _begin(self, steps: Sequence[ToldStep]) -> None:
+    def _begin(self, steps: Sequence[PlanStep]) -> None:
         super()._begin(steps)
         self._plan_windows = tuple(step.text for step in steps if step.verb == "window")
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from hijack_data.types import Point, Size, UInt8Array
 
-from ...tasks.plan_words import ToldStep
+from ...tasks.plan_words import PlanStep
 from ..base import FAIL, WAIT
 from .screen_reader import ScreenReader, TextLine
 from .text_matching import TextMatch, all_texts, closest_text, find_text
@@ -48,7 +48,7 @@ class PlanWalk:
         reader: Reads the pictures; several walks may share one.
     """
 
-    def __init__(self, steps: Iterable[ToldStep], reader: ScreenReader) -> None:
+    def __init__(self, steps: Iterable[PlanStep], reader: ScreenReader) -> None:
         self.steps = tuple(steps)
         self._reader = reader
         self._step = 0
@@ -89,7 +89,7 @@ class PlanWalk:
         self._waits = 0
         self._scrolls = 0
 
-    def _try(self, step: ToldStep, picture: UInt8Array) -> WalkResult | None:
+    def _try(self, step: PlanStep, picture: UInt8Array) -> WalkResult | None:
         """Return the action of a step; `None` if it needs none."""
         match step.verb:
             case "type" | "press":
@@ -103,7 +103,7 @@ class PlanWalk:
             case _:
                 return self._act_on_text(step, picture)
 
-    def _act_on_text(self, step: ToldStep, picture: UInt8Array) -> WalkResult | None:
+    def _act_on_text(self, step: PlanStep, picture: UInt8Array) -> WalkResult | None:
         """Look for the text of a step, and act on it."""
         lines = self._reader.read(picture)
         match_found = find_step_text(step, lines)
@@ -115,7 +115,7 @@ class PlanWalk:
         code = _CLICKS[step.verb].format(x=x, y=y)
         return self._take_step(step, code, f"I read {match_found.line.text!r}.")
 
-    def _search_on(self, step: ToldStep, lines: Sequence[TextLine], size: Size) -> WalkResult:
+    def _search_on(self, step: PlanStep, lines: Sequence[TextLine], size: Size) -> WalkResult:
         if step.verb == "scroll" and self._scrolls < MAX_SCROLLS:
             self._scrolls += 1
             return WalkResult(
@@ -128,16 +128,16 @@ class PlanWalk:
         closest = closest_text(lines, step.text)
         return WalkResult(words=f"{words} The closest text is {closest!r}.", is_lost=True)
 
-    def _take_step(self, step: ToldStep, action: str, note: str = "") -> WalkResult:
+    def _take_step(self, step: PlanStep, action: str, note: str = "") -> WalkResult:
         words = self._words(step, note)
         self._advance()
         return WalkResult(words=words, action=action)
 
-    def _words(self, step: ToldStep, note: str = "") -> str:
+    def _words(self, step: PlanStep, note: str = "") -> str:
         return f"Step {self._step + 1} of {len(self.steps)}: {step.line}. {note}".rstrip()
 
 
-def find_step_text(step: ToldStep, lines: Sequence[TextLine]) -> TextMatch | None:
+def find_step_text(step: PlanStep, lines: Sequence[TextLine]) -> TextMatch | None:
     """Return where the text of a step stands; `None` if it, or its anchor, is not there."""
     if not step.near:
         return find_text(lines, step.text)
@@ -145,7 +145,7 @@ def find_step_text(step: ToldStep, lines: Sequence[TextLine]) -> TextMatch | Non
     return find_text(lines, step.text, anchors) if anchors else None
 
 
-def click_point(step: ToldStep, match_found: TextMatch, size: Size) -> Point:
+def click_point(step: PlanStep, match_found: TextMatch, size: Size) -> Point:
     """Return the pixel to click on: in the middle of a text, or beside it."""
     left, top, right, bottom = match_found.box
     x, y = match_found.centre
@@ -163,7 +163,7 @@ def click_point(step: ToldStep, match_found: TextMatch, size: Size) -> Point:
     return min(max(x, 0), width - 1), min(max(y, 0), height - 1)
 
 
-def keyboard_code(step: ToldStep) -> str:
+def keyboard_code(step: PlanStep) -> str:
     """Return the code of a step that types or presses keys."""
     if step.verb == "type":
         return f"pyautogui.write({step.text!r})"
@@ -173,7 +173,7 @@ def keyboard_code(step: ToldStep) -> str:
     return "\n".join([f"pyautogui.hotkey({keys})"] * step.count)
 
 
-def wheel_code(step: ToldStep, size: Size, clicks: int) -> str:
+def wheel_code(step: PlanStep, size: Size, clicks: int) -> str:
     """Return the code that turns the wheel in the middle of the picture."""
     height, width = size
     way = -clicks if step.way == "down" else clicks
