@@ -80,7 +80,7 @@ def read(folder: Path) -> Measured:
 def score(folder: Path, out: Path, workers: int = 1, limit: int | None = None) -> Measured:
     """Score all rows, or those of the first screens."""
     settings = ScoreSettings(
-        dataset=folder, agents=("fail",), workers=workers, chosen=Selection(limit=limit)
+        dataset=folder, agents=("fail",), workers=workers, selection=Selection(limit=limit)
     )
     run = ScoreRun(settings)
     ticks: list[float] = []

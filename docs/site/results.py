@@ -160,7 +160,7 @@ def _ranking(ranking: Ranking) -> Iterator[str]:
     yield f"| rank | agent | over corruptions | {' | '.join(ranking.labels)} |"
     yield f"|---|---|---:|{'---:|' * len(ranking.labels)}"
     for line in ranking.lines:
-        rank = str(line.rank) if line.rank else f"({line.why})"
+        rank = str(line.rank) if line.rank else f"({line.reason})"
         values = " | ".join(line.values)
         yield f"| {rank} | `{line.row.agent}` | {_percent(line.row.corrupted)} | {values} |"
     yield ""

@@ -25,19 +25,18 @@ NEEDS_TASK = (
     " cannot have: use --in-process"
 )
 _FOLDER = Path(__file__).parent
-_OURS = frozenset(
-    str(_FOLDER / f"{name}.py") for name in ("agent_calls", "agent_server", "agent_thread")
-)
+_OUR_MODULES = ("agent_calls", "agent_server", "agent_thread")
+_OURS = frozenset(str(_FOLDER / f"{name}.py") for name in _OUR_MODULES)
 _TEXTS = (str, bytes, bytearray)  # sequences, but of no actions
 AgentAnswer: TypeAlias = tuple[str, list[object]]
 
 
 class AgentError(Exception):
-    """An agent raised, died, or gave no answer; `where` lists its frames, innermost last."""
+    """An agent raised, died, or gave no answer; `frames` lists its frames, innermost last."""
 
-    def __init__(self, problem: str, where: Sequence[str] = ()) -> None:
+    def __init__(self, problem: str, frames: Sequence[str] = ()) -> None:
         super().__init__(problem)
-        self.where = tuple(where)
+        self.frames = tuple(frames)
 
 
 class AgentGoneError(AgentError):
@@ -47,10 +46,10 @@ class AgentGoneError(AgentError):
 class InvalidAction:
     """Stands for an action that is no text, and has the `repr` of the agent's object."""
 
-    shown = ""
+    text = ""
 
     def __repr__(self) -> str:
-        return self.shown
+        return self.text
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,7 +184,7 @@ def check(agent: Any, picture: Any) -> str | None:
     """
     answer = _method(agent, "check")(picture)
     if answer is None or isinstance(answer, str):
-        return answer if answer is None else _cut(answer)
+        return answer if answer is None else _cut_text(answer)
     raise AgentError(f"check must return a text or None, got {answer!r:.200}")
 
 
@@ -197,7 +196,7 @@ def summarise(agent: Any, before: Any, action: str, after: Any) -> str:
     """
     answer = _method(agent, "summarise")(before, action, after)
     if isinstance(answer, str):
-        return _cut(answer)
+        return _cut_text(answer)
     raise AgentError(f"summarise must return a text, got {answer!r:.200}")
 
 
@@ -238,7 +237,7 @@ def error_text(raised: BaseException) -> str:
 def error_frames(raised: BaseException) -> tuple[str, ...]:
     """Return the frames of an exception, except ours, as `file:line in function: code`."""
     if isinstance(raised, AgentError):
-        return raised.where
+        return raised.frames
     lines = [
         f"{frame.filename}:{frame.lineno} in {frame.name}: {frame.line}"[:MAX_LINE]
         for frame in traceback.extract_tb(raised.__traceback__)
@@ -258,6 +257,9 @@ def _bounded_answer(answer: object, rule: str) -> AgentAnswer:
     """Return a checked answer; a text that is too long keeps one character more than is allowed.
 
     So the environment notices that the text was cut, and notes it in the step.
+
+    Raises:
+        AgentError: The answer is not a text and a list, or the list is too long.
     """
     match answer:
         case (str() as said, Sequence() as actions) if not isinstance(actions, _TEXTS):
@@ -266,19 +268,19 @@ def _bounded_answer(answer: object, rule: str) -> AgentAnswer:
             raise AgentError(f"{rule}, got {repr(answer)[:200]}")
     if len(listed) > MAX_ACTIONS:
         raise AgentError(f"an answer has at most {MAX_ACTIONS} actions, got {len(listed)}")
-    return _cut(said), [_bounded_action(action) for action in listed]
+    return _cut_text(said), [_bounded_action(action) for action in listed]
 
 
 def _bounded_action(action: object) -> object:
     if isinstance(action, str):
-        return _cut(action)
-    return invalid_action(type(action).__name__, _cut(repr(action)))
+        return _cut_text(action)
+    return invalid_action(type(action).__name__, _cut_text(repr(action)))
 
 
-def invalid_action(kind: str, shown: str) -> InvalidAction:
+def invalid_action(kind: str, text: str) -> InvalidAction:
     """Return a stand-in for an object of a class named `kind`, for messages and the log."""
-    return type(kind[:MAX_LINE], (InvalidAction,), {"shown": shown})()
+    return type(kind[:MAX_LINE], (InvalidAction,), {"text": text})()
 
 
-def _cut(text: str) -> str:
+def _cut_text(text: str) -> str:
     return str(text[: MAX_TEXT + 1])

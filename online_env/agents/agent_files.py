@@ -61,7 +61,7 @@ _MODEL: Mapping[str, Parameter] = {
 }
 _MODEL_SECTIONS = ("base_url", "api_key_env", "sampling", "request", "prices")
 # Fields of a request that the agent sets itself.
-_OURS = ("model", "messages", "input", "tools", "stream")
+_OWN_FIELDS = ("model", "messages", "input", "tools", "stream")
 _AGENT: Mapping[str, Parameter] = {
     "prompt": _TEXT,
     "parser": Parameter("choice", "", choices=DIALECTS),
@@ -86,7 +86,7 @@ _SAMPLING: Mapping[str, Parameter] = {
 _PRICE = Parameter("float", "", low=0, high=1_000_000)
 _PRICES: Mapping[str, Parameter] = {"input": _PRICE, "output": _PRICE}
 # Clients that an onlooker may use.
-_TALKS = Parameter("choice", "", choices=("openai", "anthropic"))
+_ONLOOKER_CLIENTS = Parameter("choice", "", choices=("openai", "anthropic"))
 _ERROR: Mapping[str, Parameter] = {"name": _TEXT, "looks": _TEXT, "say": _TEXT}
 
 
@@ -110,10 +110,10 @@ def read_agent(path_or_name: str) -> AgentSettings:
     Raises:
         ConfigError: all mistakes of the file.
     """
-    given = os.path.expanduser(path_or_name)
-    if not os.path.isfile(given) and given.removeprefix(FOLDER) in packaged():
-        given = FOLDER + given.removeprefix(FOLDER)
-    name, data = read_config(given)
+    path = os.path.expanduser(path_or_name)
+    if not os.path.isfile(path) and path.removeprefix(FOLDER) in packaged():
+        path = FOLDER + path.removeprefix(FOLDER)
+    name, data = read_config(path)
     problems = Problems()
     tree = _mapping(name, data, problems, "model: ..., prompt: pyautogui, parser: pyautogui")
     settings = _AgentReader(problems, name, data).read(tree)
@@ -140,7 +140,7 @@ def read_errors(path_or_name: str) -> tuple[tuple[KnownError, ...], str]:
     if not isinstance(listed, SequenceNode) or not listed.items or len(tree.items) != 1:
         problems.stop(tree.place, "an error repository has one key, errors, with a list")
     for index, item in enumerate(listed.items):
-        values = _section(problems, f"errors[{index}]", item, _ERROR, needed=tuple(_ERROR))
+        values = _section(problems, f"errors[{index}]", item, _ERROR, required=tuple(_ERROR))
         if len(values) == len(_ERROR):
             entries.append(KnownError(**values))
     problems.check()
@@ -151,39 +151,42 @@ def _mapping(name: str, data: bytes, problems: Problems, example: str) -> Mappin
     tree = read_yaml(data, name, problems)
     if isinstance(tree, MappingNode):
         return tree
-    what = "the file is empty" if tree is None else f"got {kind_of(tree)}"
-    problems.stop(Position(name, 1, 1), f"this file is a mapping such as {example}; {what}")
+    content = "the file is empty" if tree is None else f"got {kind_of(tree)}"
+    problems.stop(Position(name, 1, 1), f"this file is a mapping such as {example}; {content}")
 
 
 def _section(
     problems: Problems,
-    where: str,
+    section: str,
     tree: ConfigNode,
-    known: Mapping[str, Parameter],
-    needed: Sequence[str] = (),
-    others: Sequence[str] = (),
+    parameters: Mapping[str, Parameter],
+    required: Sequence[str] = (),
+    unchecked: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Return the checked values of a mapping with the keys `known`; `others` are not checked."""
+    """Return the checked values of a mapping with the keys of `parameters`.
+
+    The keys in `unchecked` are allowed and skipped; those in `required` must be there.
+    """
     if not isinstance(tree, MappingNode):
-        listed = ", ".join([*known, *others])
-        problems.add(tree.place, f"{where} must be a mapping ({listed}), got {kind_of(tree)}")
+        listed = ", ".join([*parameters, *unchecked])
+        problems.add(tree.place, f"{section} must be a mapping ({listed}), got {kind_of(tree)}")
         return {}
-    prefix = f"{where}." if where else ""
+    prefix = f"{section}." if section else ""
     values: dict[str, Any] = {}
     for key, item in tree.items.items():
-        if key in others:
+        if key in unchecked:
             continue
-        if key not in known:
-            hint = suggest(key, [*known, *others])
+        if key not in parameters:
+            hint = suggest(key, [*parameters, *unchecked])
             problems.add(tree.keys[key], f"{prefix or 'an agent file '}has no key {key!r}{hint}")
             continue
         before = len(problems.found)
-        value = check(problems, known[key], f"{prefix}{key}", item)
+        value = check(problems, parameters[key], f"{prefix}{key}", item)
         if isinstance(value, str) and not value.strip():
             problems.add(item.place, f"{prefix}{key} must not be empty")
         if len(problems.found) == before:
             values[key] = value
-    for key in needed:
+    for key in required:
         if key not in tree.items:
             problems.add(tree.place, f"{prefix}{key} is missing")
     return values
@@ -203,8 +206,8 @@ class _AgentReader:
             "",
             tree,
             {**_MODEL, **_AGENT},
-            needed=("model", "prompt", "parser"),
-            others=(*_MODEL_SECTIONS, "onlooker"),
+            required=("model", "prompt", "parser"),
+            unchecked=(*_MODEL_SECTIONS, "onlooker"),
         )
         model_values = {key: values.pop(key) for key in _MODEL if key in values}
         values.pop("serve", None)
@@ -226,60 +229,60 @@ class _AgentReader:
         )
 
     def _model_sections(self, prefix: str, tree: MappingNode) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+        sections: dict[str, Any] = {}
         for key in _MODEL_SECTIONS:
             if key not in tree.items:
                 continue
             value = self._model_section(key, f"{prefix}{key}", tree.items[key])
             if value is not None:
-                found[key] = value
-        return found
+                sections[key] = value
+        return sections
 
-    def _model_section(self, key: str, where: str, item: ConfigNode) -> Any:
+    def _model_section(self, key: str, path: str, item: ConfigNode) -> Any:
         match key:
             case "api_key_env":
-                return self._variable(where, item)
+                return self._variable(path, item)
             case "sampling":
-                return SamplingSettings(**_section(self._problems, where, item, _SAMPLING))
+                return SamplingSettings(**_section(self._problems, path, item, _SAMPLING))
             case "prices":
-                prices = _section(self._problems, where, item, _PRICES, needed=tuple(_PRICES))
+                prices = _section(self._problems, path, item, _PRICES, required=tuple(_PRICES))
                 return TokenPrices(**prices) if len(prices) == len(_PRICES) else None
             case "base_url":
-                return self._address(where, item)
+                return self._address(path, item)
             case _:
-                return self._request(where, item)
+                return self._request(path, item)
 
-    def _variable(self, where: str, item: ConfigNode) -> str | None:
+    def _variable(self, path: str, item: ConfigNode) -> str | None:
         value = item.value if isinstance(item, ScalarNode) else ""
         if isinstance(value, str) and _VARIABLE.fullmatch(value):
             return value
         # The value is not shown: it may be a key.
         self._problems.add(
             item.place,
-            f"{where} is the name of an environment variable, such as OPENAI_API_KEY, and never the"
+            f"{path} is the name of an environment variable, such as OPENAI_API_KEY, and never the"
             " key itself",
         )
         return None
 
-    def _address(self, where: str, item: ConfigNode) -> str | None:
+    def _address(self, path: str, item: ConfigNode) -> str | None:
         value = item.value if isinstance(item, ScalarNode) else ""
         if not isinstance(value, str) or not _is_address(value):
             self._problems.add(
                 item.place,
-                f"{where} is an address such as http://127.0.0.1:8000/v1, without name and password"
+                f"{path} is an address such as http://127.0.0.1:8000/v1, without name and password"
                 " (keys come by api_key_env)",
             )
             return None
         return value
 
-    def _request(self, where: str, item: ConfigNode) -> dict[str, Any] | None:
+    def _request(self, path: str, item: ConfigNode) -> dict[str, Any] | None:
         if isinstance(item, MappingNode):
-            for key in item.keys.keys() & set(_OURS):
-                self._problems.add(item.keys[key], f"{where}.{key} is set by the agent itself")
+            for key in item.keys.keys() & set(_OWN_FIELDS):
+                self._problems.add(item.keys[key], f"{path}.{key} is set by the agent itself")
             return plain(item)
         self._problems.add(
             item.place,
-            f"{where} must be a mapping of further fields of a request, got {kind_of(item)}",
+            f"{path} must be a mapping of further fields of a request, got {kind_of(item)}",
         )
         return None
 
@@ -289,18 +292,20 @@ class _AgentReader:
         """Check that client, tool, parser and coordinates go together."""
         client = model.get("client", CLIENTS[0])
         parser = values.get("parser")
-        wanted = TOOL_PARSERS.get(parser or "")
+        expected_client = TOOL_PARSERS.get(parser or "")
         place = tree.keys.get("parser", tree.place)
-        if wanted is not None and client != wanted:
-            self._problems.add(place, f"parser {parser} reads the tool of client: {wanted}")
-        elif wanted is None and client == "openai_computer" and parser is not None:
+        if expected_client is not None and client != expected_client:
+            self._problems.add(
+                place, f"parser {parser} reads the tool of client: {expected_client}"
+            )
+        elif expected_client is None and client == "openai_computer" and parser is not None:
             self._problems.add(place, "client openai_computer needs parser: openai")
-        elif wanted is not None:
+        elif expected_client is not None:
             model.setdefault("tool", TOOLS[client][0])
         tool = model.get("tool")
-        known = TOOLS.get(client, ()) if wanted is not None else ()
-        if tool is not None and tool not in known:
-            hint = suggest(tool, known) if known else ": this client and parser use none"
+        tools = TOOLS.get(client, ()) if expected_client is not None else ()
+        if tool is not None and tool not in tools:
+            hint = suggest(tool, tools) if tools else ": this client and parser use none"
             self._problems.add(tree.keys.get("tool", place), f"unknown tool {tool!r}{hint}")
         if values.get("coordinates", "pixels") != "pixels" and parser != "pyautogui":
             self._problems.add(
@@ -310,19 +315,19 @@ class _AgentReader:
 
     def _check_pixels(self, tree: MappingNode, values: Mapping[str, Any]) -> None:
         """Check that some size of a picture is within both limits."""
-        least = values.get("min_pixels", MIN_PIXELS)
-        most = values.get("max_pixels", MAX_PIXELS)
-        if least <= most:
+        low = values.get("min_pixels", MIN_PIXELS)
+        high = values.get("max_pixels", MAX_PIXELS)
+        if low <= high:
             return
-        given = "min_pixels" if "min_pixels" in values else "max_pixels"
+        key = "min_pixels" if "min_pixels" in values else "max_pixels"
         self._problems.add(
-            tree.keys[given], f"min_pixels ({least}) must not be above max_pixels ({most})"
+            tree.keys[key], f"min_pixels ({low}) must not be above max_pixels ({high})"
         )
 
     def _check_prompt(self, tree: MappingNode, values: dict[str, Any]) -> None:
         folder = values.get("prompts")
         if folder is not None:
-            place = self._beside(folder)
+            place = self._resolve_path(folder)
             values["prompts"] = place
             if not Path(place).is_dir():
                 self._problems.add(tree.items["prompts"].place, f"{place}: no such folder")
@@ -341,25 +346,27 @@ class _AgentReader:
         if node is None:
             return None
         keys = {key: _MODEL[key] for key in _MODEL if key != "tool"}
-        keys |= {"client": _TALKS, **_ONLOOKER}
-        given = _section(self._problems, "onlooker", node, keys, others=_MODEL_SECTIONS)
+        keys |= {"client": _ONLOOKER_CLIENTS, **_ONLOOKER}
+        values_read = _section(self._problems, "onlooker", node, keys, unchecked=_MODEL_SECTIONS)
         if not isinstance(node, MappingNode):
             return None
-        if given.get("summarise", True) and values.get("parser") in TOOL_PARSERS:
+        if values_read.get("summarise", True) and values.get("parser") in TOOL_PARSERS:
             self._problems.add(
                 node.place,
                 "onlooker.summarise cannot replace the history of a computer tool, which is made"
                 " of the model's own calls; write summarise: false",
             )
-        errors = self._errors(node, given.pop("errors", None))
-        switches = {key: given.pop(key) for key in tuple(_ONLOOKER) if key in given}
-        given |= self._model_sections("onlooker.", node)
-        return OnlookerSettings(model=_onlooking(actor, given), errors=errors, **switches)
+        errors = self._errors(node, values_read.pop("errors", None))
+        switches = {key: values_read.pop(key) for key in tuple(_ONLOOKER) if key in values_read}
+        values_read |= self._model_sections("onlooker.", node)
+        return OnlookerSettings(
+            model=_onlooker_model(actor, values_read), errors=errors, **switches
+        )
 
     def _errors(self, node: MappingNode, path: str | None) -> tuple[KnownError, ...]:
         name = DEFAULT_ERRORS
         if path is not None:
-            name = self._beside(path)
+            name = self._resolve_path(path)
             name = name if os.path.isfile(name) else path
         try:
             entries, digest = read_errors(name)
@@ -371,7 +378,7 @@ class _AgentReader:
         self._hash.update(digest.encode())
         return entries
 
-    def _beside(self, path: str) -> str:
+    def _resolve_path(self, path: str) -> str:
         """Convert a path relative to the agent file to one relative to the current folder."""
         return os.path.join(os.path.dirname(self._name), os.path.expanduser(path))
 
@@ -388,12 +395,12 @@ def _is_address(text: str) -> bool:
     return bool(parts.hostname) and "@" not in parts.netloc
 
 
-def _onlooking(actor: ModelSettings, given: dict[str, Any]) -> ModelSettings:
+def _onlooker_model(actor: ModelSettings, overrides: dict[str, Any]) -> ModelSettings:
     """Return the onlooker's model, with omitted fields taken from the model that acts."""
     client = "openai" if actor.client == "openai_computer" else actor.client
-    if given.get("client", client) != client:
-        return ModelSettings(**{"model": actor.model, **given})
-    taken = replace(actor, client=client, tool=None)
-    if given.get("model", actor.model) != actor.model:
-        taken = replace(taken, prices=None)  # these fields belong to another model
-    return replace(taken, **given)
+    if overrides.get("client", client) != client:
+        return ModelSettings(**{"model": actor.model, **overrides})
+    model = replace(actor, client=client, tool=None)
+    if overrides.get("model", actor.model) != actor.model:
+        model = replace(model, prices=None)  # these fields belong to another model
+    return replace(model, **overrides)

@@ -41,7 +41,7 @@ from .supervisor import EXIT_TIMEOUT_S, KILL_TIMEOUT_S, kill_descendants
 START_TIMEOUT_S = 900.0  # until an agent is made for the first time: weights may be large
 MEMORY_SHARE = 0.75  # of the machine's memory that an agent may use, by default
 MAX_PRINTED = 64 * 2**10  # bytes of what an agent prints that are passed on, for each object
-_TAIL = 8192  # bytes of what it printed that are kept for the message of a crash
+_MAX_TAIL_BYTES = 8192  # bytes of what it printed that are kept for the message of a crash
 _DESCRIBE_TIMEOUT_S = 300.0  # until a module is imported for the first look at its agent
 _REFUSALS = {kind.__name__: kind for kind in (ParameterError, PluginError, UnknownNameError)}
 _SECRETS = ("AGENTHIJACK_SERVE_TOKEN", "AGENTHIJACK_TOKEN")  # of servers of ours
@@ -133,11 +133,14 @@ class AgentProcess:
             ParameterError: it is no agent.
             PluginError: its file or module cannot be imported.
             UnknownNameError: its file or module has no such name.
+            ParameterError: It is not an agent.
+            PluginError: Its file or module cannot be imported.
+            UnknownNameError: Its file or module has no such name.
         """
         self._process = _Process(self._memory)
         try:
-            found = self._load(_DESCRIBE_TIMEOUT_S)
-            return AgentReference(**{**found, "place": self._reference.place})
+            fields = self._load(_DESCRIBE_TIMEOUT_S)
+            return AgentReference(**{**fields, "place": self._reference.place})
         except (AgentError, TypeError) as error:
             raise PluginError(f"{self._reference.place}: cannot be imported: {error}") from error
 
@@ -146,17 +149,18 @@ class AgentProcess:
 
         Raises:
             HijackError: it is refused, see `describe`; the process is ended then.
+            PluginError: The process sent no description of the agent.
         """
         sha256 = self._reference.source.get("sha256")
         complete = False
         try:
-            found = self._call("load", timeout, reference=self._reference.place, sha256=sha256)
-            match found:
+            answer = self._call("load", timeout, reference=self._reference.place, sha256=sha256)
+            match answer:
                 case {"refused": [str() as kind, str() as problem]}:
                     raise _REFUSALS.get(kind, PluginError)(problem)
                 case {"methods": list() as methods}:
                     complete = True
-                    return {**found, "methods": tuple(methods)}
+                    return {**answer, "methods": tuple(methods)}
                 case _:
                     raise PluginError(f"{self._reference.place}: its process sent no description")
         finally:
@@ -175,10 +179,14 @@ class AgentProcess:
     def predict_batch(
         self, instructions: Sequence[str], pictures: Sequence[Any]
     ) -> list[AgentAnswer]:
-        """Return the answers to several pictures; the time-out counts for each."""
+        """Return the answers to several pictures; the time-out counts for each.
+
+        Raises:
+            AgentError: The process sent another number of answers, or no list.
+        """
         timeout = self._timeout * len(pictures)
-        asked = list(instructions)
-        answers = self._call("predict_batch", timeout, pictures=pictures, instructions=asked)
+        texts = list(instructions)
+        answers = self._call("predict_batch", timeout, pictures=pictures, instructions=texts)
         if not isinstance(answers, list) or len(answers) != len(pictures):
             raise AgentError("its process sent what is no list of answers")
         return [read_answer(answer) for answer in answers]
@@ -221,6 +229,7 @@ class AgentProcess:
         Raises:
             AgentError: the agent raises, or its process ends or gives no answer in time; then the
                 process is ended.
+            AgentGoneError: The process has ended before.
         """
         process = self._process
         if process is None:
@@ -241,16 +250,14 @@ class AgentProcess:
             if not complete:  # also at Ctrl-C: the answer that is still due is nobody's
                 self.close()
         if "error" in reply:
-            where = reply.get("where")
-            lines = [str(line)[:MAX_LINE] for line in where] if isinstance(where, list) else []
+            frames = reply.get("where")
+            lines = [str(line)[:MAX_LINE] for line in frames] if isinstance(frames, list) else []
             raise AgentError(str(reply["error"])[:MAX_PROBLEM], lines[-MAX_FRAMES:])
         return reply.get("value")
 
 
 def describe(text: str) -> AgentReference:
     """Return a reference to the agent that a user names, as its own process describes it.
-
-    Raises `ParameterError`, `PluginError` and `UnknownNameError` as `AgentProcess.describe`.
 
     Args:
         text: `package.module:Name` or `path/to/file.py:Name`.
@@ -273,22 +280,22 @@ class _Process:
     def __init__(self, memory: int) -> None:
         self._folder = tempfile.mkdtemp(prefix="agent-")
         self._pictures = _memory_file(self._folder)
-        self._connection, theirs = socket.socketpair()
-        passed = (theirs.fileno(), self._pictures)
+        self._connection, agent_end = socket.socketpair()
+        descriptors = (agent_end.fileno(), self._pictures)
         environment = {key: value for key, value in os.environ.items() if key not in _SECRETS}
         environment |= {"TMPDIR": self._folder, "PWD": self._folder}
         path = json.dumps([os.path.abspath(entry) for entry in sys.path])
         self._process = subprocess.Popen(
-            [sys.executable, "-c", _PROGRAM, path, *map(str, (*passed, memory))],
+            [sys.executable, "-c", _PROGRAM, path, *map(str, (*descriptors, memory))],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
-            pass_fds=passed,
+            pass_fds=descriptors,
             cwd=self._folder,
             env=environment,
             start_new_session=True,
         )
-        theirs.close()
+        agent_end.close()
         self._connection.setblocking(False)
         # The descriptor on which the supervisor reports the end of the agent's process.
         self._status = -1 if self._process.stdout is None else self._process.stdout.fileno()
@@ -307,13 +314,19 @@ class _Process:
         start = 0
         for picture in pictures:
             view: memoryview = np.ascontiguousarray(picture).data.cast("B")
-            done = 0
-            while done < len(view):
-                done += os.pwrite(self._pictures, view[done:], start + done)
-            start += done
+            written_bytes = 0
+            while written_bytes < len(view):
+                written_bytes += os.pwrite(
+                    self._pictures, view[written_bytes:], start + written_bytes
+                )
+            start += written_bytes
 
     def send(self, message: Message) -> None:
-        """Send a request, which is small: no picture is in it."""
+        """Send a request, which is small: no picture is in it.
+
+        Raises:
+            _DeadError: The connection is closed.
+        """
         data = encode(message)
         self._connection.setblocking(True)
         try:
@@ -324,7 +337,11 @@ class _Process:
             self._connection.setblocking(False)
 
     def receive(self, deadline: float) -> Message:
-        """Return the answer."""
+        """Return the answer.
+
+        Raises:
+            _DeadError: The process has ended, or sent no valid message.
+        """
         (size,) = HEADER.unpack(self._read(HEADER.size, deadline))
         if size > MAX_REPLY:
             raise _DeadError(f"sent a message of {size} bytes, of which {MAX_REPLY} are allowed")
@@ -343,10 +360,10 @@ class _Process:
         poller.register(self._connection, select.POLLIN)
         poller.register(self._status, select.POLLIN)
         while len(data) < count:
-            left = deadline - time.monotonic()
-            if left <= 0:
+            remaining_s = deadline - time.monotonic()
+            if remaining_s <= 0:
                 raise _LateError
-            ready = [number for number, _ in poller.poll(1000 * left)]
+            ready = [number for number, _ in poller.poll(1000 * remaining_s)]
             if self._connection.fileno() in ready:
                 # Before the status, since an agent may answer and then end.
                 with contextlib.suppress(BlockingIOError):
@@ -368,14 +385,14 @@ class _Process:
 
     def ending(self, error: _DeadError, memory: int) -> tuple[str, tuple[str, ...]]:
         """Return how the process ended, in words, and the last lines that it printed."""
-        said = str(error)
-        if said:
-            return f"its process {said}", ()
+        problem = str(error)
+        if problem:
+            return f"its process {problem}", ()
         self._close_connections()
         deadline = time.monotonic() + EXIT_TIMEOUT_S + KILL_TIMEOUT_S
         while "status" not in self._report:
-            left = max(0.0, deadline - time.monotonic())
-            ready, _, _ = select.select([self._status], [], [], left)
+            remaining_s = max(0.0, deadline - time.monotonic())
+            ready, _, _ = select.select([self._status], [], [], remaining_s)
             if not ready or self._has_ended():
                 break
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -422,14 +439,16 @@ class _Process:
                 return
             if not data:
                 return
-            self._tail = (self._tail + data)[-_TAIL:]
-            left = MAX_PRINTED - self.printed
+            self._tail = (self._tail + data)[-_MAX_TAIL_BYTES:]
+            allowance = MAX_PRINTED - self.printed
             self.printed += len(data)
-            if left > 0:
-                text = _printable(data[:left])
-                more = "" if len(data) <= left else "\n(more that the agent prints is left out)\n"
+            if allowance > 0:
+                text = _printable(data[:allowance])
+                suffix = (
+                    "" if len(data) <= allowance else "\n(more that the agent prints is left out)\n"
+                )
                 with contextlib.suppress(OSError, ValueError):
-                    sys.stderr.write(text + more)
+                    sys.stderr.write(text + suffix)
                     sys.stderr.flush()
 
 
@@ -468,8 +487,8 @@ def _memory_file(folder: str) -> int:
 def _printable(data: bytes) -> str:
     """Return what an agent printed without control characters, which could steer a terminal."""
     text = data.decode("utf-8", "replace")
-    shown = (mark if mark.isprintable() or mark in "\n\t" else "\ufffd" for mark in text)
-    return "".join(shown)
+    marks = (mark if mark.isprintable() or mark in "\n\t" else "\ufffd" for mark in text)
+    return "".join(marks)
 
 
 def _traits(data: Any) -> AgentTraits:

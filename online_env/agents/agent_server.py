@@ -75,10 +75,13 @@ class AgentServer:
             return asdict(agent_calls.read_traits(self._agent))
         if name == "predict":
             obs = {"screenshot": pictures[0]}
-            return _plain(agent_calls.predict(self._agent, request["instruction"], obs))
+            return _answer_to_data(agent_calls.predict(self._agent, request["instruction"], obs))
         if name == "predict_batch":
-            asked = request["instructions"]
-            return [_plain(a) for a in agent_calls.predict_batch(self._agent, asked, pictures)]
+            instructions = request["instructions"]
+            return [
+                _answer_to_data(a)
+                for a in agent_calls.predict_batch(self._agent, instructions, pictures)
+            ]
         if name == "check":
             return agent_calls.check(self._agent, pictures[0])
         if name == "summarise":
@@ -91,7 +94,11 @@ class AgentServer:
         return agent_calls.reset(self._agent)
 
     def _load(self, reference: str, sha256: str | None) -> Message:
-        """Import the agent's code; return what it is, or why it is refused."""
+        """Import the agent's code; return what it is, or why it is refused.
+
+        Raises:
+            PluginError: Caught here: a refusal is returned as data.
+        """
         try:
             self._maker = load_reference(reference)
             check_agent(self._maker)
@@ -105,17 +112,17 @@ class AgentServer:
 
     def _read_pictures(self, sizes: Sequence[Sequence[int]]) -> list[UInt8Array]:
         """Return copies of the pictures, which the agent may change and keep."""
-        found: list[UInt8Array] = []
+        copies: list[UInt8Array] = []
         start = 0
         for height, width in sizes:
             picture = np.empty((height, width, 3), np.uint8)
             view: memoryview = picture.data.cast("B")
-            done = 0
-            while done < len(view):
-                done += os.preadv(self._pictures, [view[done:]], start + done)
-            start += done
-            found.append(picture)
-        return found
+            copied = 0
+            while copied < len(view):
+                copied += os.preadv(self._pictures, [view[copied:]], start + copied)
+            start += copied
+            copies.append(picture)
+        return copies
 
     def _receive(self) -> Message | None:
         head = self._read(HEADER.size)
@@ -163,18 +170,18 @@ def encode(message: Message) -> bytes:
     return json.dumps(message, ensure_ascii=False).encode("utf-8", "surrogatepass")
 
 
-def _plain(answer: AgentAnswer) -> list[Any]:
+def _answer_to_data(answer: AgentAnswer) -> list[Any]:
     """Return an answer as JSON data: the words, and each action as a text or `[class, repr]`."""
-    said, actions = answer
-    return [said, [_plain_action(action) for action in actions]]
+    words, actions = answer
+    return [words, [_action_to_data(action) for action in actions]]
 
 
-def _plain_action(action: object) -> Any:
+def _action_to_data(action: object) -> Any:
     return [type(action).__name__, repr(action)] if isinstance(action, InvalidAction) else action
 
 
 def read_answer(data: Any) -> AgentAnswer:
-    """Return an answer from JSON data of `_plain`.
+    """Return an answer from JSON data of `_answer_to_data`.
 
     Raises:
         AgentError: it has another form, so the agent has written to our connection itself.

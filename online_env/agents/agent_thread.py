@@ -37,7 +37,8 @@ class AgentThread:
         maker: returns the agent; called in that thread, too.
         timeout: seconds that a call may take.
 
-    Raises `AgentError` if `maker` raises.
+    Raises:
+        AgentError: `maker` raises.
     """
 
     def __init__(self, maker: Callable[[], Agent], timeout: float | None = None) -> None:
@@ -107,7 +108,8 @@ class AgentThread:
         """Call a function in the agent's thread.
 
         Raises:
-            AgentError: the function raises or takes too long, or an earlier call has not ended.
+            AgentError: The function raises or takes too long.
+            AgentGoneError: An earlier call was interrupted and has not ended.
         """
         if self._busy:
             raise AgentGoneError("it still works on a call that was interrupted")

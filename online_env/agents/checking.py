@@ -1,4 +1,4 @@
-"""Try an agent in the process that a run would start, so that one that hangs or dies is told."""
+"""Check an agent in its own process, as a run starts it: a hang or a crash is reported."""
 
 import sys
 from collections.abc import Iterator
@@ -20,14 +20,14 @@ ANSWER_TIMEOUT_S = 120.0  # s for an answer
 
 def agents_in_file(file: LoadedFile) -> list[str]:
     """Return the names of the agents in a loaded file: registered ones, and its own classes."""
-    named = list(file.names.get("agent", ()))
-    known = [AGENTS.get(name) for name in named]
+    names = list(file.names.get("agent", ()))
+    entries = [AGENTS.get(name) for name in names]
     module = vars(sys.modules[file.module])
     for title, value in module.items():
         is_own = isinstance(value, type) and value.__module__ == file.module
-        if is_own and callable(getattr(value, "predict", None)) and value not in known:
-            named.append(AGENTS.find(f"{file.path}:{title}"))
-    return named
+        if is_own and callable(getattr(value, "predict", None)) and value not in entries:
+            names.append(AGENTS.find(f"{file.path}:{title}"))
+    return names
 
 
 def check(name: str, limit: float = ANSWER_TIMEOUT_S) -> Iterator[Result | str]:

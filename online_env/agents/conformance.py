@@ -66,13 +66,13 @@ def screen(size: Size, number: int = 0) -> UInt8Array:
 def ask(agent: RunningAgent, picture: UInt8Array, task: str = TASK) -> TextAnswer:
     """Ask an agent once; fail the check unless the answer is a text or a list of texts."""
     try:
-        said, actions = agent.predict(task, {"screenshot": picture})
+        words, actions = agent.predict(task, {"screenshot": picture})
     except AgentError as error:
         fail(_with_place(error))
     texts = [action for action in actions if isinstance(action, str)]
     if len(texts) < len(actions):
         fail(f"an action must be a text, got {actions!r:.200}")
-    return said, texts
+    return words, texts
 
 
 def check_made(trial: AgentTrial) -> Sequence[str]:
@@ -124,8 +124,8 @@ def check_repeats(trial: AgentTrial) -> Sequence[str]:
         _same(agent, answer, ask(agent, screen(SIZE)), "reset", "the object")
     else:
         notes = ("it has no reset, so each row of `hijack score` makes a new object",)
-    other = ask(trial.fresh(), screen(SIZE))
-    _same(agent, answer, other, "another object", "the class or the module")
+    other_answer = ask(trial.fresh(), screen(SIZE))
+    _same(agent, answer, other_answer, "another object", "the class or the module")
     if agent.traits.is_deterministic:
         return notes
     unsure = "it says that it does not repeat (deterministic = False), so this was not compared"
@@ -139,8 +139,8 @@ def check_sizes(trial: AgentTrial) -> Sequence[str]:
         for action in actions:
             for x, y in _points(action):
                 inside = 0 <= x < size[1] and 0 <= y < size[0]
-                where = f"({x}, {y}) is outside a picture of {size_text(size)}"
-                expect(inside, f"{where}: actions are in pixels of obs['screenshot']")
+                problem = f"({x}, {y}) is outside a picture of {size_text(size)}"
+                expect(inside, f"{problem}: actions are in pixels of obs['screenshot']")
     return ()
 
 
@@ -161,9 +161,9 @@ def check_batch(trial: AgentTrial) -> None:
         answers = trial.fresh().predict_batch([TASK] * 3, pictures)
     except AgentError as error:
         fail(_with_place(error))
-    for single, (said, actions) in zip(singles, answers, strict=True):
+    for single, (words, actions) in zip(singles, answers, strict=True):
         texts = [str(action) for action in actions]
-        _same(agent, single, (said, texts), "predict_batch", "the batch")
+        _same(agent, single, (words, texts), "predict_batch", "the batch")
 
 
 def check_onlooker(trial: AgentTrial) -> None:
@@ -209,25 +209,27 @@ def not_made(error: AgentError) -> Result:
 
 
 def _same(
-    agent: RunningAgent, before: TextAnswer, after: TextAnswer, after_what: str, where: str
+    agent: RunningAgent, before: TextAnswer, after: TextAnswer, after_what: str, keeper: str
 ) -> None:
     if agent.traits.is_deterministic and before[1] != after[1]:
-        why = f"it keeps something in {where}, or draws random numbers without a seed"
+        cause = f"it keeps something in {keeper}, or draws random numbers without a seed"
         remedy = "an agent whose model samples says deterministic = False"
-        fail(f"{after_what} gives {after[1]!r:.80}, not {before[1]!r:.80}: {why}; {remedy}")
+        fail(f"{after_what} gives {after[1]!r:.80}, not {before[1]!r:.80}: {cause}; {remedy}")
 
 
 def _points(action: str) -> Iterator[tuple[int, int]]:
     try:
         request = read_action(action)
-        found = parse_pyautogui(request.code, None) if request.kind == "code" else Action("wait")
+        action_read = (
+            parse_pyautogui(request.code, None) if request.kind == "code" else Action("wait")
+        )
     except HijackError:
         return
-    for point in (found.point, found.end):
+    for point in (action_read.point, action_read.end):
         if point is not None:
             yield point
 
 
 def _with_place(error: AgentError) -> str:
-    place = error.where[-1] if error.where else ""
+    place = error.frames[-1] if error.frames else ""
     return f"{error} ({os.path.basename(place)})" if place else str(error)

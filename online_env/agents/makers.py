@@ -58,7 +58,11 @@ class FileAgentMaker:
 
 
 def agent_file_maker(path_or_name: str) -> FileAgentMaker:
-    """Return the maker for an agent file; raises `ConfigError` for its mistakes."""
+    """Return the maker for an agent file.
+
+    Raises:
+        ConfigError: All mistakes of the file.
+    """
     return FileAgentMaker(read_agent(path_or_name))
 
 
@@ -70,19 +74,18 @@ def file_makers(entries: Iterable[Any]) -> list[FileAgentMaker]:
 def prompts_folder(path: Path) -> Path:
     """Check that a folder of prompts is not empty, and that each replaces a packaged one.
 
-    Raises `ConfigError` for mistakes in a prompt.
-
     Raises:
         AgentSetupError: there is no such folder, or a file does not have the name of a packaged
             prompt.
+        ConfigError: A prompt has mistakes.
     """
-    found = sorted(path.glob(f"*{prompts.SUFFIX}")) if path.is_dir() else []
-    known = prompts.names()
-    if not found:
+    files = sorted(path.glob(f"*{prompts.SUFFIX}")) if path.is_dir() else []
+    names = prompts.names()
+    if not files:
         raise AgentSetupError(f"--prompts {path}: no folder with prompts (*{prompts.SUFFIX})")
-    for file in found:
-        if file.stem not in known:
-            hint = suggest(file.stem, known)
+    for file in files:
+        if file.stem not in names:
+            hint = suggest(file.stem, names)
             raise AgentSetupError(f"--prompts {path}: {file.name} replaces no prompt of ours{hint}")
         prompts.read_prompt(file.stem, (path,))
     return path

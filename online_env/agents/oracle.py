@@ -23,11 +23,10 @@ from ..tasks.careful_hand import CarefulHand
 from ..tasks.hand import GiveUpError
 from .base import DONE, FAIL, Observation
 
-# S until the solution has its next action; it waits 20 s for elements that do not appear.
+# The time in which a solution must find its next action; it waits 20 s for a missing element.
 ACTION_TIMEOUT_S = 300.0
-SHUTDOWN_TIMEOUT_S = (
-    30.0  # s for a solution that looks for an element to notice that the episode is over
-)
+# The time in which a solution that looks for an element must notice that the episode is over.
+SHUTDOWN_TIMEOUT_S = 30.0
 
 
 class _StoppedError(DesktopError):
@@ -112,7 +111,7 @@ class Oracle:
         self._failure = ""
         self._defect: Exception | None = None
         self._gave_up = False
-        self._over = False
+        self._has_ended = False
 
     def reset(self) -> None:
         """End the solution of the last episode, if it still waits."""
@@ -126,7 +125,7 @@ class Oracle:
         self._failure = ""
         self._defect = None
         self._gave_up = False
-        self._over = False
+        self._has_ended = False
 
     def prepare(self, task: Task, machine: Machine) -> None:
         """Store the task to solve, and the machine to examine."""
@@ -145,9 +144,9 @@ class Oracle:
         """
         if self._desktop is None or self._task is None:
             raise DesktopError("the oracle has no task yet: call prepare after reset")
-        code = None if self._over else self._next(self._task, self._desktop)
+        code = None if self._has_ended else self._next(self._task, self._desktop)
         if code is None:
-            self._over = True
+            self._has_ended = True
             return self._last_words(self._task)
         height, width = obs["screenshot"].shape[:2]
         coords = CoordMap(observation=(height, width), screen=self._desktop.size)
@@ -221,20 +220,22 @@ class Recovering(Oracle):
 
         Raises:
             DesktopError: the last try failed, too.
+            GiveUpError: The task is infeasible.
+            DesktopTimeoutError: An element did not appear on the last try, too.
         """
         machine = self._machine
         if machine is None:
             raise DesktopError("the oracle has no task yet: call prepare after reset")
-        opened = task.initial_app(machine)
-        start = machine.command_line(*opened) if opened else ""
+        command = task.initial_app(machine)
+        start = machine.command_line(*command) if command else ""
         hand = CarefulHand(desktop, task.apps, start)
-        for left in reversed(range(self.TRIES)):
+        for tries_left in reversed(range(self.TRIES)):
             try:
                 task.oracle(hand)
             except GiveUpError:
                 raise
             except DesktopTimeoutError:
-                if not left:
+                if not tries_left:
                     raise
             if not task.infeasible and task.validate(machine).passed:
                 return

@@ -27,16 +27,16 @@ class DoNothing:
     MAX_WAITS = 5  # the paper's latest corruption comes at step 3
 
     def __init__(self) -> None:
-        self._waited = 0
+        self._waits = 0
 
     def reset(self) -> None:
         """A new episode."""
-        self._waited = 0
+        self._waits = 0
 
     def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:
         """Wait, and at last answer `DONE`."""
-        self._waited += 1
-        if self._waited > self.MAX_WAITS:
+        self._waits += 1
+        if self._waits > self.MAX_WAITS:
             return "That should do.", [DONE]
         return "Let us see what happens.", [WAIT]
 
@@ -48,9 +48,9 @@ def _problems(maker: Any, _: str) -> Iterator[str]:
         return
     if isinstance(maker, type) and not callable(getattr(maker, "predict", None)):
         yield "it has no predict(instruction, obs)"
-    needed = [name for name, value in _parameters(maker).items() if _is_needed(value)]
-    if needed:
-        yield f"it is made without arguments; give {', '.join(needed)} a default"
+    required = [name for name, value in _parameters(maker).items() if _is_needed(value)]
+    if required:
+        yield f"it is made without arguments; give {', '.join(required)} a default"
 
 
 def _parameters(maker: Any) -> dict[str, inspect.Parameter]:
@@ -110,8 +110,8 @@ class AgentRegistry(Registry[AgentMaker]):
         """Return the closest name, packaged agent files included."""
         from . import agent_files
 
-        known = [*self.entries, *agent_files.packaged()]
-        return suggest(name, known) + left_out(self.group)
+        names = [*self.entries, *agent_files.packaged()]
+        return suggest(name, names) + left_out(self.group)
 
 
 AGENTS = AgentRegistry(
@@ -142,10 +142,12 @@ def names() -> tuple[str, ...]:
 def make(name: str) -> Agent:
     """Return a new agent.
 
-    Raises `UnknownNameError` with the closest name, `PluginError` if the file, module or plug-in
-    cannot be loaded, and `ParameterError` if it does not hold an agent.
-
     Args:
         name: of an agent, `package.module:Class`, `path/to/file.py:Class`, or an agent file.
+
+    Raises:
+        UnknownNameError: There is no such agent; the message has the closest name.
+        PluginError: The file, module or plug-in cannot be loaded.
+        ParameterError: It does not hold an agent.
     """
     return AGENTS.get(AGENTS.find(name))()

@@ -34,9 +34,9 @@ class TokenPrices:
     input: float
     output: float
 
-    def cost(self, read: int, written: int) -> float:
+    def cost(self, input_tokens: int, output_tokens: int) -> float:
         """Return the price in USD of so many tokens."""
-        return (read * self.input + written * self.output) / MILLION
+        return (input_tokens * self.input + output_tokens * self.output) / MILLION
 
 
 @dataclass(frozen=True, kw_only=True)

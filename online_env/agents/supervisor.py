@@ -49,13 +49,13 @@ def main(control: int, pictures: int, memory: int) -> None:
     supervise(serve, memory, (control, pictures))
 
 
-def supervise(serve: Callable[[], None], memory: int, passed: Iterable[int] = ()) -> None:
+def supervise(serve: Callable[[], None], memory: int, descriptors: Iterable[int] = ()) -> None:
     """Run `serve` in a child process, and return once it and all its descendants have ended.
 
     Args:
         serve: what the agent's process runs.
         memory: bytes that it and its descendants may use together; 0 for no limit.
-        passed: descriptors that only the child keeps.
+        descriptors: descriptors that only the child keeps.
     """
     with contextlib.suppress(OSError, AttributeError):  # another system than Linux
         ctypes.CDLL(None, use_errno=True).prctl(_SUBREAPER, 1, 0, 0, 0)
@@ -70,7 +70,7 @@ def supervise(serve: Callable[[], None], memory: int, passed: Iterable[int] = ()
         _become_agent((wake, waker))
         serve()
         return
-    for number in passed:
+    for number in descriptors:
         os.close(number)
     _report({"pid": child})
     status, reason = _wait(child, wake, memory)
@@ -151,15 +151,15 @@ def _wait(child: int, wake: int, memory: int) -> tuple[int | None, str]:
 
 def _reap(child: int) -> int | None:
     """Collect ended processes; return the wait status of the agent's own, if it is among them."""
-    found: int | None = None
+    agent_status: int | None = None
     with contextlib.suppress(ChildProcessError):
         while True:
             pid, status = os.waitpid(-1, os.WNOHANG)
             if not pid:
                 break
             if pid == child:
-                found = status
-    return found
+                agent_status = status
+    return agent_status
 
 
 def memory_use(root: int) -> int:

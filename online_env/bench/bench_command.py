@@ -149,40 +149,44 @@ def bench(
     from .pools import open_pool
     from .workers import default_desktops
 
-    chosen = override(load_bench(config), agent, tasks, corruptions, seeds, osworld_files)
-    chosen = replace(chosen, in_process=in_process, agent_memory=agent_memory or 0.0)
-    check_agents(chosen)
+    benchmark = override(load_bench(config), agent, tasks, corruptions, seeds, osworld_files)
+    benchmark = replace(benchmark, in_process=in_process, agent_memory=agent_memory or 0.0)
+    check_agents(benchmark)
     models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
-    prepare(chosen.agents, models, None if dry_run else out)
-    listed = jobs(chosen)
+    prepare(benchmark.agents, models, None if dry_run else out)
+    planned_jobs = jobs(benchmark)
     if dry_run:
-        left = listed if out is None else _left(chosen, listed, out, resume)
-        if not left:
-            click.echo(f"{out}: all {len(listed)} episodes are there")
+        remaining = (
+            planned_jobs if out is None else _remaining_jobs(benchmark, planned_jobs, out, resume)
+        )
+        if not remaining:
+            click.echo(f"{out}: all {len(planned_jobs)} episodes are there")
             return
-        at_once = min(desktops or default_desktops(), len(left))
-        for job in left:
+        at_once = min(desktops or default_desktops(), len(remaining))
+        for job in remaining:
             click.echo(str(job))
-        expected = estimate(chosen, left, at_once, history_near(out))
-        click.echo(f"{_sizes(left, at_once)}, {expected}")
+        expected = estimate(benchmark, remaining, at_once, history_near(out))
+        click.echo(f"{_size_text(remaining, at_once)}, {expected}")
         return
     if out is None:
         raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
     if sign is not None:
         seal.check_key(sign)
-    _check_here(chosen, engine)
-    setup = _setup(chosen, out, models)
+    _check_here(benchmark, engine)
+    setup = _setup(benchmark, out, models)
     with (
-        open_pool(engine, setup, len(listed), desktops, ray_address) as pool,
-        _begun(chosen, listed, out, resume, pool.desktops),
+        open_pool(engine, setup, len(planned_jobs), desktops, ray_address) as pool,
+        _begin_run(benchmark, planned_jobs, out, resume, pool.desktops),
     ):
-        code = _run(chosen, listed, out, pool, models)
+        code = _run(benchmark, planned_jobs, out, pool, models)
     if sign is not None:
         seal.sign(out, sign)
     raise SystemExit(code)
 
 
-def _left(chosen: "Bench", listed: "Sequence[Job]", out: Path, resume: bool) -> "Sequence[Job]":
+def _remaining_jobs(
+    benchmark: "Bench", planned_jobs: "Sequence[Job]", out: Path, resume: bool
+) -> "Sequence[Job]":
     """Return what a run in a folder would still play.
 
     Raises:
@@ -190,78 +194,88 @@ def _left(chosen: "Bench", listed: "Sequence[Job]", out: Path, resume: bool) -> 
     """
     from .jobs import attempts
 
-    ids = [job.id for job in listed]
-    if not records.check_folder(out, chosen.to_data(), ids, goes_on=resume):
-        return listed
-    return _due(chosen, attempts(listed, records.read(out).records))
+    ids = [job.id for job in planned_jobs]
+    if not records.check_folder(out, benchmark.to_data(), ids, goes_on=resume):
+        return planned_jobs
+    return _due_jobs(benchmark, attempts(planned_jobs, records.read(out).records))
 
 
-def _due(chosen: "Bench", earlier: "Mapping[Job, Sequence[records.ResultRecord]]") -> "list[Job]":
+def _due_jobs(
+    benchmark: "Bench", earlier: "Mapping[Job, Sequence[records.ResultRecord]]"
+) -> "list[Job]":
     """Return the jobs that need another attempt, given the earlier ones of each."""
     from .runner import needs_attempt
 
-    return [job for job, made in earlier.items() if needs_attempt(made, chosen.retries)]
+    return [
+        job
+        for job, attempt_records in earlier.items()
+        if needs_attempt(attempt_records, benchmark.retries)
+    ]
 
 
-def _begun(
-    chosen: "Bench", listed: "Sequence[Job]", out: Path, resume: bool, desktops: int
+def _begin_run(
+    benchmark: "Bench", planned_jobs: "Sequence[Job]", out: Path, resume: bool, desktops: int
 ) -> Lock:
     return records.begin(
         out,
-        chosen.to_data(),
-        [job.id for job in listed],
+        benchmark.to_data(),
+        [job.id for job in planned_jobs],
         goes_on=resume,
         notice=lambda text: click.echo(printable(f"hijack: {text}"), err=True),
         desktops=desktops,
     )
 
 
-def _sizes(listed: "Sequence[Job]", desktops: int) -> str:
+def _size_text(listed: "Sequence[Job]", desktops: int) -> str:
     """Return how many episodes are played on how many desktops."""
     return f"{counted(len(listed), 'episode')} on {counted(desktops, 'desktop')}"
 
 
 def _run(
-    chosen: "Bench", listed: "Sequence[Job]", out: Path, pool: "EpisodePool", models: "ModelOptions"
+    benchmark: "Bench",
+    planned_jobs: "Sequence[Job]",
+    out: Path,
+    pool: "EpisodePool",
+    models: "ModelOptions",
 ) -> int:
     from .estimates import estimate, history_near
     from .jobs import attempts
 
-    earlier = attempts(listed, records.read(out).records)
-    left = _due(chosen, earlier)
+    earlier = attempts(planned_jobs, records.read(out).records)
+    remaining = _due_jobs(benchmark, earlier)
     screen = console()
     expected = ""
-    if left:
-        expected = f", {estimate(chosen, left, pool.desktops, history_near(out))}"
+    if remaining:
+        expected = f", {estimate(benchmark, remaining, pool.desktops, history_near(out))}"
     screen.print(
-        f"{_sizes(left, pool.desktops)}{expected}; recovery policy: {chosen.recovery}",
+        f"{_size_text(remaining, pool.desktops)}{expected}; recovery policy: {benchmark.recovery}",
         soft_wrap=True,
     )
-    if left:
+    if remaining:
         try:
-            _play(chosen, listed, out, earlier, pool, models)
+            _play(benchmark, planned_jobs, out, earlier, pool, models)
         except CostLimitError as error:
             click.echo(printable(f"hijack: {error}"), err=True)
         except KeyboardInterrupt:
-            _tell_what_is_kept(out)
+            _print_records_kept(out)
             raise click.Abort from None
         except StorageError:
-            _tell_what_is_kept(out)
+            _print_records_kept(out)
             raise
     run = records.read(out)
     show(run)
     return exit_code(run)
 
 
-def _tell_what_is_kept(out: Path) -> None:
-    done = len(records.read(out).records)
-    kept = f"the {done} episodes that ended are kept: hijack report {out}"
-    click.echo(f"\n{kept}; --resume goes on", err=True)
+def _print_records_kept(out: Path) -> None:
+    count = len(records.read(out).records)
+    message = f"the {count} episodes that ended are kept: hijack report {out}"
+    click.echo(f"\n{message}; --resume goes on", err=True)
 
 
 def _play(
-    chosen: "Bench",
-    listed: "Sequence[Job]",
+    benchmark: "Bench",
+    planned_jobs: "Sequence[Job]",
     out: Path,
     earlier: "Mapping[Job, Sequence[records.ResultRecord]]",
     pool: "EpisodePool",
@@ -270,17 +284,17 @@ def _play(
     from .runner import needs_attempt, run_jobs
     from .workers import LocalPool
 
-    done = sum(not needs_attempt(earlier[job], chosen.retries) for job in listed)
-    teller = ProgressDisplay(listed, console(), done)
+    finished = sum(not needs_attempt(earlier[job], benchmark.retries) for job in planned_jobs)
+    display = ProgressDisplay(planned_jobs, console(), finished)
     budget = _budget(out, models.max_cost)
 
     def run(episodes: "Callable[[Job, int], records.ResultRecord]", stop: Any = None) -> None:
         run_jobs(
-            listed,
+            planned_jobs,
             out,
-            chosen.retries,
+            benchmark.retries,
             episodes,
-            teller,
+            display,
             earlier,
             at_once=pool.max_episodes,
             stop=stop or (lambda: None),
@@ -288,9 +302,9 @@ def _play(
             place=pool.place,
         )
 
-    with teller:
+    with display:
         if isinstance(pool, LocalPool) and pool.max_episodes == 1:
-            with _here(chosen, out) as episodes:
+            with _local_episodes(benchmark, out) as episodes:
                 run(episodes)
         else:
             run(pool, pool.stop)
@@ -304,7 +318,7 @@ def _budget(out: Path, limit: float | None) -> costs.Budget | None:
     return costs.Budget(limit, records.read(out).records)
 
 
-def _check_here(chosen: "Bench", engine: str) -> None:
+def _check_here(benchmark: "Bench", engine: str) -> None:
     """Check that the run's tasks can be played on this machine; nodes of Ray check themselves.
 
     Raises:
@@ -314,33 +328,35 @@ def _check_here(chosen: "Bench", engine: str) -> None:
     from .pools import LOCAL
     from .providers import EMBEDDED, check_installed
 
-    listed = of_osworld(chosen.tasks)
-    if not listed:
+    osworld_tasks = of_osworld(benchmark.tasks)
+    if not osworld_tasks:
         if engine == LOCAL:
-            check_installed(chosen.provider, chosen.tasks)
+            check_installed(benchmark.provider, benchmark.tasks)
         return
-    if engine != LOCAL or chosen.provider != EMBEDDED:
+    if engine != LOCAL or benchmark.provider != EMBEDDED:
         raise ParameterError(
             "OSWorld's tasks are played on the embedded desktops of this machine; leave out"
-            f" {'--engine ' + engine if engine != LOCAL else 'provider: ' + chosen.provider}"
+            f" {'--engine ' + engine if engine != LOCAL else 'provider: ' + benchmark.provider}"
         )
-    check_runnable(listed, Path(chosen.osworld_files) if chosen.osworld_files else None)
+    check_runnable(
+        osworld_tasks, Path(benchmark.osworld_files) if benchmark.osworld_files else None
+    )
 
 
 @contextlib.contextmanager
-def _here(chosen: "Bench", out: Path) -> "Iterator[LiveEpisodes]":
+def _local_episodes(benchmark: "Bench", out: Path) -> "Iterator[LiveEpisodes]":
     """Play episodes from this process; with `--in-process` a debugger can follow the agent."""
     from .episodes import LiveEpisodes
     from .workers import open_stage
 
-    with open_stage(chosen, out) as stage, LiveEpisodes(chosen, out, stage) as episodes:
+    with open_stage(benchmark, out) as stage, LiveEpisodes(benchmark, out, stage) as episodes:
         yield episodes
 
 
-def _setup(chosen: "Bench", out: Path, models: "ModelOptions") -> "WorkerSetup":
+def _setup(benchmark: "Bench", out: Path, models: "ModelOptions") -> "WorkerSetup":
     """Return the settings that another process needs to play episodes."""
     from .workers import WorkerSetup, references
 
     return WorkerSetup(
-        bench=chosen, folder=out.resolve(), references=references(chosen), models=models
+        bench=benchmark, folder=out.resolve(), references=references(benchmark), models=models
     )

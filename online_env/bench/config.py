@@ -141,10 +141,12 @@ class Bench:
 
     def _corruptions(self) -> list[Any]:
         clean = [CLEAN] if CLEAN in self.planners else []
-        named = {label: planner for label, planner in self.planners.items() if planner is not None}
-        if not named:
+        planners = {
+            label: planner for label, planner in self.planners.items() if planner is not None
+        }
+        if not planners:
             return clean
-        entries = yaml.safe_load(dump(named))
+        entries = yaml.safe_load(dump(planners))
         return [*clean, *entries["corruptions"]]
 
     def _code(self) -> Iterator[tuple[str, dict[str, str]]]:
@@ -156,12 +158,12 @@ class Bench:
 
     def foreign(self) -> Iterator[tuple[AnyRegistry, str, Any]]:
         """Yield registry, name and class of agents, tasks and provider from outside the library."""
-        used: tuple[tuple[AnyRegistry, tuple[str, ...]], ...] = (
+        registries: tuple[tuple[AnyRegistry, tuple[str, ...]], ...] = (
             (AGENTS, self.agents),
             (TASKS, self.tasks),
             (PROVIDERS, (self.provider,)),
         )
-        for registry, names in used:
+        for registry, names in registries:
             for name in names:
                 entry = registry.entries.get(name)
                 if entry is None:
@@ -192,15 +194,16 @@ def all_planners() -> Planners:
 def load_bench(path_or_name: str | os.PathLike[str]) -> Bench:
     """Read a benchmark from a path or by the bare name of a packaged one (`"embedded_small"`).
 
-    Raises `ConfigError` with all mistakes of the file, each as `file:line:column: message`.
+    Raises:
+        ConfigError: All mistakes of the file, each as `file:line:column: message`.
     """
     problems = Problems()
     name, data = read_config(path_or_name)
     tree = read_yaml(data, name, problems)
     if not isinstance(tree, MappingNode):
         start = Position(name, 1, 1)
-        what = "the file is empty" if tree is None else f"got {kind_of(tree)}"
-        problems.stop(start, f"a benchmark is a mapping such as tasks: [write_note], {what}")
+        content = "the file is empty" if tree is None else f"got {kind_of(tree)}"
+        problems.stop(start, f"a benchmark is a mapping such as tasks: [write_note], {content}")
     bench = _Reader(problems).read(tree, name)
     problems.check()
     return bench
@@ -216,9 +219,6 @@ def override(
 ) -> Bench:
     """Return the benchmark with the values of the command line.
 
-    Raises `UnknownNameError` with the closest name, `ParameterError` for an empty list or a
-    repeated name, and `PluginError` for a file, module or plug-in that cannot be loaded.
-
     Args:
         bench: the benchmark of the file.
         agent: names, `package.module:Class` or `file.py:Class`, separated by commas, or `all`.
@@ -226,15 +226,20 @@ def override(
         corruption: labels and names of corruptions, or `all`.
         seeds: the number of seeds, which begin at 0.
         osworld_files: OSWorld's file cache.
+
+    Raises:
+        UnknownNameError: There is no such name; the message has the closest one.
+        ParameterError: A list is empty, or names something twice.
+        PluginError: A file, module or plug-in cannot be loaded.
     """
     if osworld_files is not None:
         bench = replace(bench, osworld_files=osworld_files)
     if agent is not None:
-        bench = replace(bench, agents=_registered("--agent", agent, AGENTS))
+        bench = replace(bench, agents=_registered_names("--agent", agent, AGENTS))
     if task is not None:
         is_set = task.strip() in task_sets.set_names()
-        chosen = task_sets.members(task.strip()) if is_set else _tasks_named(task)
-        bench = replace(bench, tasks=chosen)
+        names = task_sets.members(task.strip()) if is_set else _task_names(task)
+        bench = replace(bench, tasks=names)
     if corruption is not None:
         bench = replace(bench, corruptions=_planners(bench, corruption))
     if seeds is not None:
@@ -246,22 +251,23 @@ def _planners(bench: Bench, text: str) -> Planners:
     """Return the corruptions that a text lists: labels of the file, names, or `all`."""
     if text.strip() == ALL:
         return all_planners()
-    known = {**all_planners(), **bench.planners}
-    for name in _split(text):
-        if name not in known:
+    planners = {**all_planners(), **bench.planners}
+    for name in _split_names(text):
+        if name not in planners:
             check_not_broken(name)
-    return {label: known[label] for label in _chosen("--corruptions", text, known)}
+    return {label: planners[label] for label in _check_names("--corruptions", text, planners)}
 
 
-def _registered(option: str, text: str, registry: AnyRegistry) -> tuple[str, ...]:
+def _registered_names(option: str, text: str, registry: AnyRegistry) -> tuple[str, ...]:
     """Return names, after loading any `file.py:Class` and `module:Class`.
 
     Raises:
         HijackError: a name does not exist, or cannot be loaded.
+        ConfigError: An agent file or a task file has mistakes.
     """
     registry.load()  # plug-ins are loaded first, so broken ones are known
     names: list[str] = []
-    for name in _split(text):
+    for name in _split_names(text):
         try:
             names.append(registry.find(name) if registry.is_reference(name) else name)
             registry.check_not_broken(name)
@@ -269,15 +275,15 @@ def _registered(option: str, text: str, registry: AnyRegistry) -> tuple[str, ...
             raise  # the error names the file and all its mistakes
         except HijackError as error:
             raise type(error)(f"{option}: {error}") from error
-    return _chosen(option, ",".join(names), registry.names(), registry.hint)
+    return _check_names(option, ",".join(names), registry.names(), registry.hint)
 
 
-def _tasks_named(text: str) -> tuple[str, ...]:
+def _task_names(text: str) -> tuple[str, ...]:
     """Return the tasks that a text lists; a folder stands for the tasks of OSWorld in it."""
     listed: list[str] = []
-    for name in _split(text):
+    for name in _split_names(text):
         listed += _files_in(name) if _is_folder(name) else [name]
-    return _registered("--tasks", ",".join(listed), TASKS)
+    return _registered_names("--tasks", ",".join(listed), TASKS)
 
 
 def _is_folder(name: object) -> bool:
@@ -294,11 +300,11 @@ def _files_in(folder: str) -> list[str]:
     return files_in(folder)
 
 
-def _split(text: str) -> list[str]:
+def _split_names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",")]
 
 
-def _chosen(
+def _check_names(
     option: str, text: str, known: Iterable[str], hint: Callable[[str], str] | None = None
 ) -> tuple[str, ...]:
     """Return the names that a text lists.
@@ -307,17 +313,17 @@ def _chosen(
         UnknownNameError: one of them is not known.
         ParameterError: one of them is given twice.
     """
-    known = tuple(known)
+    available = tuple(known)
     if text.strip() == ALL:
-        return known
-    wanted = tuple(_split(text))
-    for name in wanted:
-        if name not in known:
-            advice = suggest(name, known) if hint is None else hint(name)
+        return available
+    names = tuple(_split_names(text))
+    for name in names:
+        if name not in available:
+            advice = suggest(name, available) if hint is None else hint(name)
             raise UnknownNameError(f"{option}: no {name!r}{advice}")
-        if wanted.count(name) > 1:
+        if names.count(name) > 1:
             raise ParameterError(f"{option} names {name!r} twice: {text!r}; remove one")
-    return wanted
+    return names
 
 
 class _Reader:
@@ -331,15 +337,15 @@ class _Reader:
             if key not in KEYS:
                 hint = suggest(key, KEYS)
                 self._problems.add(place, f"unknown key {key!r}{hint}")
-        found: dict[str, Any] = {"tasks": tuple(TASKS.names())}
+        values: dict[str, Any] = {"tasks": tuple(TASKS.names())}
         for key, item in tree.items.items():
             if key == "desktop":
-                found.update(self._desktop(item))
+                values.update(self._desktop(item))
                 continue
             value = self._value(key, item)
             if value is not None:
-                found[key] = value
-        return Bench(source=source, **found)
+                values[key] = value
+        return Bench(source=source, **values)
 
     def _value(self, key: str, tree: ConfigNode) -> Any:
         """Return the value of one key; `None` for an unknown one, or one with a mistake in it."""
@@ -359,13 +365,13 @@ class _Reader:
             return check(self._problems, NUMBERS[key], key, tree)
         return None
 
-    def _text(self, where: str, tree: ConfigNode) -> str | None:
+    def _text(self, key: str, tree: ConfigNode) -> str | None:
         if isinstance(tree, ScalarNode) and isinstance(tree.value, str):
             return tree.value
-        return self._problems.add(tree.place, f"{where} must be a text, got {kind_of(tree)}")
+        return self._problems.add(tree.place, f"{key} must be a text, got {kind_of(tree)}")
 
-    def _seed(self, where: str, tree: ConfigNode) -> Any:
-        return check(self._problems, SEED, where, tree)
+    def _seed(self, key: str, tree: ConfigNode) -> Any:
+        return check(self._problems, SEED, key, tree)
 
     def _desktop(self, tree: ConfigNode) -> dict[str, Any]:
         """Return the given ones of `provider` and `size`."""
@@ -379,12 +385,12 @@ class _Reader:
             if key not in DESKTOP_KEYS:
                 hint = suggest(key, DESKTOP_KEYS)
                 self._problems.add(place, f"desktop has no key {key!r}{hint}")
-        found: dict[str, Any] = {}
+        values: dict[str, Any] = {}
         if "provider" in tree.items:
-            found["provider"] = self._name("desktop.provider", tree.items["provider"], PROVIDERS)
+            values["provider"] = self._name("desktop.provider", tree.items["provider"], PROVIDERS)
         if "size" in tree.items:
-            found["size"] = self._size(tree.items["size"], example)
-        return {key: value for key, value in found.items() if value is not None}
+            values["size"] = self._size(tree.items["size"], example)
+        return {key: value for key, value in values.items() if value is not None}
 
     def _size(self, tree: ConfigNode, example: str) -> Size | None:
         if not isinstance(tree, SequenceNode) or len(tree.items) != 2:
@@ -398,15 +404,15 @@ class _Reader:
         return height, width
 
     def _names(self, key: str, tree: ConfigNode, registry: AnyRegistry) -> tuple[str, ...] | None:
-        known = tuple(registry.names())
+        names = tuple(registry.names())
         if isinstance(tree, ScalarNode) and tree.value == ALL:
-            return known
+            return names
 
-        def one(where: str, item: ConfigNode) -> str | None:
+        def read_name(where: str, item: ConfigNode) -> str | None:
             return self._name(where, item, registry)
 
-        example = f"[{known[0]}]"
-        return self._list(key, tree, example, one)
+        example = f"[{names[0]}]"
+        return self._list(key, tree, example, read_name)
 
     def _tasks(self, key: str, tree: ConfigNode) -> tuple[str, ...] | None:
         """Return the tasks of a named set, of a folder of OSWorld's, or of a list."""
@@ -419,10 +425,10 @@ class _Reader:
                 return self._problems.add(tree.place, f"{key}: {error}")
         return self._names(key, tree, TASKS)
 
-    def _name(self, where: str, tree: ConfigNode, registry: AnyRegistry) -> str | None:
+    def _name(self, key: str, tree: ConfigNode, registry: AnyRegistry) -> str | None:
         """Return a name, after loading it if it is `file.py:Class` or `module:Class`."""
         text = tree.value if isinstance(tree, ScalarNode) else None
-        known = Parameter("choice", "", choices=tuple(registry.names()))
+        choice = Parameter("choice", "", choices=tuple(registry.names()))
         if isinstance(text, str):
             try:
                 if registry.is_reference(text):
@@ -430,23 +436,23 @@ class _Reader:
                 registry.check_not_broken(text)
             except ConfigError as error:
                 for problem in error.problems:
-                    self._problems.add(tree.place, f"{where}: {problem}")
+                    self._problems.add(tree.place, f"{key}: {problem}")
                 return None
             except HijackError as error:
-                return self._problems.add(tree.place, f"{where}: {error}")
-        return check(self._problems, known, where, tree)
+                return self._problems.add(tree.place, f"{key}: {error}")
+        return check(self._problems, choice, key, tree)
 
     def _list(
-        self, key: str, tree: ConfigNode, example: str, one: Callable[[str, ConfigNode], Any]
+        self, key: str, tree: ConfigNode, example: str, read_item: Callable[[str, ConfigNode], Any]
     ) -> tuple[Any, ...] | None:
         if not isinstance(tree, SequenceNode) or not tree.items:
-            found = "an empty one" if isinstance(tree, SequenceNode) else kind_of(tree)
+            content = "an empty one" if isinstance(tree, SequenceNode) else kind_of(tree)
             return self._problems.add(
-                tree.place, f"{key} must be a list, got {found}; write {key}: {example}"
+                tree.place, f"{key} must be a list, got {content}; write {key}: {example}"
             )
         values: list[Any] = []
         for index, item in enumerate(tree.items):
-            value = one(f"{key}[{index}]", item)
+            value = read_item(f"{key}[{index}]", item)
             if value is not None and value in values:
                 self._problems.add(item.place, f"{key} names {value!r} twice; remove one")
             values.append(value)
@@ -457,15 +463,15 @@ class _Reader:
         if isinstance(tree, ScalarNode) and tree.value == ALL:
             return all_planners()
         if not isinstance(tree, SequenceNode):
-            return self._built(tree)
-        others = [item for item in tree.items if not _is_clean(item)]
-        if len(others) == len(tree.items):
-            return self._built(tree)
-        if not others:
+            return self._build_planners(tree)
+        corrupted = [item for item in tree.items if not _is_clean(item)]
+        if len(corrupted) == len(tree.items):
+            return self._build_planners(tree)
+        if not corrupted:
             return {CLEAN: None}
-        return {CLEAN: None, **self._built(SequenceNode(tree.place, others))}
+        return {CLEAN: None, **self._build_planners(SequenceNode(tree.place, corrupted))}
 
-    def _built(self, tree: ConfigNode) -> Planners:
+    def _build_planners(self, tree: ConfigNode) -> Planners:
         return cast("Planners", Builder(self._problems).build(tree))
 
 

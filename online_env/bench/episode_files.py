@@ -14,7 +14,7 @@ from hijack_data.runs.run_log import EPISODE, EPISODES
 from ..agents.chat.request_log import FOLDER as REQUESTS
 from ..errors import ClusterError
 
-_SENT = (EPISODES, REQUESTS)
+_SENT_FOLDERS = (EPISODES, REQUESTS)
 
 
 def take_files(folder: Path) -> Iterator[tuple[str, bytes]]:
@@ -23,10 +23,12 @@ def take_files(folder: Path) -> Iterator[tuple[str, bytes]]:
     Args:
         folder: A folder with only this episode; it is empty afterwards.
     """
-    paths = [path for name in _SENT for path in (folder / name).rglob("*") if path.is_file()]
+    paths = [
+        path for name in _SENT_FOLDERS for path in (folder / name).rglob("*") if path.is_file()
+    ]
     for path in sorted(paths, key=_rank):
         yield path.relative_to(folder).as_posix(), path.read_bytes()
-    for name in _SENT:
+    for name in _SENT_FOLDERS:
         shutil.rmtree(folder / name, ignore_errors=True)
 
 
@@ -43,7 +45,7 @@ class ReceivedEpisode:
 
     def __init__(self, run: Path) -> None:
         self._run = run
-        self._made: list[Path] = []  # files and folders written for this episode
+        self._written_paths: list[Path] = []  # files and folders written for this episode
 
     def put(self, name: str, content: bytes) -> None:
         """Write a file; the folder of the episode is emptied before its first one.
@@ -58,7 +60,7 @@ class ReceivedEpisode:
             unwritable: The file cannot be written.
         """
         place = PurePosixPath(name)
-        is_inside = len(place.parts) > 1 and place.parts[0] in _SENT
+        is_inside = len(place.parts) > 1 and place.parts[0] in _SENT_FOLDERS
         if not is_inside or ".." in place.parts:
             raise ClusterError(f"a node sent the file {name!r}, which is none of an episode")
         path = self._run / place
@@ -73,19 +75,19 @@ class ReceivedEpisode:
 
     def undo(self) -> None:
         """Remove the files that have arrived."""
-        for path in self._made:
+        for path in self._written_paths:
             if path.is_dir():
                 shutil.rmtree(path, ignore_errors=True)
             else:
                 path.unlink(missing_ok=True)
 
     def _make_room(self, path: Path, place: PurePosixPath) -> None:
-        own = self._run / PurePosixPath(*place.parts[:2])
-        if own not in self._made:
-            if (own / EPISODE).exists():
-                raise ClusterError(f"{own}: holds an episode already; go on with --resume")
-            shutil.rmtree(own, ignore_errors=True)  # remains of an interrupted episode
-            self._made.append(own)
+        folder = self._run / PurePosixPath(*place.parts[:2])
+        if folder not in self._written_paths:
+            if (folder / EPISODE).exists():
+                raise ClusterError(f"{folder}: holds an episode already; go on with --resume")
+            shutil.rmtree(folder, ignore_errors=True)  # remains of an interrupted episode
+            self._written_paths.append(folder)
         # Private, as `EpisodeLog` makes it.
         (self._run / EPISODES).mkdir(mode=0o700, exist_ok=True)
         path.parent.mkdir(parents=True, exist_ok=True)

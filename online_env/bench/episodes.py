@@ -106,7 +106,8 @@ class LiveEpisodes:
     def __call__(self, job: Job, attempt: int) -> ResultRecord:
         """Run a job.
 
-        Raises `MissingCapabilityError` if the desktop cannot have the corruption at all.
+        Raises:
+            MissingCapabilityError: The desktop cannot have the corruption at all.
         """
         bench = self._bench
         begin(job.agent, episode_slug(*job.key[1:3], job.seed, job.agent, attempt))
@@ -116,24 +117,31 @@ class LiveEpisodes:
         env = CorruptedEnv(self._stage, settings=settings)
         planner = bench.planners[job.corruption]
         start = time.monotonic()
-        foreign = is_user_code(AGENTS.get(job.agent))
-        given = ("process",) if foreign and bench.in_process else ()
+        is_foreign = is_user_code(AGENTS.get(job.agent))
+        inputs = ("process",) if is_foreign and bench.in_process else ()
         try:
-            agent = self._made(job.agent, foreign and not bench.in_process)
+            agent = self._make_agent(job.agent, is_foreign and not bench.in_process)
         except AgentError as error:
             problem = f"the agent cannot be made: {error}"
-            made = lost_record(job, attempt, problem, start=start)
-            return {**made, "cause": "agent", "traceback": list(error.where), GIVEN: list(given)}
+            record = lost_record(job, attempt, problem, start=start)
+            return {
+                **record,
+                "cause": "agent",
+                "traceback": list(error.frames),
+                GIVEN: list(inputs),
+            }
         try:
             limit = bench.episode_timeout
-            told = self._plan
-            return _played(env, agent, job, attempt, planner, self._show, limit, told, given)
+            read_plan = self._read_plan
+            return _play_episode(
+                env, agent, job, attempt, planner, self._pass_task, limit, read_plan, inputs
+            )
         finally:
-            _called(agent.reset)
+            _call_agent(agent.reset)
             if isinstance(agent, AgentThread):
                 agent.close()
 
-    def _made(self, name: str, own_process: bool) -> RunningAgent:
+    def _make_agent(self, name: str, own_process: bool) -> RunningAgent:
         """Return an agent with a new object: in its process, or in a thread of this one.
 
         Raises:
@@ -151,11 +159,11 @@ class LiveEpisodes:
         process.make()
         return process
 
-    def _show(self, agent: Agent, job: Job) -> None:
+    def _pass_task(self, agent: Agent, job: Job) -> None:
         """Pass the task and the desktop to a privileged agent."""
         cast("Privileged", agent).prepare(self._stage.task, self._stage.machine)
 
-    def _plan(self) -> Sequence[str]:
+    def _read_plan(self) -> Sequence[str]:
         """Return the plan in words of the current task."""
         return tuple(self._stage.task.plan())
 
@@ -174,7 +182,6 @@ def play(
     thread of its own, and the record says so unless it is the library's. If the agent raises, or
     the desktop fails after the agent's first action, the status of the record is `error`, and
     `cause` names who failed; if the desktop fails earlier, the status is `invalid`.
-    Errors by which `CorruptedEnv.reset` refuses the episode are passed on.
 
     Args:
         env: The environment.
@@ -184,13 +191,18 @@ def play(
         planner: The corruption; `None` for a clean episode.
         show: Called once the task is set up, with a privileged agent and the job, to give the agent
             its task and desktop.
+
+    Raises:
+        MissingCapabilityError: The desktop lacks a capability that the corruption needs.
     """
-    given = () if is_ours(type(agent)) else ("process",)
-    with AgentThread(lambda: agent) as apart:
-        return _played(env, apart, job, attempt, planner, show, given=given)
+    privileged_inputs = () if is_ours(type(agent)) else ("process",)
+    with AgentThread(lambda: agent) as thread:
+        return _play_episode(
+            env, thread, job, attempt, planner, show, privileged_inputs=privileged_inputs
+        )
 
 
-def _played(
+def _play_episode(
     env: EpisodeEnv,
     agent: RunningAgent,
     job: Job,
@@ -198,12 +210,12 @@ def _played(
     planner: Planner | None,
     show: Callable[[Agent, Job], object] | None,
     limit: float = math.inf,
-    told: Callable[[], Sequence[str]] | None = None,
-    given: Sequence[str] = (),
+    read_plan: Callable[[], Sequence[str]] | None = None,
+    privileged_inputs: Sequence[str] = (),
 ) -> ResultRecord:
     start = time.monotonic()
     options = {"task": job.task, "corruption": planner, "label": job.corruption, "attempt": attempt}
-    failed = _called(agent.reset)
+    error_raised = _call_agent(agent.reset)
     try:
         obs, _ = env.reset(seed=job.seed, options=options)
     except DesktopError as error:
@@ -212,26 +224,26 @@ def _played(
             # configuration needs.
             raise
         problem = f"{type(error).__name__}: {error}"
-        return _never_begun(env.record, _not_begun(job, attempt, problem, start))
-    kinds = list(given)
-    if show is not None and failed is None:
-        failed = _called(_prepare, agent, show, job, kinds)
-    if told is not None and failed is None:
-        failed = _called(_tell, agent, told, kinds)
+        return _failed_start_record(env.record, _blank_record(job, attempt, problem, start))
+    kinds = list(privileged_inputs)
+    if show is not None and error_raised is None:
+        error_raised = _call_agent(_prepare, agent, show, job, kinds)
+    if read_plan is not None and error_raised is None:
+        error_raised = _call_agent(_pass_plan, agent, read_plan, kinds)
     env.declare_privileged_inputs(kinds)
-    if failed is not None:
-        _blame(env, failed)
+    if error_raised is not None:
+        _end_as_failure(env, error_raised)
     while (record := env.record) is None:
-        obs = _turn(env, agent, obs)
+        obs = _take_turn(env, agent, obs)
         if env.record is None and time.monotonic() - start > limit:
             env.abandon(f"the episode took longer than {limit:g} s")
     return record
 
 
 def _prepare(
-    agent: RunningAgent, show: Callable[[Agent, Job], object], job: Job, given: list[str]
+    agent: RunningAgent, show: Callable[[Agent, Job], object], job: Job, kinds: list[str]
 ) -> None:
-    """Pass the task and the machine to a privileged agent, and note it in `given`.
+    """Pass the task and the machine to a privileged agent, and note it in `kinds`.
 
     Raises:
         AgentError: The agent has a process of its own, which neither can be sent to.
@@ -240,34 +252,36 @@ def _prepare(
         return
     if not isinstance(agent, AgentThread):
         raise AgentError(NEEDS_TASK)
-    given.append("task")
+    kinds.append("task")
     agent.call(show, agent.agent, job)
 
 
-def _tell(agent: RunningAgent, told: Callable[[], Sequence[str]], given: list[str]) -> None:
+def _pass_plan(
+    agent: RunningAgent, read_plan: Callable[[], Sequence[str]], kinds: list[str]
+) -> None:
     """Pass the plan of the task to an agent that follows plans: as plain words and nothing else.
 
-    The plan is noted in `given`.
+    The plan is noted in `kinds`.
     """
     if not agent.traits.uses_plan:
         return
-    given.append("plan")
-    agent.follow(told())
+    kinds.append("plan")
+    agent.follow(read_plan())
 
 
-def _turn(env: EpisodeEnv, agent: RunningAgent, obs: dict[str, Any]) -> dict[str, Any]:
+def _take_turn(env: EpisodeEnv, agent: RunningAgent, obs: dict[str, Any]) -> dict[str, Any]:
     """Ask the agent once and take its actions until the episode is over.
 
     Returns the last observation.
     """
     try:
-        said, actions = agent.predict(obs["instruction"], {"screenshot": obs["screenshot"]})
+        text, actions = agent.predict(obs["instruction"], {"screenshot": obs["screenshot"]})
     except AgentError as error:
-        _account(env, agent)
-        _blame(env, error)
+        _store_usage(env, agent)
+        _end_as_failure(env, error)
         return obs
-    _account(env, agent)
-    env.record_message(said)
+    _store_usage(env, agent)
+    env.record_message(text)
     # An empty list of actions counts as a malformed action: otherwise an agent could stall forever.
     for action in actions or [""]:
         if env.record is None:
@@ -275,7 +289,7 @@ def _turn(env: EpisodeEnv, agent: RunningAgent, obs: dict[str, Any]) -> dict[str
     return obs
 
 
-def _account(env: EpisodeEnv, agent: RunningAgent) -> None:
+def _store_usage(env: EpisodeEnv, agent: RunningAgent) -> None:
     """Store the usage that the agent reports in the record.
 
     If its process has ended, what it reported last stays.
@@ -290,7 +304,7 @@ def _account(env: EpisodeEnv, agent: RunningAgent) -> None:
         env.record_usage(usage)
 
 
-def _called(function: Callable[..., object], *values: object) -> AgentError | None:
+def _call_agent(function: Callable[..., object], *values: object) -> AgentError | None:
     """Call a function of the agent; return the error that it raised, if any."""
     try:
         function(*values)
@@ -299,8 +313,8 @@ def _called(function: Callable[..., object], *values: object) -> AgentError | No
     return None
 
 
-def _blame(env: EpisodeEnv, error: AgentError) -> None:
-    env.abandon(f"the agent raised {error}"[:MAX_PROBLEM_CHARS], error.where)
+def _end_as_failure(env: EpisodeEnv, error: AgentError) -> None:
+    env.abandon(f"the agent raised {error}"[:MAX_PROBLEM_CHARS], error.frames)
 
 
 def lost_record(job: Job, attempt: int, problem: str, *, start: float) -> ResultRecord:
@@ -312,10 +326,10 @@ def lost_record(job: Job, attempt: int, problem: str, *, start: float) -> Result
         problem: Why the episode left no record.
         start: When the episode began: a `time.monotonic()` of this process.
     """
-    return {**_not_begun(job, attempt, problem, start), "status": "error"}
+    return {**_blank_record(job, attempt, problem, start), "status": "error"}
 
 
-def _never_begun(record: ResultRecord | None, error: ResultRecord) -> ResultRecord:
+def _failed_start_record(record: ResultRecord | None, error: ResultRecord) -> ResultRecord:
     """Return the record of an episode whose desktop failed before the agent saw anything."""
     if record is not None and record.get("instruction"):
         return record
@@ -324,7 +338,7 @@ def _never_begun(record: ResultRecord | None, error: ResultRecord) -> ResultReco
     return {**error, **(record or {}), **identity}
 
 
-def _not_begun(job: Job, attempt: int, problem: str, start: float) -> ResultRecord:
+def _blank_record(job: Job, attempt: int, problem: str, start: float) -> ResultRecord:
     """Return the record of an episode that the environment could not begin."""
     task = tasks.get(job.task, job.seed)
     return {

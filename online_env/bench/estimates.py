@@ -34,7 +34,7 @@ STEP_SECONDS = 0.8
 STEP_BYTES = 430_000
 # Agents with a known number of steps; `None` means one step more than the oracle.
 STEPS: Mapping[str, int | None] = {"oracle": None, "recovering": None, "do_nothing": 6, "fail": 1}
-WITHOUT_THINKING = (*STEPS, "random")  # agents whose answers take no time
+INSTANT_AGENTS = (*STEPS, "random")  # agents whose answers take no time
 MAX_RUNS = 20
 MAX_RECORDS = 20_000
 MAX_MEASURED_FOLDERS = 100  # episodes whose files are measured
@@ -77,30 +77,33 @@ class History:
 
 
 def estimate(
-    bench: Bench, listed: Sequence[Job], desktops: int = 1, history: History | None = None
+    bench: Bench, planned_jobs: Sequence[Job], desktops: int = 1, history: History | None = None
 ) -> str:
     """Return what jobs will take, in words.
 
     Args:
         bench: The benchmark.
-        listed: The jobs, in their order.
+        planned_jobs: The jobs, in their order.
         desktops: How many desktops play side by side.
         history: Measurements of earlier runs.
     """
-    found = expected(bench, listed, history or History())
-    seconds = makespan([each.seconds for each in found], desktops)
-    gigabytes = sum(each.bytes for each in found) / 1e9
-    bases = [each.basis for each in found]
+    estimates = expected(bench, planned_jobs, history or History())
+    seconds = makespan([item.seconds for item in estimates], desktops)
+    gigabytes = sum(item.bytes for item in estimates) / 1e9
+    bases = [item.basis for item in estimates]
     about = "at most" if "limit" in bases else "about"
-    parts = [f"{about} {format_duration(seconds)} and {gigabytes:.1f} GB", *_money(listed, found)]
-    known = {
+    parts = [
+        f"{about} {format_duration(seconds)} and {gigabytes:.1f} GB",
+        *_money(planned_jobs, estimates),
+    ]
+    basis_words = {
         "runs": "measured in earlier runs",
         "suite": "as the suite's figures",
         "limit": f"with all {bench.max_steps} steps",
     }
-    counted = [f"{bases.count(key)} {words}" for key, words in known.items() if key in bases]
+    counted = [f"{bases.count(key)} {words}" for key, words in basis_words.items() if key in bases]
     text = f"{', '.join(parts)} ({', '.join(counted)})"
-    unknown = dict.fromkeys(_unmeasured(listed, found))
+    unknown = dict.fromkeys(_unmeasured(planned_jobs, estimates))
     if unknown:
         text += f"; without the time that {', '.join(unknown)} takes to answer"
     return text
@@ -109,10 +112,10 @@ def estimate(
 def expected(bench: Bench, listed: Sequence[Job], history: History) -> list[EpisodeEstimate]:
     """Return the expected cost of each job; the arguments are those of `estimate`."""
     measured = task_sets.read_measurements()
-    return [_expected(bench, job, history, measured) for job in listed]
+    return [_estimate_job(bench, job, history, measured) for job in listed]
 
 
-def _expected(
+def _estimate_job(
     bench: Bench, job: Job, history: History, measured: Mapping[str, task_sets.Measured]
 ) -> EpisodeEstimate:
     per_step = history.step_bytes or STEP_BYTES
@@ -144,31 +147,31 @@ def _expected(
     )
 
 
-def _mean(found: Mapping[tuple[str, ...], list[float]], job: Job) -> float | None:
+def _mean(measurements: Mapping[tuple[str, ...], list[float]], job: Job) -> float | None:
     """Return the mean over the earlier episodes that are most similar to a job."""
-    whole = (job.agent, job.task, job.corruption)
+    key = (job.agent, job.task, job.corruption)
     for count in (3, 2, 1):
-        values = found.get(whole[:count])
+        values = measurements.get(key[:count])
         if values:
             return fmean(values)
     return None
 
 
-def _money(listed: Sequence[Job], found: Sequence[EpisodeEstimate]) -> Iterator[str]:
+def _money(listed: Sequence[Job], estimates: Sequence[EpisodeEstimate]) -> Iterator[str]:
     """Yield the expected cost of models in words; nothing without a model."""
-    unknown = {job.agent for job, each in zip(listed, found, strict=True) if each.usd is None}
-    total = sum(each.usd or 0.0 for each in found)
+    unknown = {job.agent for job, item in zip(listed, estimates, strict=True) if item.usd is None}
+    total = sum(item.usd or 0.0 for item in estimates)
     if total:
         yield f"{total:.2f} USD"
     if unknown:
-        named = ", ".join(sorted(unknown))
-        yield f"money not known: no earlier run of {named} here (--max-cost limits it)"
+        agents = ", ".join(sorted(unknown))
+        yield f"money not known: no earlier run of {agents} here (--max-cost limits it)"
 
 
-def _unmeasured(listed: Sequence[Job], found: Sequence[EpisodeEstimate]) -> Iterator[str]:
+def _unmeasured(listed: Sequence[Job], estimates: Sequence[EpisodeEstimate]) -> Iterator[str]:
     """Yield the agents whose answering time is unknown and not counted."""
-    for job, each in zip(listed, found, strict=True):
-        if each.basis != "runs" and job.agent not in WITHOUT_THINKING:
+    for job, item in zip(listed, estimates, strict=True):
+        if item.basis != "runs" and job.agent not in INSTANT_AGENTS:
             yield job.agent
 
 
@@ -207,8 +210,8 @@ def history_near(out: Path | None) -> History:
     """
     place = out if out is not None else Path("runs/new")
     heads = [place / RUN, *_glob(place.absolute().parent)]
-    known = {path.resolve() for path in heads if path.is_file()}
-    newest = sorted(known, key=lambda path: path.stat().st_mtime, reverse=True)
+    heads_found = {path.resolve() for path in heads if path.is_file()}
+    newest = sorted(heads_found, key=lambda path: path.stat().st_mtime, reverse=True)
     return read_history([path.parent for path in newest[:MAX_RUNS]])
 
 
@@ -219,9 +222,9 @@ def _glob(folder: Path) -> Iterator[Path]:
 
 def read_history(folders: Sequence[Path]) -> History:
     """Return the measurements of some runs, without runs that cannot be read."""
-    found = History(runs=len(folders))
+    history = History(runs=len(folders))
     sizes: list[float] = []
-    left = MAX_RECORDS
+    remaining = MAX_RECORDS
     for folder in folders:
         try:
             run = read(folder)
@@ -229,21 +232,21 @@ def read_history(folders: Sequence[Path]) -> History:
             continue
         if run.is_scored:
             continue
-        for record in run.records[:left]:
-            _count(found, record)
-        left -= len(run.records[:left])
+        for record in run.records[:remaining]:
+            _count(history, record)
+        remaining -= len(run.records[:remaining])
         sizes += _sizes(folder, run.records[: MAX_MEASURED_FOLDERS - len(sizes)])
     step_bytes = fmean(sizes) if sizes else None
     return History(
-        seconds=found.seconds,
-        steps=found.steps,
-        usd=found.usd,
+        seconds=history.seconds,
+        steps=history.steps,
+        usd=history.usd,
         step_bytes=step_bytes,
-        runs=found.runs,
+        runs=history.runs,
     )
 
 
-def _count(found: History, record: ResultRecord) -> None:
+def _count(history: History, record: ResultRecord) -> None:
     """Add an episode that has a score."""
     if record["status"] != "ok":
         return
@@ -251,20 +254,22 @@ def _count(found: History, record: ResultRecord) -> None:
     usage = record.get("usage")
     usd = usage.get("usd") if isinstance(usage, Mapping) else None
     values = {"seconds": record.get("seconds"), "steps": record.get("steps"), "usd": usd}
-    whole = (str(record["agent"]), task, str(record["corruption"]))
+    key = (str(record["agent"]), task, str(record["corruption"]))
     for name, value in values.items():
         if not is_amount(value):
             continue
-        by_key: dict[tuple[str, ...], list[float]] = getattr(found, name)
+        by_key: dict[tuple[str, ...], list[float]] = getattr(history, name)
         for count in (3, 2, 1):
-            by_key.setdefault(whole[:count], []).append(float(value))
+            by_key.setdefault(key[:count], []).append(float(value))
 
 
 def _sizes(folder: Path, records: Sequence[ResultRecord]) -> Iterator[float]:
     """Yield the disk space of a step of each episode, in bytes."""
-    known = {str(record.get("id")): record for record in records}  # a foreign id may be any path
+    records_by_id = {
+        str(record.get("id")): record for record in records
+    }  # a foreign id may be any path
     for place in (folder / EPISODES).glob("*/"):
-        record = known.get(place.name)
+        record = records_by_id.get(place.name)
         if record is None or not isinstance(record.get("steps"), int):
             continue
         size = sum(path.stat().st_size for path in place.rglob("*") if path.is_file())

@@ -34,10 +34,10 @@ class ModelOptions:
     max_cost: float | None = None
 
     @property
-    def given(self) -> list[str]:
+    def used_options(self) -> list[str]:
         """The options that were given."""
-        named = {"--prompts": self.prompts, "--replay": self.replay, "--max-cost": self.max_cost}
-        return [name for name, value in named.items() if value is not None]
+        options = {"--prompts": self.prompts, "--replay": self.replay, "--max-cost": self.max_cost}
+        return [name for name, value in options.items() if value is not None]
 
 
 def prepare(agents: Sequence[str], options: ModelOptions, out: Path | None) -> None:
@@ -54,8 +54,10 @@ def prepare(agents: Sequence[str], options: ModelOptions, out: Path | None) -> N
     if out is not None:
         _make_ready(agents, out)
     makers = file_makers(AGENTS.get(name) for name in agents)
-    if options.given and not makers:
-        raise AgentSetupError(f"{options.given[0]} is for agents of files, and there is none")
+    if options.used_options and not makers:
+        raise AgentSetupError(
+            f"{options.used_options[0]} is for agents of files, and there is none"
+        )
     prompts = None if options.prompts is None else prompts_folder(options.prompts)
     replay = None if options.replay is None else log_folder(options.replay)
     for maker in makers:

@@ -22,7 +22,7 @@ class EpisodePool(Protocol):
     """Desktops that play episodes side by side; used in a `with` statement."""
 
     desktops: int  # number of desktops, or the most at once, when the run begins
-    most: int  # number of threads that may call the pool at once
+    max_episodes: int  # number of threads that may call the pool at once
 
     def place(self) -> AbstractContextManager[object]:
         """Return a context that is entered once a desktop is free for the calling thread."""

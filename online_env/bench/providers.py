@@ -28,6 +28,9 @@ def embedded(size: Size) -> AbstractContextManager[Desktop]:
 
     A failed start is retried, because one killed process must not end a run. Errors that a retry
     cannot fix (a missing package, a missing right) are raised at once.
+
+    Raises:
+        DesktopError: The desktop cannot be started.
     """
     from ..embedded.desktop import EmbeddedDesktop
 
@@ -70,12 +73,12 @@ def check_installed(provider: str, names: Iterable[str]) -> None:
         return
     from ..embedded.image.image_setup import lacking
 
-    needed: dict[str, str] = {}
+    task_by_profile: dict[str, str] = {}
     for name in names:
         for app in TASKS.get(name).apps:
             if app in APPS:
-                needed.setdefault(APPS[app].profile, name)
-    for profile, name in needed.items():
+                task_by_profile.setdefault(APPS[app].profile, name)
+    for profile, name in task_by_profile.items():
         absent = lacking(profile)
         if absent:
             listed = some_of(absent, 4)

@@ -62,7 +62,7 @@ class NodeDesktop:
         self._folder = Path()
         self._episodes: LiveEpisodes | None = None
 
-    def begin(self, parcel: WorkerBundle) -> NodeReport:
+    def begin(self, bundle: WorkerBundle) -> NodeReport:
         """Start the desktop."""
         ray: Any = importlib.import_module("ray")
         report = NodeReport(host=socket.gethostname(), node=ray.get_runtime_context().get_node_id())
@@ -71,7 +71,7 @@ class NodeDesktop:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         try:
             folder = self._stack.enter_context(node_folder())
-            setup = unpack(parcel, folder)
+            setup = unpack(bundle, folder)
             check_installed(setup.bench.provider, setup.bench.tasks)
             self._folder = setup.folder
             self._episodes = self._stack.enter_context(live_episodes(setup))
@@ -84,7 +84,11 @@ class NodeDesktop:
         """Answer, to show that the actor is alive."""
 
     def play(self, job: Job, attempt: int) -> Iterator[tuple[str, Any]]:
-        """Play an episode; yield its files by name, and finally an `EpisodeEnd` without a name."""
+        """Play an episode; yield its files by name, and finally an `EpisodeEnd` without a name.
+
+        Raises:
+            RuntimeError: `begin` was not called.
+        """
         if self._episodes is None:
             raise RuntimeError("begin was not called")
         record, problem = answer(self._episodes, job, attempt)

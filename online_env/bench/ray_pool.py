@@ -66,25 +66,22 @@ def _connection() -> Any:
 class RayPool:
     """Desktops on the nodes of a Ray cluster: an `EpisodePool`.
 
-    Entering it raises `MissingDependencyError` without Ray, and `ClusterError` if there is no
-    cluster, or no node has room for a desktop.
-
     Args:
         setup: The settings for an actor.
-        most: The most desktops at once.
+        max_desktops: The most desktops at once.
         address: Of the cluster; see `pipelines.engines.ray_connection.session`.
     """
 
-    def __init__(self, setup: WorkerSetup, most: int, address: str | None = None) -> None:
-        self.desktops = most
-        self.max_episodes = most
+    def __init__(self, setup: WorkerSetup, max_desktops: int, address: str | None = None) -> None:
+        self.desktops = max_desktops
+        self.max_episodes = max_desktops
         self._setup = setup
         self._address = address
         self._stack = ExitStack()
-        self._changed = threading.Condition()
-        self._own = threading.local()
-        self._free: list[_Desktop] = []
-        self._all: set[Any] = set()  # actors that were started, except those known to have ended
+        self._condition = threading.Condition()
+        self._local = threading.local()
+        self._free_desktops: list[_Desktop] = []
+        self._actors: set[Any] = set()  # actors that were started, except those known to have ended
         self._starting: dict[Any, Any] = {}  # actors by the future result of their `begin`
         self._problem: Exception | None = None
         self._stopped = threading.Event()
@@ -93,25 +90,30 @@ class RayPool:
         self._supplier: threading.Thread | None = None
 
     def __enter__(self) -> "RayPool":
-        parcel = pack(self._setup)
+        """Connect to the cluster.
+
+        Raises:
+            MissingDependencyError: Ray is not installed.
+            ClusterError: There is no cluster, or no node has room for a desktop.
+        """
+        bundle = pack(self._setup)
         with ExitStack() as stack:
-            self._ray: Any = stack.enter_context(
-                _connection().session(
-                    self.max_episodes * CORES_PER_DESKTOP,
-                    self._address,
-                    memory=self.max_episodes * BYTES_PER_DESKTOP,
-                    error=ClusterError,
-                )
+            session = _connection().session(
+                self.max_episodes * CORES_PER_DESKTOP,
+                self._address,
+                memory=self.max_episodes * BYTES_PER_DESKTOP,
+                error=ClusterError,
             )
-            self.desktops = min(self.max_episodes, self._room())
+            self._ray: Any = stack.enter_context(session)
+            self.desktops = min(self.max_episodes, self._count_room())
             self._actor = self._ray.remote(
                 num_cpus=CORES_PER_DESKTOP,
                 memory=BYTES_PER_DESKTOP,
                 max_restarts=0,
                 scheduling_strategy="SPREAD",
             )(NodeDesktop)
-            self._parcel = self._ray.put(parcel)
-            stack.callback(self._join)
+            self._parcel = self._ray.put(bundle)
+            stack.callback(self._join_supplier)
             stack.callback(self.stop)
             self._stack = stack.pop_all()
         return self
@@ -122,90 +124,91 @@ class RayPool:
     @contextmanager
     def place(self) -> Generator[None]:
         """Return a context that is entered once a desktop is free for this thread."""
-        self._own.desktop = self._take()
+        self._local.desktop = self._take()
         try:
             yield
         finally:
-            if self._own.desktop is not None:
-                self._give(self._own.desktop)
+            if self._local.desktop is not None:
+                self._put_back(self._local.desktop)
 
     def __call__(self, job: Job, attempt: int) -> ResultRecord:
         """Play an episode; see `EpisodePool`."""
         start = time.monotonic()
         problem = ""
         for _ in range(MAX_NODE_DEATHS):
-            desktop = self._answering()
+            desktop = self._live_desktop()
             try:
                 return self._play(desktop, job, attempt)
             except self._ray.exceptions.RayError as error:
                 self._drop(desktop.actor)
-                self._own.desktop = None
+                self._local.desktop = None
                 host = desktop.report.host
                 problem = f"the process that played the episode on {host} ended: {_reason(error)}"
                 if not self._has_died(desktop.report.node, error):
                     break
             except BaseException:
                 self._drop(desktop.actor)  # the actor may still be playing
-                self._own.desktop = None
+                self._local.desktop = None
                 raise
         return lost_record(job, attempt, problem, start=start)
 
     def stop(self) -> None:
         """End all desktops; those that play break their episodes off."""
-        with self._changed:
+        with self._condition:
             self._stopped.set()
-            self._changed.notify_all()
-            free = list(self._free)
-            self._free.clear()
-            every = list(self._all)
+            self._condition.notify_all()
+            free = list(self._free_desktops)
+            self._free_desktops.clear()
+            actors = list(self._actors)
         ending = [desktop.actor.end.remote() for desktop in free]
         if ending:
             self._ray.wait(ending, num_returns=len(ending), timeout=SHUTDOWN_TIMEOUT_S)
-        for actor in every:
+        for actor in actors:
             self._drop(actor)
 
     # The thread that starts desktops, which begins with the first episode
 
-    def _join(self) -> None:
+    def _join_supplier(self) -> None:
         if self._supplier is not None:
             self._supplier.join()
 
-    def _supply(self) -> None:
+    def _start_desktops(self) -> None:
         while not self._stopped.is_set():
             try:
-                self._order()
-                self._collect()
+                self._start_actors()
+                self._collect_ready()
             except Exception as error:  # noqa: BLE001  (the run's own threads raise it)
-                with self._changed:
+                with self._condition:
                     self._problem = error
-                    self._changed.notify_all()
+                    self._condition.notify_all()
                 return
 
-    def _order(self) -> None:
+    def _start_actors(self) -> None:
         """Start an actor for each desktop that fits on the nodes.
 
         Raises:
             ClusterError: There has been no room for too long.
         """
-        now = time.monotonic()
+        time_now = time.monotonic()
         try:
-            room = self._room()
+            room = self._count_room()
         except ClusterError:
-            if now - self._room_seen > ROOM_TIMEOUT_S:
+            if time_now - self._room_seen > ROOM_TIMEOUT_S:
                 raise
             return
-        self._room_seen = now
-        with self._changed:
-            while len(self._all) < min(self.max_episodes, room) and not self._stopped.is_set():
+        self._room_seen = time_now
+        with self._condition:
+            while len(self._actors) < min(self.max_episodes, room) and not self._stopped.is_set():
                 actor = self._actor.remote()
-                self._all.add(actor)
+                self._actors.add(actor)
                 self._starting[actor.begin.remote(self._parcel)] = actor
 
-    def _collect(self) -> None:
+    def _collect_ready(self) -> None:
         """Make the desktops that have become ready available.
 
         Raises:
             ClusterError: A node cannot play, or processes keep dying.
+            _with_node_name: The error that a node reported, with the node's name.
         """
         if not self._starting:
             self._stopped.wait(POLL_S)
@@ -220,9 +223,9 @@ class RayPool:
                 self._count_failure(error)
                 continue
             if report.problem is not None:
-                raise _named(report, report.problem)
+                raise _with_node_name(report, report.problem)
             self._failures = 0
-            self._give(_Desktop(actor, report))
+            self._put_back(_Desktop(actor, report))
 
     def _count_failure(self, error: Exception) -> None:
         """Count a process that died while it started.
@@ -244,21 +247,21 @@ class RayPool:
                 f" ({_reason(error)}); the logs of Ray on the nodes say more"
             )
 
-    def _room(self) -> int:
+    def _count_room(self) -> int:
         """Return how many desktops the living nodes can hold.
 
         Raises:
             ClusterError: No node has room for a desktop.
         """
         nodes = [node for node in self._ray.nodes() if node["Alive"]]
-        room = sum(_room_of(node) for node in nodes)
+        room = sum(_node_room(node) for node in nodes)
         if room:
             return room
-        found = "; ".join(_described(node) for node in nodes) or "no node is alive"
+        description = "; ".join(_describe_node(node) for node in nodes) or "no node is alive"
         raise ClusterError(
-            f"no node of the cluster has room for a desktop, which takes {CORES_PER_DESKTOP} CPU and"
-            f" {BYTES_PER_DESKTOP / GIB:g} GiB of memory ({found}); start nodes with more: ray start"
-            " --num-cpus=N --memory=BYTES"
+            "no node of the cluster has room for a desktop, which takes"
+            f" {CORES_PER_DESKTOP} CPU and {BYTES_PER_DESKTOP / GIB:g} GiB of memory"
+            f" ({description}); start nodes with more: ray start --num-cpus=N --memory=BYTES"
         )
 
     # Desktops
@@ -269,42 +272,44 @@ class RayPool:
         Raises:
             ClusterError: The run is being stopped.
         """
-        with self._changed:
+        with self._condition:
             if self._supplier is None:
-                self._supplier = threading.Thread(target=self._supply, name="desktops", daemon=True)
+                self._supplier = threading.Thread(
+                    target=self._start_desktops, name="desktops", daemon=True
+                )
                 self._supplier.start()
-            self._changed.wait_for(
-                lambda: self._free or self._problem is not None or self._stopped.is_set()
+            self._condition.wait_for(
+                lambda: self._free_desktops or self._problem is not None or self._stopped.is_set()
             )
             if self._problem is not None:
                 raise self._problem
             if self._stopped.is_set():
                 raise ClusterError("the desktops of this run were ended")
-            return self._free.pop(0)
+            return self._free_desktops.pop(0)
 
-    def _give(self, desktop: _Desktop) -> None:
-        with self._changed:
-            self._free.append(desktop)
-            self._changed.notify()
+    def _put_back(self, desktop: _Desktop) -> None:
+        with self._condition:
+            self._free_desktops.append(desktop)
+            self._condition.notify()
 
-    def _answering(self) -> _Desktop:
+    def _live_desktop(self) -> _Desktop:
         """Return the desktop of this thread, or another if it does not answer."""
         while True:
-            if self._own.desktop is None:
-                self._own.desktop = self._take()
-            desktop: _Desktop = self._own.desktop
+            if self._local.desktop is None:
+                self._local.desktop = self._take()
+            desktop: _Desktop = self._local.desktop
             try:
                 self._ray.get(desktop.actor.ping.remote(), timeout=PING_TIMEOUT_S)
             except self._ray.exceptions.RayError:
-                self._own.desktop = None
+                self._local.desktop = None
                 self._drop(desktop.actor)
             else:
                 return desktop
 
     def _drop(self, actor: Any) -> None:
         """End an actor, in whatever state it is."""
-        with self._changed:
-            self._all.discard(actor)
+        with self._condition:
+            self._actors.discard(actor)
         with contextlib.suppress(Exception):
             self._ray.kill(actor)
 
@@ -313,7 +318,7 @@ class RayPool:
         is_sure = not isinstance(error, self._ray.exceptions.ActorUnavailableError)
         end = time.monotonic() + (NODE_DEATH_DELAY_S if is_sure else NODE_DEATH_TIMEOUT_S)
         while not self._stopped.is_set():
-            living = [found["NodeID"] for found in self._ray.nodes() if found["Alive"]]
+            living = [entry["NodeID"] for entry in self._ray.nodes() if entry["Alive"]]
             if node not in living:
                 return True
             if time.monotonic() > end:
@@ -322,14 +327,18 @@ class RayPool:
         return False
 
     def _play(self, desktop: _Desktop, job: Job, attempt: int) -> ResultRecord:
-        """Play an episode on a desktop and place its files in the folder of the run."""
+        """Play an episode on a desktop and place its files in the folder of the run.
+
+        Raises:
+            _with_node_name: The error that refuses the episode, with the node's name.
+        """
         arrival = ReceivedEpisode(self._setup.folder)
         end = EpisodeEnd(problem=ClusterError("the episode ended without a record"))
-        played = desktop.actor.play.options(
+        episode_stream = desktop.actor.play.options(
             num_returns="streaming", _generator_backpressure_num_objects=MAX_FILES_AHEAD
         )
         try:
-            for part in played.remote(job, attempt):
+            for part in episode_stream.remote(job, attempt):
                 name, content = self._ray.get(part)
                 if name:
                     arrival.put(name, content)
@@ -339,23 +348,23 @@ class RayPool:
             arrival.undo()
             raise
         if end.record is None:
-            raise _named(desktop.report, end.problem)
+            raise _with_node_name(desktop.report, end.problem)
         return end.record
 
 
-def _room_of(node: Mapping[str, Any]) -> int:
+def _node_room(node: Mapping[str, Any]) -> int:
     resources = node["Resources"]
     return desktops_in(resources.get("CPU", 0.0), resources.get("memory", 0.0))
 
 
-def _described(node: Mapping[str, Any]) -> str:
+def _describe_node(node: Mapping[str, Any]) -> str:
     resources = node["Resources"]
     cores = f"{resources.get('CPU', 0.0):g} CPUs"
     memory = f"{resources.get('memory', 0.0) / GIB:.1f} GiB"
     return f"{node['NodeManagerHostname']} has {cores} and {memory}"
 
 
-def _named(report: NodeReport, error: Exception | None) -> HijackError:
+def _with_node_name(report: NodeReport, error: Exception | None) -> HijackError:
     """Return an error of a node with the node's name added."""
     kind = StorageError if isinstance(error, StorageError) else ClusterError
     return kind(f"node {report.host}: {error}")

@@ -65,14 +65,14 @@ def run_jobs(
     before = earlier or {}
     run = _Run(folder, retries, episode, listener, budget, place)
     numbered = list(enumerate(listed, 1))
-    ended: Counter[str] = Counter()
+    outcomes: Counter[str] = Counter()
     if at_once == 1:
-        ended.update(run.finish(number, job, before.get(job, ())) for number, job in numbered)
+        outcomes.update(run.finish(number, job, before.get(job, ())) for number, job in numbered)
     else:
-        ended.update(_side_by_side(run, numbered, before, at_once, stop))
+        outcomes.update(_side_by_side(run, numbered, before, at_once, stop))
     if run.refused is not None:
         raise run.refused
-    return ended
+    return outcomes
 
 
 def _side_by_side(
@@ -118,14 +118,14 @@ class _Run:
 
     def finish(self, number: int, job: Job, earlier: Sequence[ResultRecord]) -> str:
         """Run a job until no further attempt is due; return how it ended."""
-        made = list(earlier)
-        while needs_attempt(made, self._retries):
+        attempt_records = list(earlier)
+        while needs_attempt(attempt_records, self._retries):
             with self._place():
                 with self._one_at_a_time:
                     if not self._may_begin():
                         return "left"
-                    self._listener.begins(job, number, len(made))
-                record = self._episode(job, len(made))
+                    self._listener.begins(job, number, len(attempt_records))
+                record = self._episode(job, len(attempt_records))
             with self._one_at_a_time:
                 if self.stopped:
                     return "stopped"
@@ -134,8 +134,8 @@ class _Run:
                 if self._budget is not None:
                     self._budget.add(record)
                 self._listener.ended(job, number, record)
-            made.append(record)
-        return made[-1]["status"]
+            attempt_records.append(record)
+        return attempt_records[-1]["status"]
 
     def _may_begin(self) -> bool:
         if self.refused is None and self._budget is not None:
@@ -146,10 +146,10 @@ class _Run:
         return self.refused is None
 
 
-def needs_attempt(made: Sequence[ResultRecord], retries: int) -> bool:
+def needs_attempt(attempt_records: Sequence[ResultRecord], retries: int) -> bool:
     """Return whether a job with these attempts needs another one."""
-    if not made:
+    if not attempt_records:
         return True
-    last = made[-1]
+    last = attempt_records[-1]
     failed_here = last["status"] == "invalid" or last.get("cause") == "machine"
-    return failed_here and len(made) <= retries
+    return failed_here and len(attempt_records) <= retries

@@ -29,7 +29,7 @@ from .workers import WorkerSetup
 
 OURS = ("hijack_data", "online_env")
 CODE = "code of agenthijack"
-_SHOWN = 12  # digits of a hash in messages
+_HASH_DIGITS = 12  # digits of a hash in messages
 _REMEDY = "every node needs this file under this path: copy it there, or use a shared folder"
 
 _Files = Mapping[str, bytes]
@@ -78,45 +78,45 @@ def pack(setup: WorkerSetup) -> WorkerBundle:
         ) from None
     return WorkerBundle(
         software=software(),
-        loaded=tuple(_loaded(setup.bench)),
+        loaded=tuple(_loaded_files(setup.bench)),
         agent_files=tuple(_agent_files(setup.bench)),
         setup=content,
         agents=agents,
         agent_prompts={
-            name: _read(Path(found.prompts), PATTERN)
-            for name, found in agents.items()
-            if found.prompts is not None
+            name: _read_files(Path(agent.prompts), PATTERN)
+            for name, agent in agents.items()
+            if agent.prompts is not None
         },
-        prompts=None if models.prompts is None else _read(models.prompts, PATTERN),
-        replay=None if models.replay is None else _read(log_folder(models.replay), "*.jsonl"),
+        prompts=None if models.prompts is None else _read_files(models.prompts, PATTERN),
+        replay=None if models.replay is None else _read_files(log_folder(models.replay), "*.jsonl"),
     )
 
 
-def unpack(parcel: WorkerBundle, folder: Path) -> WorkerSetup:
+def unpack(bundle: WorkerBundle, folder: Path) -> WorkerSetup:
     """Load everything that the run needs in this process, and return its setup.
 
     Args:
-        parcel: What `pack` returned.
+        bundle: What `pack` returned.
         folder: A new folder of this node; the episodes go into it.
 
     Raises:
         ClusterError: The software of this node differs from the runner's, or a file is missing.
     """
-    check_software(parcel.software)
-    for path, sha256 in parcel.agent_files:
+    check_software(bundle.software)
+    for path, sha256 in bundle.agent_files:
         _check_file(path, sha256)
-    for path, sha256 in parcel.loaded:
+    for path, sha256 in bundle.loaded:
         _load(path, sha256)
-    setup: WorkerSetup = pickle.loads(parcel.setup)  # noqa: S301  (the runner made it)
-    for index, (name, settings) in enumerate(parcel.agents.items()):
-        prompts = parcel.agent_prompts.get(name)
-        place = _written(prompts, folder / f"prompts-{index}")
-        own = replace(settings, prompts=None if place is None else str(place))
-        AGENTS.add(FileAgentMaker(own), name)
+    setup: WorkerSetup = pickle.loads(bundle.setup)  # noqa: S301  (the runner made it)
+    for index, (name, settings) in enumerate(bundle.agents.items()):
+        prompts = bundle.agent_prompts.get(name)
+        place = _write_files(prompts, folder / f"prompts-{index}")
+        own_settings = replace(settings, prompts=None if place is None else str(place))
+        AGENTS.add(FileAgentMaker(own_settings), name)
     models = replace(
         setup.models,
-        prompts=_written(parcel.prompts, folder / "prompts"),
-        replay=_written(parcel.replay, folder / "replay"),
+        prompts=_write_files(bundle.prompts, folder / "prompts"),
+        replay=_write_files(bundle.replay, folder / "replay"),
     )
     run = folder / "run"
     run.mkdir()
@@ -125,7 +125,7 @@ def unpack(parcel: WorkerBundle, folder: Path) -> WorkerSetup:
 
 def software() -> dict[str, str]:
     """Return the versions of the packages that affect results, and a hash of our own code."""
-    found = {name: _version(name) for name in PACKAGES}
+    versions = {name: _version(name) for name in PACKAGES}
     digest = hashlib.sha256()
     for package in OURS:
         spec = importlib.util.find_spec(package)
@@ -134,24 +134,24 @@ def software() -> dict[str, str]:
         for path in sorted(root.rglob("*.py")):
             digest.update(f"{package}/{path.relative_to(root)}\n".encode())
             digest.update(path.read_bytes())
-    found[CODE] = digest.hexdigest()[:_SHOWN]
-    return found
+    versions[CODE] = digest.hexdigest()[:_HASH_DIGITS]
+    return versions
 
 
-def check_software(wanted: Mapping[str, str]) -> None:
+def check_software(expected: Mapping[str, str]) -> None:
     """Check that this machine has the same software as the runner.
 
     Raises:
         ClusterError: It has not; the message lists all differences.
     """
-    here = software()
-    other = [
-        f"{name} {here.get(name)} instead of {version}"
-        for name, version in wanted.items()
-        if here.get(name) != version
+    versions = software()
+    differences = [
+        f"{name} {versions.get(name)} instead of {version}"
+        for name, version in expected.items()
+        if versions.get(name) != version
     ]
-    if other:
-        raise ClusterError(f"has {', '.join(other)}; install the same on every node")
+    if differences:
+        raise ClusterError(f"has {', '.join(differences)}; install the same on every node")
 
 
 def _version(package: str) -> str:
@@ -166,11 +166,11 @@ def _agents(bench: Bench) -> list[tuple[str, AgentSettings]]:
     return [(name, maker.settings) for name, maker in makers if isinstance(maker, FileAgentMaker)]
 
 
-def _loaded(bench: Bench) -> Iterator[tuple[str, str]]:
+def _loaded_files(bench: Bench) -> Iterator[tuple[str, str]]:
     """Yield the files of classes that a run names, and loaded files that register plug-ins."""
-    named = [find_loaded_file(entry) for _, _, entry in bench.foreign()]
+    named_files = [find_loaded_file(entry) for _, _, entry in bench.foreign()]
     for file in loaded_files():
-        if file.names or file in named:
+        if file.names or file in named_files:
             yield file.path, file.sha256
 
 
@@ -207,17 +207,17 @@ def _check_file(path: str, sha256: str) -> None:
     _check_hash(path, hashlib.sha256(content).hexdigest(), sha256)
 
 
-def _check_hash(path: str, here: str, sha256: str) -> None:
-    if here != sha256:
-        digests = f"SHA-256 {here[:_SHOWN]} instead of {sha256[:_SHOWN]}"
+def _check_hash(path: str, digest: str, expected: str) -> None:
+    if digest != expected:
+        digests = f"SHA-256 {digest[:_HASH_DIGITS]} instead of {expected[:_HASH_DIGITS]}"
         raise ClusterError(f"{path}: is another file here ({digests}); {_REMEDY}")
 
 
-def _read(folder: Path, pattern: str) -> _Files:
+def _read_files(folder: Path, pattern: str) -> _Files:
     return {path.name: path.read_bytes() for path in sorted(folder.glob(pattern))}
 
 
-def _written(files: _Files | None, folder: Path) -> Path | None:
+def _write_files(files: _Files | None, folder: Path) -> Path | None:
     if files is None:
         return None
     folder.mkdir()

@@ -36,9 +36,7 @@ from .models import ModelOptions, prepare
 from .providers import PROVIDERS
 
 CORES_PER_DESKTOP = 1  # cores that a desktop needs
-BYTES_PER_DESKTOP = (
-    1536 * 2**20
-)  # bytes that a desktop with its standby and an office program may take
+BYTES_PER_DESKTOP = 1536 * 2**20  # for a desktop, its standby and an office program
 SHUTDOWN_TIMEOUT_S = 20.0  # seconds for a process to end its desktop
 
 
@@ -73,19 +71,19 @@ class WorkerSetup:
 
 def references(bench: Bench) -> tuple[ForeignEntry, ...]:
     """Return references to the agents, tasks and provider of a run from outside the library."""
-    found: list[ForeignEntry] = []
+    entries: list[ForeignEntry] = []
     for registry, name, entry in bench.foreign():
         file = find_loaded_file(entry)
         if isinstance(entry, FileAgentMaker):
-            found.append(ForeignEntry(registry.kind, name, name))
+            entries.append(ForeignEntry(registry.kind, name, name))
         elif isinstance(entry, AgentReference):
-            found.append(ForeignEntry(registry.kind, name, entry))
+            entries.append(ForeignEntry(registry.kind, name, entry))
         elif is_from_data(entry):
-            found.append(ForeignEntry(registry.kind, name, entry.source["path"]))
+            entries.append(ForeignEntry(registry.kind, name, entry.source["path"]))
         else:
             place = entry.__module__ if file is None else file.path
-            found.append(ForeignEntry(registry.kind, name, f"{place}:{entry.__qualname__}"))
-    return tuple(found)
+            entries.append(ForeignEntry(registry.kind, name, f"{place}:{entry.__qualname__}"))
+    return tuple(entries)
 
 
 def default_desktops() -> int:
@@ -125,8 +123,8 @@ class LocalPool:
         self.max_episodes = desktops
         self._setup = setup
         self._serve = serve or serve_episodes
-        self._own = threading.local()
-        self._all: list[_Worker] = []
+        self._local = threading.local()
+        self._workers: list[_Worker] = []
 
     def __enter__(self) -> "LocalPool":
         return self
@@ -140,7 +138,7 @@ class LocalPool:
 
     def stop(self) -> None:
         """End all processes; those that play break their episodes off."""
-        for worker in self._all:
+        for worker in self._workers:
             worker.close()
 
     def __call__(self, job: Job, attempt: int) -> ResultRecord:
@@ -149,11 +147,11 @@ class LocalPool:
         If the process ends over it, the record is an error of the machine's, which is tried again.
         Errors that refuse the episode are raised here as they were there.
         """
-        worker: _Worker | None = getattr(self._own, "worker", None)
+        worker: _Worker | None = getattr(self._local, "worker", None)
         if worker is None or not worker.alive:
             worker = _Worker(self._setup, self._serve)
-            self._own.worker = worker
-            self._all.append(worker)
+            self._local.worker = worker
+            self._workers.append(worker)
         # A monotonic clock, so that setting the time does not change durations.
         start = time.monotonic()
         try:
@@ -172,13 +170,13 @@ class _Worker:
         self, setup: WorkerSetup, serve: Callable[[Connection, WorkerSetup], None]
     ) -> None:
         context = multiprocessing.get_context("spawn")
-        self._connection, there = context.Pipe()
+        self._connection, child_end = context.Pipe()
         self._busy = False
         self._process: SpawnProcess = context.Process(
-            target=serve, args=(there, setup), name="episodes"
+            target=serve, args=(child_end, setup), name="episodes"
         )
         self._process.start()
-        there.close()
+        child_end.close()
         self._ready = False
 
     @property
@@ -192,7 +190,12 @@ class _Worker:
         return self._process.exitcode
 
     def play(self, job: Job, attempt: int) -> ResultRecord:
-        """Let the process play an episode; raises `EOFError` or `OSError` if the process dies."""
+        """Let the process play an episode.
+
+        Raises:
+            EOFError: The process died.
+            OSError: The process died while it was written to.
+        """
         self._busy = True
         if not self._ready:
             self._receive()
@@ -301,7 +304,11 @@ def load_references(references: Iterable[ForeignEntry]) -> None:
 
 
 def _leave(*_: object) -> NoReturn:
-    """End this process as at the end of a run: its desktop is taken down."""
+    """End this process as at the end of a run: its desktop is taken down.
+
+    Raises:
+        SystemExit: Always.
+    """
     raise SystemExit(1)
 
 

@@ -30,9 +30,9 @@ async def score_sample(session: Session, state: TaskState) -> Score:
     Raises:
         DesktopError: The desktop or the evaluator failed in the agent's hands.
     """
-    said = state.output.completion
+    completion = state.output.completion
     if session.record is None:
-        await in_thread(_end, session, said, was_cut_off(state))
+        await in_thread(_end, session, completion, was_cut_off(state))
     record: dict[str, Any] = session.record or {}
     metadata = {"record": record}
     if record["status"] == "invalid":
@@ -43,18 +43,18 @@ async def score_sample(session: Session, state: TaskState) -> Score:
         raise DesktopError(record["problem"])
     return Score(
         value=record["score"] or 0.0,
-        answer=said,
+        answer=completion,
         explanation=record["reason"] or record["problem"],
         metadata=metadata,
     )
 
 
-def _end(session: Session, said: str, cut_off: bool) -> None:
-    session.record_message(said)
+def _end(session: Session, completion: str, cut_off: bool) -> None:
+    session.record_message(completion)
     if cut_off:
         session.cut_off("a limit of Inspect's ended the episode before the agent took an action")
     else:
-        session.act(FAIL if gives_up(said) else DONE)
+        session.act(FAIL if gives_up(completion) else DONE)
 
 
 def gives_up(answer: str) -> bool:

@@ -26,7 +26,7 @@ from ..bench.providers import PROVIDERS
 from ..environment import CorruptedEnv, EvalSettings, SmallTasks
 from ..errors import DesktopError
 
-_POLL = 0.1  # s between two looks for a free desktop
+_POLL_S = 0.1  # s between two looks for a free desktop
 
 
 class Session:
@@ -35,13 +35,13 @@ class Session:
     Args:
         bench: The benchmark.
         model: The model's name, for the record.
-        shown: (height, width) in which the model is shown every picture; `None` leaves them.
+        display_size: (height, width) in which the model is shown every picture; `None` leaves them.
     """
 
-    def __init__(self, bench: Bench, model: str, shown: Size | None) -> None:
+    def __init__(self, bench: Bench, model: str, display_size: Size | None) -> None:
         self._bench = bench
         self._model = model
-        self._shown = shown
+        self._display_size = display_size
         self._stack = ExitStack()
         self._env: CorruptedEnv | None = None
         self._obs: dict[str, Any] = {}
@@ -60,18 +60,21 @@ class Session:
     def size(self) -> Size:
         """(height, width) of the picture that the model sees."""
         height, width = self._obs["screenshot"].shape[:2]
-        return self._shown or (height, width)
+        return self._display_size or (height, width)
 
     def begin(self, task: str, label: str, seed: int) -> None:
         """Start a desktop and the episode.
 
-        If the desktop fails then, the episode is over and `record` says so; `DesktopError` is
-        raised only if there is no record. What refuses the episode raises its own error.
+        If the desktop fails then, the episode is over and `record` says so. What
+        refuses the episode raises its own error.
 
         Args:
             task: The name of a task.
             label: The label of a corruption of the benchmark.
             seed: Decides the task's variant and the corruption's draws.
+
+        Raises:
+            DesktopError: The desktop failed before there was a record.
         """
         bench = self._bench
         provider = PROVIDERS.get(bench.provider)
@@ -92,16 +95,16 @@ class Session:
 
     def act(self, code: str) -> None:
         """Take an action, in pixels of the picture that the model sees; one step."""
-        env = self._begun()
-        self._obs, *_ = env.step(self._mapped(code))
+        env = self._require_env()
+        self._obs, *_ = env.step(self._map_code(code))
 
     def record_message(self, said: str) -> None:
         """Log the model's words with its next action."""
-        self._begun().record_message(said)
+        self._require_env().record_message(said)
 
     def cut_off(self, why: str) -> None:
         """End an episode that a limit of Inspect's ended; it is judged as it stands."""
-        env = self._begun()
+        env = self._require_env()
         env.truncate()
         if env.record is None:  # it took no action
             env.abandon(why)
@@ -114,9 +117,9 @@ class Session:
         """
         picture: UInt8Array = self._obs["screenshot"]
         if region is not None:
-            picture = _zoomed(picture, region, self.size)
+            picture = _zoom(picture, region, self.size)
         if picture.shape[:2] != self.size:
-            picture = _resized(picture, self.size)
+            picture = _resize(picture, self.size)
         text = base64.b64encode(encode(picture)).decode("ascii")
         return f"data:image/png;base64,{text}"
 
@@ -124,12 +127,12 @@ class Session:
         """End the episode and the desktop; calling it again does nothing."""
         self._stack.close()
 
-    def _begun(self) -> CorruptedEnv:
+    def _require_env(self) -> CorruptedEnv:
         if self._env is None:
             raise HijackError("the episode has not begun: call begin first")
         return self._env
 
-    def _mapped(self, code: str) -> str:
+    def _map_code(self, code: str) -> str:
         """Return code in pixels of the observation; what cannot be mapped, as what is refused."""
         height, width = self._obs["screenshot"].shape[:2]
         coords = CoordMap(self.size, (height, width))
@@ -141,14 +144,18 @@ class Session:
             return unreadable_action(error)
 
 
-def _resized(picture: UInt8Array, size: Size) -> UInt8Array:
+def _resize(picture: UInt8Array, size: Size) -> UInt8Array:
     height, width = size
     image = Image.fromarray(picture).resize((width, height), Image.Resampling.LANCZOS)
     return np.asarray(image)
 
 
-def _zoomed(picture: UInt8Array, region: tuple[int, int, int, int], size: Size) -> UInt8Array:
-    """Return a region, given in pixels of `size`, enlarged as far as it fits into `size`."""
+def _zoom(picture: UInt8Array, region: tuple[int, int, int, int], size: Size) -> UInt8Array:
+    """Return a region, given in pixels of `size`, enlarged as far as it fits into `size`.
+
+    Raises:
+        HijackError: The region shows nothing of the screen.
+    """
     height, width = picture.shape[:2]
     [(left, top, right, bottom)] = CoordMap(size, (height, width)).boxes_to_screen([region])
     cut = picture[top:bottom, left:right]
@@ -157,7 +164,7 @@ def _zoomed(picture: UInt8Array, region: tuple[int, int, int, int], size: Size) 
     scale = min(size[0] / cut.shape[0], size[1] / cut.shape[1])
     room = np.zeros((*size, 3), np.uint8)
     inner = (max(1, int(cut.shape[0] * scale)), max(1, int(cut.shape[1] * scale)))
-    room[: inner[0], : inner[1]] = _resized(cut, inner)
+    room[: inner[0], : inner[1]] = _resize(cut, inner)
     return room
 
 
@@ -165,11 +172,11 @@ class Sessions:
     """The episodes that are under way, by the samples' ids, at most so many at a time.
 
     Args:
-        most: How many desktops there are at a time.
+        max_desktops: How many desktops there are at a time.
     """
 
-    def __init__(self, most: int) -> None:
-        self._free = threading.Semaphore(most)
+    def __init__(self, max_desktops: int) -> None:
+        self._free_desktops = threading.Semaphore(max_desktops)
         self._by_sample: dict[str, Session] = {}
 
     def __getitem__(self, sample: str) -> Session:
@@ -177,8 +184,8 @@ class Sessions:
 
     async def open(self, sample: str, session: Session, begin: Callable[[], None]) -> None:
         """Wait for a free desktop, and begin an episode in a thread."""
-        while not self._free.acquire(blocking=False):
-            await anyio.sleep(_POLL)
+        while not self._free_desktops.acquire(blocking=False):
+            await anyio.sleep(_POLL_S)
         self._by_sample[sample] = session
         try:
             await in_thread(begin)
@@ -195,7 +202,7 @@ class Sessions:
         try:
             await in_thread(session.close)
         finally:
-            self._free.release()
+            self._free_desktops.release()
 
 
 def in_thread(function: Callable[..., Any], *values: Any) -> Awaitable[Any]:

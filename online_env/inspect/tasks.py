@@ -35,17 +35,20 @@ _Names = str | list[str] | None
 def registered(name: str) -> Callable[[Callable[..., Task]], Callable[..., Task]]:
     """Decorator: make a task known as `agenthijack/<name>`.
 
-    Inspect would put the name of the import package in front where this library is installed as a
-    wheel, and nothing where it is editable.
+    Inspect puts the name of the import package in front where this library is installed as a wheel,
+    and nothing where it is editable. It has no public function that registers a task under another
+    name, so this uses its registry.
     """
     full = f"{PACKAGE}/{name}"
 
     def decorate(function: Callable[..., Task]) -> Callable[..., Task]:
-        made = cast("Callable[..., Task]", task(name=full)(function))
-        info = registry_info(made)
+        inspect_task_function = cast("Callable[..., Task]", task(name=full)(function))
+        info = registry_info(inspect_task_function)
         if info.name != full:
-            registry_add(made, RegistryInfo(type="task", name=full, metadata=info.metadata))
-        return made
+            registry_add(
+                inspect_task_function, RegistryInfo(type="task", name=full, metadata=info.metadata)
+            )
+        return inspect_task_function
 
     return decorate
 
@@ -75,9 +78,6 @@ def bench(
 ) -> Task:
     """Return any benchmark as a task: `inspect eval agenthijack/bench -T config=my.yaml`.
 
-    A mistake in the configuration raises `ConfigError`, a name that does not exist
-    `UnknownNameError`.
-
     Args:
         config: A file, or the name of a packaged one.
         tasks: Names, instead of those of the file.
@@ -86,11 +86,17 @@ def bench(
         max_steps: Actions until an episode is cut off, instead of the file's.
         desktops: How many run at a time.
         keep: Of how many results the model is sent the pictures again.
+
+    Raises:
+        ConfigError: The configuration has mistakes.
+        UnknownNameError: There is no such task or corruption.
     """
-    known = Path(config).expanduser()
-    loaded = load_bench(known.resolve() if known.exists() else config)
-    chosen = override(loaded, task=_joined(tasks), corruption=_joined(corruptions), seeds=seeds)
-    return inspect_task(chosen, max_steps=max_steps, desktops=desktops, keep=keep)
+    path = Path(config).expanduser()
+    loaded = load_bench(path.resolve() if path.exists() else config)
+    benchmark = override(
+        loaded, task=_join_names(tasks), corruption=_join_names(corruptions), seeds=seeds
+    )
+    return inspect_task(benchmark, max_steps=max_steps, desktops=desktops, keep=keep)
 
 
 def inspect_task(
@@ -142,7 +148,7 @@ def _samples(benchmark: Bench) -> Iterator[Sample]:
                 )
 
 
-def _joined(names: _Names) -> str | None:
+def _join_names(names: _Names) -> str | None:
     """Return names as the command line of `hijack bench` takes them."""
     return ",".join(names) if isinstance(names, list) else names
 
@@ -153,12 +159,12 @@ def desktop(benchmark: Bench, sessions: Sessions) -> Any:
 
     async def solve(state: TaskState, generate: Generate) -> TaskState:
         model = get_model()
-        given = state.metadata
+        metadata = state.metadata
         session = Session(benchmark, str(model), native_display_size(model.api, model.name))
         store().set(_KEY, state.uuid)
 
         def begin() -> None:
-            session.begin(given["task"], given[CORRUPTION], given["seed"])
+            session.begin(metadata["task"], metadata[CORRUPTION], metadata["seed"])
 
         await sessions.open(state.uuid, session, begin)
         if session.record is not None:

@@ -42,7 +42,7 @@ def native_display_size(api: Any, name: str) -> Size | None:
     toolset = getattr(api, "computer_use_toolset", None)
     if callable(toolset):
         return None if toolset() else FWXGA
-    if any(known in name for known in _GOOGLE):
+    if any(model in name for model in _GOOGLE):
         return FWXGA
     return None
 
@@ -99,29 +99,29 @@ def computer_tool(session: Callable[[], Session], keep: int) -> Tool:
             "repeat": repeat,
             "press_enter": press_enter,
         }
-        return await in_thread(_taken, session(), actions or [single])
+        return await in_thread(_take_actions, session(), actions or [single])
 
     # Inspect's agents forget the `model_input` of a `ToolDef`; it has to come by the decorator.
-    @tool(name="computer", model_input=_latest(keep), parallel=False)
+    @tool(name="computer", model_input=_drop_older_pictures(keep), parallel=False)
     def computer() -> Tool:
         return execute
 
     return computer()
 
 
-def _taken(session: Session, calls: list[dict[str, Any]]) -> ToolResult:
+def _take_actions(session: Session, calls: list[dict[str, Any]]) -> ToolResult:
     """Take actions; return what could not be read, and the picture."""
     notes: list[str] = []
     picture = ""
     for call in calls:
         if session.record is not None:
             break
-        given = {name: value for name, value in call.items() if value is not None}
+        arguments = {name: value for name, value in call.items() if value is not None}
         picture = ""
-        if given.get("action") == "zoom":
-            picture = _zoom(session, given, notes)
+        if arguments.get("action") == "zoom":
+            picture = _zoom(session, arguments, notes)
             continue
-        for code in _codes(session, given, notes):
+        for code in _codes(session, arguments, notes):
             session.act(code)
     if session.record is not None:
         notes.append(OVER)
@@ -151,12 +151,12 @@ def _zoom(session: Session, call: dict[str, Any], notes: list[str]) -> str:
         return ""
 
 
-def _latest(keep: int) -> Any:
+def _drop_older_pictures(keep: int) -> Any:
     """Return a function that replaces the pictures of older results by words."""
 
     def sent(message_index: int, message_total: int, content: Any, hints: Any) -> Any:
-        whole = hints.get("disable_computer_screenshot_truncation", False)
-        if whole or isinstance(content, str) or message_total - message_index <= keep:
+        keeps_all = hints.get("disable_computer_screenshot_truncation", False)
+        if keeps_all or isinstance(content, str) or message_total - message_index <= keep:
             return content
         return [_without_picture(part) for part in content]
 

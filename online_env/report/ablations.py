@@ -48,7 +48,7 @@ class Ablation:
 
 def find_ablations(report: RunReport) -> tuple[Ablation, ...]:
     """Return the ablations that a report holds; none if no corruption has several levels."""
-    return (*_of_parameters(report), *_of_modules(report))
+    return (*_parameter_ablations(report), *_module_ablations(report))
 
 
 def level_table(report: RunReport, ablation: Ablation) -> tuple[Texts, list[Texts]]:
@@ -72,46 +72,52 @@ def level_table(report: RunReport, ablation: Ablation) -> tuple[Texts, list[Text
     for label, level in ablation.levels:
         row = [level]
         for agent, _ in ablation.series:
-            row += _shown(report.cell(agent, label), with_early)
+            row += _cell_figures(report.cell(agent, label), with_early)
         rows.append(row)
     return headings, rows
 
 
-def _shown(cell: Cell | None, with_early: bool) -> list[str]:
+def _cell_figures(cell: Cell | None, with_early: bool) -> list[str]:
     if cell is None:
         return [""] * (3 if with_early else 2)
-    shown = [formatting.percent(cell.success), formatting.interval(cell.ci_low, cell.ci_high)]
+    figures = [formatting.percent(cell.success), formatting.interval(cell.ci_low, cell.ci_high)]
     if with_early:
         disturbed = "" if cell.corruption == CLEAN else f"{cell.n - cell.early} of {cell.n}"
-        shown.append(disturbed)
-    return shown
+        figures.append(disturbed)
+    return figures
 
 
-def _of_parameters(report: RunReport) -> Iterator[Ablation]:
+def _parameter_ablations(report: RunReport) -> Iterator[Ablation]:
     labels: dict[str, list[str]] = {}
     for label in report.labels:
         if label != CLEAN:
             labels.setdefault(report.run.corruptions.get(label, label), []).append(label)
     series = tuple((agent, agent) for agent in report.agents)
-    for corruption, own in labels.items():
-        varied = {label: frozenset(report.run.settings.get(label, {})) for label in own}
-        for parameters in _largest(varied.values()):
-            levels = [label for label in own if varied[label] <= parameters]
+    for corruption, corruption_labels in labels.items():
+        varied = {
+            label: frozenset(report.run.settings.get(label, {})) for label in corruption_labels
+        }
+        for parameters in _largest_sets(varied.values()):
+            levels = [label for label in corruption_labels if varied[label] <= parameters]
             if len(levels) < 2:
                 continue
-            named = [(label, _level(label, corruption)) for label in levels]
+            level_names = [(label, _level(label, corruption)) for label in levels]
             clean = [(CLEAN, CLEAN)] if CLEAN in report.labels else []
             yield Ablation(
                 title=f"{corruption}: {', '.join(sorted(parameters))}",
-                levels=(*clean, *named),
+                levels=(*clean, *level_names),
                 series=series,
             )
 
 
-def _largest(found: Iterable[frozenset[str]]) -> list[frozenset[str]]:
+def _largest_sets(parameter_sets: Iterable[frozenset[str]]) -> list[frozenset[str]]:
     """Return the sets of parameters that are not subsets of others."""
-    there = list(dict.fromkeys(found))
-    return [one for one in there if one and not any(one < other for other in there)]
+    distinct = list(dict.fromkeys(parameter_sets))
+    return [
+        parameters
+        for parameters in distinct
+        if parameters and not any(parameters < superset for superset in distinct)
+    ]
 
 
 def _level(label: str, corruption: str) -> str:
@@ -120,9 +126,9 @@ def _level(label: str, corruption: str) -> str:
     return (short or label).replace("_", " ")
 
 
-def _of_modules(report: RunReport) -> Iterator[Ablation]:
+def _module_ablations(report: RunReport) -> Iterator[Ablation]:
     levels = tuple((label, label.replace("_", " ")) for label in report.labels)
-    for whole, variants in MODULES.items():
-        there = tuple((agent, name) for agent, name in variants.items() if agent in report.agents)
-        if whole in report.agents and len(there) > 2:
-            yield Ablation(title=f"modules of {whole}", levels=levels, series=there)
+    for full_agent, variants in MODULES.items():
+        series = tuple((agent, name) for agent, name in variants.items() if agent in report.agents)
+        if full_agent in report.agents and len(series) > 2:
+            yield Ablation(title=f"modules of {full_agent}", levels=levels, series=series)

@@ -30,31 +30,31 @@ def app_successes(groups: scores.GroupedRecords) -> list[AppSuccess]:
         alphabet, tasks with several of them last. None if all tasks have the same application, or
         name none, as in a scoring run.
     """
-    found: dict[str, dict[str, _Collected]] = {}
+    by_agent: dict[str, dict[str, _Collected]] = {}
     for (agent, label), scored in groups.scored.items():
         records = groups.last[agent, label]
         for case, score in scored.items():
-            app = _app_of(records[case])
-            own = found.setdefault(agent, {}).setdefault(app, _Collected())
-            own.tasks.update(scores.task_names([case]))
-            (own.clean if label == CLEAN else own.corrupted).append(score)
-    apps = {app for own in found.values() for app in own}
+            app = _record_app(records[case])
+            collected = by_agent.setdefault(agent, {}).setdefault(app, _Collected())
+            collected.tasks.update(scores.task_names([case]))
+            (collected.clean if label == CLEAN else collected.corrupted).append(score)
+    apps = {app for collected in by_agent.values() for app in collected}
     if len(apps) < 2:
         return []
     return [
         AppSuccess(
             agent=agent,
             app=app,
-            tasks=len(own[app].tasks),
-            clean=_mean(own[app].clean),
-            corrupted=_mean(own[app].corrupted),
+            tasks=len(collected[app].tasks),
+            clean=_mean(collected[app].clean),
+            corrupted=_mean(collected[app].corrupted),
         )
-        for agent, own in found.items()
-        for app in sorted(own, key=lambda app: (app == SEVERAL, app))
+        for agent, collected in by_agent.items()
+        for app in sorted(collected, key=lambda app: (app == SEVERAL, app))
     ]
 
 
-def _app_of(record: ResultRecord) -> str:
+def _record_app(record: ResultRecord) -> str:
     """Return the application of a record's task; nothing if it names none."""
     apps = record.get("apps")
     if not isinstance(apps, list) or not apps:

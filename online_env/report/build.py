@@ -9,6 +9,7 @@ from hijack_data.runs.run_log import FORMAT as RUN_FORMAT
 from hijack_data.runs.run_log import RUN
 
 from ..results import reading, scores
+from ..results.parts import part_rows
 from ..results.reading import Run
 from .app_success import app_successes
 from .cells import compute_cells, feasible_and_not
@@ -21,24 +22,23 @@ from .summaries import summarise_agents
 def load_report(path: Path, reference: str = "") -> RunReport:
     """Return the report of a run's folder, or the one in a file `report.json`.
 
-    `RunError` is raised for a folder that is not a run or of a newer version.
-
     Args:
         path: the folder, or the file.
         reference: the reference agent of mCE; a file keeps its own.
 
     Raises:
         ReportError: the run has no episodes, or the file is not a report.
+        RunError: The folder is not a run, or the run is of a newer version.
     """
     if not path.is_file():
         return build_report(reading.read(path), reference=reference)
-    found = read_report(path)
-    if reference and reference != found.reference:
+    report = read_report(path)
+    if reference and reference != report.reference:
         raise ReportError(
-            f"{path}: is a finished report, whose reference agent is {found.reference!r}; give the"
+            f"{path}: is a finished report, whose reference agent is {report.reference!r}; give the"
             " folder of the run for another --reference"
         )
-    return found
+    return report
 
 
 def read_report(path: Path) -> RunReport:
@@ -106,8 +106,6 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
 def _parts(run: Run) -> list[Mapping[str, Any]]:
     if not run.is_scored:
         return []
-    from ..results.parts import part_rows
-
     return list(part_rows(run.records))
 
 

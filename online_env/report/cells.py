@@ -19,13 +19,13 @@ def compute_cells(run: Run, groups: scores.GroupedRecords) -> list[Cell]:
     order = agent_names(run.config), list(corruptions_by_label(run.config))
     rows = scores.rows_by_group(groups, *order)
     top = {row["corruption"]: row["success"] for row in rows if row["agent"] == CEILING}
-    inferred = _inferred(rows, groups)
-    found: list[Cell] = []
+    inferred = _estimate_cells(rows, groups)
+    cells: list[Cell] = []
     for row in rows:
         key = row["agent"], row["corruption"]
         last = list(groups.last[key].values())
         scored = groups.scored[key]
-        found.append(
+        cells.append(
             Cell(
                 **row,
                 **inferred.get(key, {}),
@@ -36,15 +36,15 @@ def compute_cells(run: Run, groups: scores.GroupedRecords) -> list[Cell]:
                 early=scores.count_unreached(last, names),
             )
         )
-    return found
+    return cells
 
 
 def feasible_and_not(run: Run) -> tuple[list[Cell], list[Cell]]:
     """Return the cells of feasible and of infeasible tasks; no cells if all tasks are feasible."""
-    apart: tuple[list[ResultRecord], list[ResultRecord]] = [], []
+    partition: tuple[list[ResultRecord], list[ResultRecord]] = [], []
     for record in run.records:
-        apart[bool(record.get("infeasible"))].append(record)
-    feasible, infeasible = apart
+        partition[bool(record.get("infeasible"))].append(record)
+    feasible, infeasible = partition
     if not infeasible:
         return [], []
     return compute_cells(run, scores.group_records(feasible)), compute_cells(
@@ -56,7 +56,7 @@ def _with_clean(key: scores.CellKey, groups: scores.GroupedRecords) -> scores.Pa
     return scores.pairs(groups.scored[key[0], CLEAN], groups.scored[key])
 
 
-def _inferred(
+def _estimate_cells(
     rows: Sequence[scores.ScoreRow], groups: scores.GroupedRecords
 ) -> dict[scores.CellKey, dict[str, float | None]]:
     """Return the intervals of the retention, and the detectable differences, by cell."""
@@ -65,16 +65,16 @@ def _inferred(
         return {}
     from ..results import statistics
 
-    found: dict[scores.CellKey, dict[str, float | None]] = {}
+    estimates: dict[scores.CellKey, dict[str, float | None]] = {}
     for key in keys:
         cases = _with_clean(key, groups)
-        kept = statistics.retention_interval(*cases)
-        found[key] = {
-            "retention_low": kept.low if kept else None,
-            "retention_high": kept.high if kept else None,
+        retention = statistics.retention_interval(*cases)
+        estimates[key] = {
+            "retention_low": retention.low if retention else None,
+            "retention_high": retention.high if retention else None,
             "detectable": statistics.detectable_difference(*cases),
         }
-    return found
+    return estimates
 
 
 def _pass_hat(run: Run, scored: Mapping[scores.PairKey, float]) -> tuple[float, ...]:
@@ -90,5 +90,5 @@ def _pass_hat(run: Run, scored: Mapping[scores.PairKey, float]) -> tuple[float, 
     for name, score in zip(scores.task_names(scored), scored.values(), strict=True):
         solved.setdefault(name, []).append(score == 1.0)
     seeds = min(map(len, solved.values()))
-    found = [pass_hat_k(solved, k) for k in range(1, seeds + 1)]
-    return tuple(value for value in found if value is not None)
+    values = [pass_hat_k(solved, k) for k in range(1, seeds + 1)]
+    return tuple(value for value in values if value is not None)

@@ -15,7 +15,7 @@ from .notes import partial_note
 
 PACKAGE = "agenthijack"
 # Fields of a configuration in which two compared runs may differ.
-_PLACES = ("source", "agents", "code")
+_FREE_FIELDS = ("source", "agents", "code")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,10 +90,12 @@ def compare(before: Run, after: Run, pairs: Mapping[str, str] | None = None) -> 
     for run in (before, after):
         if not run.records:
             raise ReportError(f"{run.folder}: holds no episodes yet, so there is nothing to pair")
-    there = scores.group_records(before.records).scored
-    here = scores.group_records(after.records).scored
-    chosen = _chosen(before, after, _agents(before), _agents(after), pairs)
-    rows = [row for names in chosen.items() for row in _rows(names, there, here)]
+    scores_before = scores.group_records(before.records).scored
+    scores_after = scores.group_records(after.records).scored
+    agent_pairs = _match_agents(before, after, _agents(before), _agents(after), pairs)
+    rows = [
+        row for names in agent_pairs.items() for row in _rows(names, scores_before, scores_after)
+    ]
     if not any(row.n for row in rows):
         raise ReportError(
             f"{before.folder} and {after.folder} share no case (task, corruption and seed); run"
@@ -103,7 +105,7 @@ def compare(before: Run, after: Run, pairs: Mapping[str, str] | None = None) -> 
         before=run_identity(before),
         after=run_identity(after),
         cells=tuple(rows),
-        notes=tuple(_notes(before, after, rows, chosen)),
+        notes=tuple(_notes(before, after, rows, agent_pairs)),
     )
 
 
@@ -111,11 +113,11 @@ def _agents(run: Run) -> list[str]:
     return list(dict.fromkeys(record["agent"] for record in run.records))
 
 
-def _chosen(
+def _match_agents(
     before: Run,
     after: Run,
-    there: Sequence[str],
-    here: Sequence[str],
+    agents_before: Sequence[str],
+    agents_after: Sequence[str],
     pairs: Mapping[str, str] | None,
 ) -> dict[str, str]:
     """Return which agents are compared.
@@ -124,43 +126,43 @@ def _chosen(
         ReportError: one of them is missing, or it is not clear which to compare.
     """
     for first, second in (pairs or {}).items():
-        for run, name, known in ((before, first, there), (after, second, here)):
-            if name not in known:
-                raise ReportError(f"--pair: {name!r} is not in {run.folder} ({', '.join(known)})")
+        for run, name, agents in ((before, first, agents_before), (after, second, agents_after)):
+            if name not in agents:
+                raise ReportError(f"--pair: {name!r} is not in {run.folder} ({', '.join(agents)})")
     if pairs:
         return dict(pairs)
-    same = [agent for agent in there if agent in here]
-    if same:
-        return {agent: agent for agent in same}
-    if len(there) == len(here) == 1:
-        return {there[0]: here[0]}
+    shared = [agent for agent in agents_before if agent in agents_after]
+    if shared:
+        return {agent: agent for agent in shared}
+    if len(agents_before) == len(agents_after) == 1:
+        return {agents_before[0]: agents_after[0]}
     raise ReportError(
-        f"nothing to pair: {before.folder} has {', '.join(there)}, {after.folder} has"
-        f" {', '.join(here)}; name two with --pair {there[0]}={here[0]}"
+        f"nothing to pair: {before.folder} has {', '.join(agents_before)}, {after.folder} has"
+        f" {', '.join(agents_after)}; name two with --pair {agents_before[0]}={agents_after[0]}"
     )
 
 
 def _rows(
-    names: tuple[str, str], there: scores.ScoreByCell, here: scores.ScoreByCell
+    names: tuple[str, str], scores_before: scores.ScoreByCell, scores_after: scores.ScoreByCell
 ) -> list[ComparedCell]:
     """Return the conditions of two agents, in the order of the first run."""
     from ..results import statistics
 
     first, second = names
-    labels = [label for agent, label in there if agent == first]
-    labels += [label for agent, label in here if agent == second]
-    made: dict[str, dict[str, Any]] = {}
+    labels = [label for agent, label in scores_before if agent == first]
+    labels += [label for agent, label in scores_after if agent == second]
+    values: dict[str, dict[str, Any]] = {}
     for label in dict.fromkeys(labels):
-        old = there.get((first, label), {})
-        new = here.get((second, label), {})
-        made[label] = _row(old, new)
-    tests = {label: row["p"] for label, row in made.items() if row["n"]}
+        old = scores_before.get((first, label), {})
+        new = scores_after.get((second, label), {})
+        values[label] = _row(old, new)
+    tests = {label: row["p"] for label, row in values.items() if row["n"]}
     adjusted = statistics.holm(tests)
     for label, value in adjusted.items():
-        made[label]["p"] = value
+        values[label]["p"] = value
     return [
         ComparedCell(before=first, after=second, corruption=label, **row)
-        for label, row in made.items()
+        for label, row in values.items()
     ]
 
 
@@ -188,13 +190,16 @@ def _row(old: scores.ScoreByCase, new: scores.ScoreByCase) -> dict[str, Any]:
 
 
 def _notes(
-    before: Run, after: Run, rows: Sequence[ComparedCell], chosen: Mapping[str, str]
+    before: Run, after: Run, rows: Sequence[ComparedCell], agent_pairs: Mapping[str, str]
 ) -> Iterator[str]:
     names = _names(before, after)
-    for run, name, kept in ((before, names[0], chosen.keys()), (after, names[1], chosen.values())):
-        left = [agent for agent in _agents(run) if agent not in kept]
-        if left:
-            yield f"Only in {name}: {', '.join(left)}."
+    for run, name, compared in (
+        (before, names[0], agent_pairs.keys()),
+        (after, names[1], agent_pairs.values()),
+    ):
+        uncompared = [agent for agent in _agents(run) if agent not in compared]
+        if uncompared:
+            yield f"Only in {name}: {', '.join(uncompared)}."
     alone = [(row.only_before, row.only_after) for row in rows]
     first, second = (sum(counts) for counts in zip(*alone, strict=True))
     if first or second:
@@ -202,12 +207,14 @@ def _notes(
             f"Not compared: {first} cases that only {names[0]} has, {second} that only"
             f" {names[1]} has."
         )
-    settings = (_setting(before), _setting(after))
-    other = difference(*settings)
-    if other:
+    settings = (_comparable_config(before), _comparable_config(after))
+    first_difference = difference(*settings)
+    if first_difference:
         differing = [key for key in {**settings[0], **settings[1]} if _differs(key, *settings)]
         listed = ", ".join(differing)
-        yield f"The runs differ in their settings, too ({listed}), first in this: {other}."
+        yield (
+            f"The runs differ in their settings, too ({listed}), first in this: {first_difference}."
+        )
     yield from partial_note(
         scores.count_partial(before.records) + scores.count_partial(after.records)
     )
@@ -217,7 +224,7 @@ def _notes(
             f"{names[0]} was made with {PACKAGE} {versions[0]}, {names[1]} with {versions[1]}:"
             " tasks and corruptions may have changed."
         )
-    yield from _unseen(rows)
+    yield from _insignificant_notes(rows)
 
 
 def _names(before: Run, after: Run) -> tuple[str, str]:
@@ -226,16 +233,16 @@ def _names(before: Run, after: Run) -> tuple[str, str]:
     return (first, second) if first != second else (f"{first} (before)", f"{second} (after)")
 
 
-def _setting(run: Run) -> dict[str, Any]:
+def _comparable_config(run: Run) -> dict[str, Any]:
     """Return the configuration without the fields in which compared runs may differ."""
-    return {key: value for key, value in run.config.items() if key not in _PLACES}
+    return {key: value for key, value in run.config.items() if key not in _FREE_FIELDS}
 
 
-def _differs(key: str, one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    return one.get(key) != other.get(key)
+def _differs(key: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> bool:
+    return before.get(key) != after.get(key)
 
 
-def _unseen(rows: Sequence[ComparedCell]) -> Iterator[str]:
+def _insignificant_notes(rows: Sequence[ComparedCell]) -> Iterator[str]:
     """Yield the conditions without a significant difference, and the detectable size of one."""
     hidden: dict[tuple[str, str], list[str]] = {}
     has_size: set[tuple[str, str]] = set()
@@ -249,7 +256,7 @@ def _unseen(rows: Sequence[ComparedCell]) -> Iterator[str]:
             has_size.add(names)
         hidden.setdefault(names, []).append(f"{row.corruption}{points}")
     for names, labels in hidden.items():
-        text = f"{_who(*names)}: no difference is shown under {', '.join(labels)}."
+        text = f"{_agent_pair(*names)}: no difference is shown under {', '.join(labels)}."
         if names in has_size:
             text += (
                 " In brackets is the true difference that as many tasks would show with a"
@@ -258,5 +265,5 @@ def _unseen(rows: Sequence[ComparedCell]) -> Iterator[str]:
         yield text
 
 
-def _who(before: str, after: str) -> str:
+def _agent_pair(before: str, after: str) -> str:
     return after if before == after else f"{before} and {after}"

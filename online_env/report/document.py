@@ -25,5 +25,5 @@ class ReportDocument:
 
     def extras(self) -> Mapping[str, Any]:
         """Return comparison and paper as JSON data; keys without data are left out."""
-        found = {"comparison": self.comparison, "paper": self.paper}
-        return {key: asdict(value) for key, value in found.items() if value is not None}
+        additions = {"comparison": self.comparison, "paper": self.paper}
+        return {key: asdict(value) for key, value in additions.items() if value is not None}

@@ -71,29 +71,31 @@ class Panel:
 
 def success_panels(report: RunReport) -> list[Panel]:
     """Return success by condition, a panel for each agent; the line is its clean success."""
-    found: list[Panel] = []
+    panels: list[Panel] = []
     for agent in report.agents:
         cells = _cells(report, agent)
         clean = next((cell.success for cell in cells if cell.corruption == CLEAN), None)
-        found.append(_panel(agent, cells, _success_bar, clean, 1.0))
-    return found
+        panels.append(_panel(agent, cells, _success_bar, clean, 1.0))
+    return panels
 
 
 def retention_panels(report: RunReport) -> list[Panel]:
     """Return retention by corruption; the line is at 100 percent. Agents without any are absent."""
-    kept = {
+    cells_by_agent = {
         agent: [cell for cell in _cells(report, agent) if cell.retention is not None]
         for agent in report.agents
     }
-    end = _end([cell for cells in kept.values() for cell in cells])
+    end = _end([cell for cells in cells_by_agent.values() for cell in cells])
     return [
-        _panel(agent, cells, _retention_bar, 1.0, end) for agent, cells in kept.items() if cells
+        _panel(agent, cells, _retention_bar, 1.0, end)
+        for agent, cells in cells_by_agent.items()
+        if cells
     ]
 
 
 def _cells(report: RunReport, agent: str) -> list[Cell]:
-    found = (report.cell(agent, label) for label in report.labels)
-    return [cell for cell in found if cell is not None and cell.success is not None]
+    cells = (report.cell(agent, label) for label in report.labels)
+    return [cell for cell in cells if cell is not None and cell.success is not None]
 
 
 def _panel(
@@ -123,10 +125,10 @@ def _panel(
 
 
 def _success_bar(cell: Cell, kind: str, y: float, end: float) -> BarMark:
-    said = [f"{cell.corruption}: {formatting.percent(cell.success)} %"]
+    title = [f"{cell.corruption}: {formatting.percent(cell.success)} %"]
     if cell.ci_low is not None:
-        said.append(f"95 % {formatting.interval(cell.ci_low, cell.ci_high)}")
-    said.append(f"{cell.n} episodes of {cell.tasks} tasks")
+        title.append(f"95 % {formatting.interval(cell.ci_low, cell.ci_high)}")
+    title.append(f"{cell.n} episodes of {cell.tasks} tasks")
     return BarMark(
         label=cell.corruption,
         kind=kind,
@@ -136,12 +138,12 @@ def _success_bar(cell: Cell, kind: str, y: float, end: float) -> BarMark:
         high=_maybe(cell.ci_high, end),
         mark=_maybe(cell.ceiling, end),
         value=formatting.percent(cell.success),
-        title=", ".join(said),
+        title=", ".join(title),
     )
 
 
 def _retention_bar(cell: Cell, kind: str, y: float, end: float) -> BarMark:
-    said = f"{cell.corruption}: keeps {formatting.percent(cell.retention)} % of its clean success"
+    title = f"{cell.corruption}: keeps {formatting.percent(cell.retention)} % of its clean success"
     between = formatting.retention_interval(cell.retention_low, cell.retention_high)
     unbounded = cell.retention_low is not None and cell.retention_high is None
     return BarMark(
@@ -153,16 +155,16 @@ def _retention_bar(cell: Cell, kind: str, y: float, end: float) -> BarMark:
         high=WIDTH if unbounded else _maybe(cell.retention_high, end),
         mark=None,
         value=formatting.percent(cell.retention),
-        title=f"{said}, 95 % {between}" if between else said,
+        title=f"{title}, 95 % {between}" if between else title,
     )
 
 
 def _end(cells: Sequence[Cell]) -> float:
     """Return where the axis of a retention ends: at 100, 125 or at most 150 percent."""
     ends = [max(cell.retention or 0.0, cell.retention_high or 0.0) for cell in cells]
-    most = max(ends, default=1.0)
+    longest = max(ends, default=1.0)
     for end in (1.0, 1.25):
-        if most <= end:
+        if longest <= end:
             return end
     return 1.5
 

@@ -56,25 +56,25 @@ def check_shown(option: str, format: str) -> None:
         ReportError: it does not.
     """
     if format not in FORMATS_BY_OPTION[option]:
-        known = ", ".join(FORMATS_BY_OPTION[option])
-        raise ReportError(f"{option} is not shown by the format {format}; give one of {known}")
+        names = ", ".join(FORMATS_BY_OPTION[option])
+        raise ReportError(f"{option} is not shown by the format {format}; give one of {names}")
 
 
-def choose_format(named: str | None, out: Path | None) -> str:
+def choose_format(name: str | None, out: Path | None) -> str:
     """Return the format with a name, or the format for the suffix of a file.
 
     Raises:
         ReportError: there is no such format, or the suffix of the file is unknown.
     """
-    if named is not None:
-        if named not in FORMATS:
-            raise ReportError(f"--format: unknown format {named!r}{suggest(named, FORMATS)}")
-        return named
+    if name is not None:
+        if name not in FORMATS:
+            raise ReportError(f"--format: unknown format {name!r}{suggest(name, FORMATS)}")
+        return name
     if out is None:
         return TERMINAL
     if out.suffix.lower() not in SUFFIXES:
-        known = ", ".join(FORMATS)
-        raise ReportError(f"-o {out}: its name does not tell the format; give --format ({known})")
+        names = ", ".join(FORMATS)
+        raise ReportError(f"-o {out}: its name does not tell the format; give --format ({names})")
     return SUFFIXES[out.suffix.lower()]
 
 

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterable, Sequence
 
+MAX_LINE = 300  # characters of a line on a terminal
 # p values below this show a difference.
 SIGNIFICANT_P = 0.05
-_GIVEN = {"task": "the task", "plan": "the plan", "process": "the runner's process"}
+_INPUT_WORDS = {"task": "the task", "plan": "the plan", "process": "the runner's process"}
 
 
 def percent(share: float | None, sign: str = "") -> str:
@@ -19,7 +20,7 @@ def interval(low: float | None, high: float | None, sign: str = "") -> str:
     return f"[{percent(low, sign)}, {percent(high, sign)}]"
 
 
-def kept(low: float | None, high: float | None) -> str:
+def retention_interval(low: float | None, high: float | None) -> str:
     """Return the interval of a retention, which may have no upper end."""
     if low is not None and high is None:
         return f"[{percent(low)}, …)"
@@ -60,6 +61,12 @@ def worst(labels: Sequence[str], success: float | None) -> str:
     return f"{', '.join(labels)} {percent(success)}" if labels else "none"
 
 
-def given(kinds: Iterable[str] | None) -> str:
+def privileged_inputs(kinds: Iterable[str] | None) -> str:
     """Return what an agent was given besides instruction and pictures; empty if unknown."""
-    return " and ".join(_GIVEN[kind] for kind in kinds or ())
+    return " and ".join(_INPUT_WORDS[kind] for kind in kinds or ())
+
+
+def shorten(text: str) -> str:
+    """Return a text as one line of at most `MAX_LINE` characters; records hold the whole text."""
+    line = " ".join(text.split("\n"))
+    return line if len(line) <= MAX_LINE else line[: MAX_LINE - 4] + " ..."

@@ -17,10 +17,10 @@ from hijack_data.errors import HijackError, ParameterError, UnknownNameError, so
 from hijack_data.plan import CLEAN
 from hijack_data.runs.own_files import refuse_own_file
 
-from ..report.named_scores import YARDSTICKS
 from ..results import scores
 from ..results.reading import Run
 from . import junit
+from .named_scores import REFERENCE_AGENTS
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 OPTION = "--fail-under"
@@ -82,23 +82,23 @@ class GateVerdict:
         return self.value is not None and self.value >= self.gate.least - ROUNDING
 
     def __str__(self) -> str:
-        named = f"{self.gate.name} of {self.gate.agent}"
+        score_name = f"{self.gate.name} of {self.gate.agent}"
         if self.value is None:
-            where = some_of(self.lacking or (self.gate.label,))
-            why = "no episode counts"
+            missing = some_of(self.lacking or (self.gate.label,))
+            cause = "no episode counts"
             if self.gate.score == "retention":
-                why = "no episode counts, or none succeeds clean"
+                cause = "no episode counts, or none succeeds clean"
             elif self.gate.score == "ci_low" and not scores.can_infer():
-                why = "scipy and statsmodels are not installed"
-            return f"{named} cannot be computed, {why}: {where} ({self.gate})"
+                cause = "scipy and statsmodels are not installed"
+            return f"{score_name} cannot be computed, {cause}: {missing} ({self.gate})"
         value = f"{self.value:.3f}"
         least = f"{self.gate.least:g}"
         if self.passed:
-            return f"{named} is {value}, at least {least}"
+            return f"{score_name} is {value}, at least {least}"
         if float(value) >= float(least):  # rounded, it would not be below
             value = repr(self.value)
             least = repr(self.gate.least)
-        return f"{named} is {value}, below {least}"
+        return f"{score_name} is {value}, below {least}"
 
 
 def gate_options(command: Command) -> Command:
@@ -158,18 +158,18 @@ class ReleaseGate:
             ParameterError: The threshold is not in 0..1, or the run cannot have that score.
             HijackError: The file of `--junit` cannot be written there.
         """
-        found: list[ScoreGate] = []
+        gates: list[ScoreGate] = []
         for text in texts:
-            found += _read_gate(text, agents, labels)
+            gates += _read_gate(text, agents, labels)
         if junit is not None:
             _check_writable(junit)
-        return cls(gates=tuple(found), junit=junit, agents=tuple(agents), labels=tuple(labels))
+        return cls(gates=tuple(gates), junit=junit, agents=tuple(agents), labels=tuple(labels))
 
     def verdicts(self, run: Run) -> list[GateVerdict]:
         """Judge the gates on the episodes of a run so far."""
         groups = scores.group_records(run.records)
         table = scores.rows_by_group(groups, self.agents, self.labels)
-        return [_judged(gate, table, groups.scored, self.labels) for gate in self.gates]
+        return [_judge(gate, table, groups.scored, self.labels) for gate in self.gates]
 
     def conclude(self, run: Run) -> bool:
         """Print a line on each gate to standard error, and write the JUnit file.
@@ -197,13 +197,17 @@ def _read_gate(text: str, agents: Sequence[str], labels: Sequence[str]) -> list[
     """Return the gates of one `--fail-under`.
 
     A gate without an agent applies to every agent; yardsticks are exempt if there are other agents.
+
+    Raises:
+        ParameterError: The text is not SCORE=X, or the number is out of range.
+        UnknownNameError: There is no such score or agent.
     """
-    named, equals, number = text.rpartition("=")
+    score_name, equals, number = text.rpartition("=")
     if not equals:
         raise ParameterError(f"{OPTION} {text}: write SCORE=X, {EXAMPLE}")
     # Names of agents may hold colons (my_agent.py:MyAgent), those of scores do not.
-    agent, colon, named = named.strip().rpartition(":")
-    score, _, label = named.partition(".")
+    agent, colon, score_name = score_name.strip().rpartition(":")
+    score, _, label = score_name.partition(".")
     if score not in KNOWN:
         raise UnknownNameError(f"{OPTION} {text}: no score {score!r}{suggest(score, KNOWN)}")
     if colon and agent not in agents:
@@ -212,9 +216,9 @@ def _read_gate(text: str, agents: Sequence[str], labels: Sequence[str]) -> list[
         label = CLEAN
     _check_label(text, score, label, labels)
     least = _threshold(text, score, number)
-    own = [name for name in agents if name not in YARDSTICKS]
-    chosen = [agent] if colon else own or agents
-    return [ScoreGate(score=score, label=label, agent=one, least=least) for one in chosen]
+    contestants = [name for name in agents if name not in REFERENCE_AGENTS]
+    agents_judged = [agent] if colon else contestants or agents
+    return [ScoreGate(score=score, label=label, agent=name, least=least) for name in agents_judged]
 
 
 def _check_label(text: str, score: str, label: str, labels: Sequence[str]) -> None:
@@ -237,7 +241,7 @@ def _check_label(text: str, score: str, label: str, labels: Sequence[str]) -> No
             f"{OPTION} {text}: {score} needs the clean condition; add it to --corruptions"
         )
     over = score in OVER_CORRUPTIONS or score in PAIRED
-    if over and all(known == CLEAN for known in labels):
+    if over and all(name == CLEAN for name in labels):
         raise ParameterError(f"{OPTION} {text}: the run has no corruption")
 
 
@@ -259,37 +263,41 @@ def _threshold(text: str, score: str, number: str) -> float:
     return least
 
 
-def _judged(
+def _judge(
     gate: ScoreGate,
     table: Sequence[scores.ScoreRow],
     scored: scores.ScoreByCell,
     labels: Sequence[str],
 ) -> GateVerdict:
     """Judge a gate on the table of a run, and on the scores that it was made from."""
-    own = [row for row in table if row["agent"] == gate.agent]
+    agent_rows = [row for row in table if row["agent"] == gate.agent]
     column = "success" if gate.score in OF_AGENT else gate.score
-    by_label = {row["corruption"]: row[column] for row in own}
+    by_label = {row["corruption"]: row[column] for row in agent_rows}
     if gate.label:
         return GateVerdict(gate, by_label.get(gate.label))
-    needed = list(labels)
+    needed_labels = list(labels)
     if gate.score in PAIRED:
-        needed.remove(CLEAN)
+        needed_labels.remove(CLEAN)
     # If a condition is missing, the mean of the others would pass for the mean of all.
-    lacking = tuple(label for label in needed if by_label.get(label) is None)
+    lacking = tuple(label for label in needed_labels if by_label.get(label) is None)
     if lacking:
         return GateVerdict(gate, None, lacking)
     if gate.score in OF_AGENT:
-        (summary,) = scores.summaries(own)
+        (summary,) = scores.summaries(agent_rows)
         return GateVerdict(gate, summary[OF_AGENT[gate.score]])
-    return GateVerdict(gate, _over_all(gate, scored))
+    return GateVerdict(gate, _overall_score(gate, scored))
 
 
-def _over_all(gate: ScoreGate, scored: scores.ScoreByCell) -> float | None:
+def _overall_score(gate: ScoreGate, scored: scores.ScoreByCell) -> float | None:
     """Return the retention or the difference over all cases played both clean and corrupted."""
-    there, here, _ = scores.pairs_with_clean(gate.agent, scored)
+    clean_scores, corrupted_scores, _ = scores.pairs_with_clean(gate.agent, scored)
     if gate.score == "retention":
-        return sum(here) / sum(there) if sum(there) else None
-    return (sum(here) - sum(there)) / len(here) if here else None
+        return sum(corrupted_scores) / sum(clean_scores) if sum(clean_scores) else None
+    return (
+        (sum(corrupted_scores) - sum(clean_scores)) / len(corrupted_scores)
+        if corrupted_scores
+        else None
+    )
 
 
 def _check_writable(path: Path) -> None:

@@ -92,12 +92,12 @@ def _templates() -> Any:
 def _matrix(report: RunReport) -> list[tuple[str, list[Mapping[str, Any]]]]:
     """Return a row for each agent with the contents of the main table's cells."""
     return [
-        (agent, [_shown(report, agent, label) for label in report.labels])
+        (agent, [_matrix_cell(report, agent, label) for label in report.labels])
         for agent in report.agents
     ]
 
 
-def _shown(report: RunReport, agent: str, label: str) -> Mapping[str, Any]:
+def _matrix_cell(report: RunReport, agent: str, label: str) -> Mapping[str, Any]:
     cell = report.cell(agent, label)
     if cell is None or cell.success is None:
         return {
@@ -123,7 +123,7 @@ def _facts(run: RunIdentity) -> list[tuple[str, str]]:
     began = ""
     if run.created is not None:
         began = datetime.fromtimestamp(run.created, UTC).strftime("%Y-%m-%d %H:%M UTC")
-    found = [
+    facts = [
         ("made by", f"hijack {run.kind}"),
         ("of", run.source),
         ("begun", began),
@@ -135,4 +135,4 @@ def _facts(run: RunIdentity) -> list[tuple[str, str]]:
         ("SHA-256 of run.json", run.head_sha256),
         ("versions", ", ".join(f"{name} {version}" for name, version in run.versions.items())),
     ]
-    return [(name, value) for name, value in found if value]
+    return [(name, value) for name, value in facts if value]

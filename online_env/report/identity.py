@@ -28,7 +28,7 @@ NINE = (
     "network_error",
     "verification",
 )
-_AS = "as"
+_LABEL_KEY = "as"
 # The fields of a configuration that, apart from the agent, decide scores.
 _SETTING = (
     "kind",
@@ -57,7 +57,7 @@ def run_identity(run: Run) -> RunIdentity:
     return RunIdentity(
         name=run.folder.resolve().name,
         kind=SCORE_RUN if run.is_scored else "bench",
-        source=_name_of(str(config.get("source", ""))),
+        source=_source_name(str(config.get("source", ""))),
         head_sha256=_head_digest(run),
         setting_sha256=_setting_digest(config),
         created=float(created) if is_amount(created) and created < YEAR_10000 else None,
@@ -66,7 +66,7 @@ def run_identity(run: Run) -> RunIdentity:
         recovery=str(config.get("recovery", "")),
         max_steps=_integer(config.get("max_steps")),
         seeds=tuple(sorted({record["seed"] for record in final})),
-        tasks=len(set(scores.task_names(map(_case_of, final)))),
+        tasks=len(set(scores.task_names([_pair_key(record) for record in final]))),
         corruptions=names,
         settings=changed_parameters(config),
         changed=tuple(_changed(config)),
@@ -90,8 +90,8 @@ def agent_names(config: Mapping[str, Any]) -> list[str]:
 
 def has_all_nine(run: RunIdentity, labels: set[str]) -> bool:
     """Return whether each of the paper's nine is among `labels`, under its own name."""
-    found = {label for label in labels if run.corruptions.get(label, label) == label}
-    return found.issuperset(NINE)
+    own_names = {label for label in labels if run.corruptions.get(label, label) == label}
+    return own_names.issuperset(NINE)
 
 
 def _entries(listed: Any) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
@@ -103,8 +103,8 @@ def _entries(listed: Any) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
         settings: Any = {}
         if isinstance(entry, dict) and len(entry) == 1:
             ((name, settings),) = entry.items()
-        known: dict[str, Any] = settings if isinstance(settings, dict) else {}
-        yield str(known.get(_AS, name)), str(name), known
+        parameters: dict[str, Any] = settings if isinstance(settings, dict) else {}
+        yield str(parameters.get(_LABEL_KEY, name)), str(name), parameters
 
 
 def changed_parameters(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
@@ -112,13 +112,15 @@ def changed_parameters(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
     Labels of corruptions that are not installed here are left out.
     """
-    found: dict[str, dict[str, Any]] = {}
+    changed: dict[str, dict[str, Any]] = {}
     for label, name, settings in _entries(config.get("corruptions")):
         with suppress(HijackError):
             default = make_corruption(name).params()
-            own = {key: value for key, value in settings.items() if key != _AS}
-            found[label] = {key: own[key] for key in own if default.get(key) != own[key]}
-    return found
+            parameters = {key: value for key, value in settings.items() if key != _LABEL_KEY}
+            changed[label] = {
+                key: parameters[key] for key in parameters if default.get(key) != parameters[key]
+            }
+    return changed
 
 
 def _changed(config: Mapping[str, Any]) -> Iterator[str]:
@@ -129,7 +131,7 @@ def _changed(config: Mapping[str, Any]) -> Iterator[str]:
             yield label
 
 
-def _name_of(source: str) -> str:
+def _source_name(source: str) -> str:
     """Return a source without the folders that it lies in, which are those of one machine.
 
     A packaged configuration keeps its folder: `ablations/marks_number` is its name.
@@ -150,14 +152,14 @@ def _head_digest(run: Run) -> str:
 
 
 def _setting_digest(config: Mapping[str, Any]) -> str:
-    chosen = {key: config.get(key) for key in _SETTING}
-    code = _code_of_others(config)
+    setting = {key: config.get(key) for key in _SETTING}
+    code = _task_code(config)
     if code:
-        chosen["code"] = code
-    return digest_of(json.dumps(chosen, sort_keys=True).encode())
+        setting["code"] = code
+    return digest_of(json.dumps(setting, sort_keys=True).encode())
 
 
-def _code_of_others(config: Mapping[str, Any]) -> dict[str, Any]:
+def _task_code(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return the SHA-256 of each file that a task or the provider is in, by name.
 
     Two runs may have tasks of one name from files that differ.
@@ -172,14 +174,14 @@ def _code_of_others(config: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _case_of(record: Mapping[str, Any]) -> scores.PairKey:
+def _pair_key(record: Mapping[str, Any]) -> scores.PairKey:
     return record["task"], record.get("task_seed"), record["seed"]
 
 
-def _texts(found: Any) -> dict[str, str]:
-    if not isinstance(found, dict):
+def _texts(data: Any) -> dict[str, str]:
+    if not isinstance(data, dict):
         return {}
-    return {str(key): str(value) for key, value in found.items()}
+    return {str(key): str(value) for key, value in data.items()}
 
 
 def _integer(value: Any) -> int | None:

@@ -58,9 +58,9 @@ def junit_tree(run: Run, gates: Sequence[GateCase]) -> XmlElement:
     for record in scores.latest(run.records).values():
         by_agent.setdefault(str(record["agent"]), []).append(_episode(record))
     suites = [_suite(agent, cases) for agent, cases in by_agent.items()]
-    lost = [_missing(name) for name in run.unplayed]
-    if lost:
-        suites.append(_suite("missing", lost))
+    missing = [_missing(name) for name in run.unplayed]
+    if missing:
+        suites.append(_suite("missing", missing))
     if gates:
         suites.append(_suite(GATES, [_gate(case) for case in gates]))
     root = ElementTree.Element("testsuites", name="agenthijack")
@@ -73,13 +73,13 @@ def junit_tree(run: Run, gates: Sequence[GateCase]) -> XmlElement:
 
 def _suite(name: str, cases: Sequence[XmlElement]) -> XmlElement:
     """Return a suite with the counts of its cases."""
-    found = ElementTree.Element("testsuite", name=_text(name), tests=str(len(cases)))
-    found.set("failures", str(sum(case.find("failure") is not None for case in cases)))
-    found.set("errors", str(sum(case.find("error") is not None for case in cases)))
-    found.set("skipped", "0")
-    found.set("time", _seconds(sum(float(case.get("time", "0")) for case in cases)))
-    found.extend(cases)
-    return found
+    suite = ElementTree.Element("testsuite", name=_text(name), tests=str(len(cases)))
+    suite.set("failures", str(sum(case.find("failure") is not None for case in cases)))
+    suite.set("errors", str(sum(case.find("error") is not None for case in cases)))
+    suite.set("skipped", "0")
+    suite.set("time", _seconds(sum(float(case.get("time", "0")) for case in cases)))
+    suite.extend(cases)
+    return suite
 
 
 def _episode(record: ResultRecord) -> XmlElement:
@@ -93,20 +93,20 @@ def _episode(record: ResultRecord) -> XmlElement:
         seconds if isinstance(seconds, int | float) else 0.0,
     )
     if record["status"] == "ok":
-        said = f"score {record['score']:.2f}: {record.get('reason', '')}"
+        message = f"score {record['score']:.2f}: {record.get('reason', '')}"
     else:
-        said = str(record.get("problem", ""))
+        message = str(record.get("problem", ""))
         kind = f"{record['status']} ({record.get('cause') or 'machine'})"
-        _add(case, "error", kind, said)
+        _add(case, "error", kind, message)
     out = ElementTree.SubElement(case, "system-out")
-    out.text = _text(f"{record.get('id')}\n{said}")
+    out.text = _text(f"{record.get('id')}\n{message}")
     return case
 
 
-def _gate(found: GateCase) -> XmlElement:
-    case = _case(GATES, found.name, 0.0)
-    if found.problem:
-        _add(case, "failure", "below", found.problem)
+def _gate(gate: GateCase) -> XmlElement:
+    case = _case(GATES, gate.name, 0.0)
+    if gate.problem:
+        _add(case, "failure", "below", gate.problem)
     return case
 
 
@@ -116,17 +116,17 @@ def _missing(name: str) -> XmlElement:
     return case
 
 
-def _case(where: str, name: str, seconds: float) -> XmlElement:
-    found = ElementTree.Element("testcase", classname=_text(where), name=_text(name))
-    found.set("time", _seconds(seconds))
-    return found
+def _case(classname: str, name: str, seconds: float) -> XmlElement:
+    case = ElementTree.Element("testcase", classname=_text(classname), name=_text(name))
+    case.set("time", _seconds(seconds))
+    return case
 
 
-def _add(case: XmlElement, what: str, kind: str, message: str) -> None:
+def _add(case: XmlElement, tag: str, kind: str, message: str) -> None:
     """Add a problem to a case."""
-    found = ElementTree.SubElement(case, what, type=kind)
-    found.set("message", _text(message.split("\n")[0]))
-    found.text = _text(message)
+    problem = ElementTree.SubElement(case, tag, type=kind)
+    problem.set("message", _text(message.split("\n")[0]))
+    problem.text = _text(message)
 
 
 def _seconds(value: float) -> str:

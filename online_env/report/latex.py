@@ -34,44 +34,44 @@ def as_latex(document: ReportDocument) -> str:
     report = document.report
     if document.paper is not None:
         return _with_paper(document.paper, report)
-    ours = [_own(report, row) for row in report.summaries]
+    rows = [_agent_row(report, row) for row in report.summaries]
     headings = [*report.labels, "corrupted", "retention"]
     caption = f"Success in percent, {_escape(report.run.name)}: {report.run.tasks} tasks."
-    return _table(headings, _body(ours), caption + _circumstances(report))
+    return _table(headings, _body(rows), caption + _circumstances(report))
 
 
 def _circumstances(report: RunReport) -> str:
     """Return the sentences that end the caption: the recovery policy, and what is missing."""
     run = report.run
-    said = f" Recovery policy: {_escape(run.recovery)}." if run.recovery else ""
+    sentences = f" Recovery policy: {_escape(run.recovery)}." if run.recovery else ""
     if run.missing:
-        said += f" {run.missing} of {run.planned} episodes are missing."
-    return said
+        sentences += f" {run.missing} of {run.planned} episodes are missing."
+    return sentences
 
 
-def _own(report: RunReport, row: AgentSummary) -> _Row:
+def _agent_row(report: RunReport, row: AgentSummary) -> _Row:
     values: list[float | None] = []
     for label in report.labels:
         cell = report.cell(row.agent, label)
         values.append(cell.success if cell else None)
-    return _named(row), [*values, row.corrupted, row.retention]
+    return _agent_name(row), [*values, row.corrupted, row.retention]
 
 
-def _named(row: AgentSummary) -> str:
+def _agent_name(row: AgentSummary) -> str:
     """Return the name of an agent, with what it was given that others are not."""
-    more = formatting.privileged_inputs(row.given)
-    return f"{row.agent} (given {more})" if more else row.agent
+    inputs = formatting.privileged_inputs(row.given)
+    return f"{row.agent} (given {inputs})" if inputs else row.agent
 
 
 def _with_paper(paper: PaperTable, report: RunReport) -> str:
-    names = {row.agent: _named(row) for row in report.summaries}
-    theirs = [_of_paper(row, row.agent, paper.columns) for row in paper.rows if not row.ours]
-    ours = [
-        _of_paper(row, names.get(row.agent, row.agent), paper.columns)
+    names = {row.agent: _agent_name(row) for row in report.summaries}
+    paper_rows = [_paper_row(row, row.agent, paper.columns) for row in paper.rows if not row.ours]
+    report_rows = [
+        _paper_row(row, names.get(row.agent, row.agent), paper.columns)
         for row in paper.rows
         if row.ours
     ]
-    body = [*_body(theirs, 2), r"\midrule", *_body(ours, 2)]
+    body = [*_body(paper_rows, 2), r"\midrule", *_body(report_rows, 2)]
     caption = "Success in percent. Above the line: the paper, as printed; below it: ours."
     notes = [f"% {' '.join(note.split())}\n" for note in paper.notes]
     return "".join(notes) + _table(
@@ -79,7 +79,7 @@ def _with_paper(paper: PaperTable, report: RunReport) -> str:
     )
 
 
-def _of_paper(row: PaperRow, name: str, columns: Sequence[str]) -> _Row:
+def _paper_row(row: PaperRow, name: str, columns: Sequence[str]) -> _Row:
     return name, [*(row.success.get(label) for label in columns), row.average]
 
 
@@ -98,12 +98,12 @@ def _body(rows: Sequence[_Row], digits: int = 1) -> list[str]:
 
 def _best(rows: Sequence[_Row]) -> list[float | None]:
     columns = zip(*(values for _, values in rows), strict=True)
-    there = [[value for value in column if value is not None] for column in columns]
-    return [max(values, default=None) for values in there]
+    column_values = [[value for value in column if value is not None] for column in columns]
+    return [max(values, default=None) for values in column_values]
 
 
 def _table(headings: Sequence[str], body: Sequence[str], caption: str) -> str:
-    named = " & ".join(rf"\textbf{{{_escape(name.replace('_', ' '))}}}" for name in headings)
+    header = " & ".join(rf"\textbf{{{_escape(name.replace('_', ' '))}}}" for name in headings)
     lines = [
         r"% needs \usepackage{booktabs,graphicx}",
         r"\begin{table*}[t]",
@@ -112,7 +112,7 @@ def _table(headings: Sequence[str], body: Sequence[str], caption: str) -> str:
         r"\resizebox{\linewidth}{!}{%",
         rf"\begin{{tabular}}{{l{'r' * len(headings)}}}",
         r"\toprule",
-        rf"\textbf{{Agent}} & {named} \\",
+        rf"\textbf{{Agent}} & {header} \\",
         r"\midrule",
         *body,
         r"\bottomrule",

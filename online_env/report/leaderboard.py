@@ -18,7 +18,7 @@ from .build import load_report
 from .compare import PACKAGE
 from .html import render
 from .model import AgentSummary, ReportError, RunIdentity, RunReport
-from .named_scores import YARDSTICKS
+from .named_scores import REFERENCE_AGENTS
 
 _SKIPPED = (EPISODES, "requests", ".git")
 _SUFFIX = "report.json"
@@ -45,7 +45,7 @@ class Standing:
 
     Attributes:
         rank: from 1; `None` for an unranked agent.
-        why: why it is unranked; empty if it is ranked.
+        reason: why it is unranked; empty if it is ranked.
         place: of the run in the folder.
         run: its identity.
         row: the agent.
@@ -55,7 +55,7 @@ class Standing:
     """
 
     rank: int | None
-    why: str
+    reason: str
     place: str
     run: RunIdentity
     row: AgentSummary
@@ -91,47 +91,47 @@ def read_reports(folder: Path) -> ReportFolder:
         raise ReportError(f"{folder}: is no folder of runs")
     reports: list[tuple[str, RunReport]] = []
     problems: list[str] = []
-    for path in sorted(_places(folder, problems)):
+    for path in sorted(_find_paths(folder, problems)):
         place = str(path.relative_to(folder))
         try:
-            found = load_report(path)
+            report = load_report(path)
         except HijackError as error:
-            said = " ".join(str(error).split("\n"))
-            problems.append(said.replace(str(path), place))  # a page is read elsewhere
+            message = " ".join(str(error).split("\n"))
+            problems.append(message.replace(str(path), place))  # a page is read elsewhere
         else:
-            reports.append((place, found))
-    reports = _each_once(reports, problems)
+            reports.append((place, report))
+    reports = _without_duplicates(reports, problems)
     if not reports:
-        said = f" ({problems[0]})" if problems else ""
+        message = f" ({problems[0]})" if problems else ""
         raise ReportError(
-            f"{folder}: holds no run with episodes{said}; give the folder that --out folders of"
+            f"{folder}: holds no run with episodes{message}; give the folder that --out folders of"
             " hijack bench are in"
         )
     return ReportFolder(folder=folder, reports=tuple(reports), problems=tuple(problems))
 
 
-def rank_agents(found: ReportFolder) -> list[Ranking]:
+def rank_agents(folder: ReportFolder) -> list[Ranking]:
     """Return one ranking for each setting, the one with the most agents first."""
     groups: dict[str, list[tuple[str, RunReport]]] = {}
-    for place, report in found.reports:
+    for place, report in folder.reports:
         groups.setdefault(report.run.setting_sha256, []).append((place, report))
-    made = [_board(group) for group in groups.values()]
-    return sorted(made, key=lambda board: -len(board.lines))
+    rankings = [_make_ranking(group) for group in groups.values()]
+    return sorted(rankings, key=lambda board: -len(board.lines))
 
 
-def leaderboard(found: ReportFolder) -> str:
+def leaderboard(folder: ReportFolder) -> str:
     """Return the page."""
     return render(
         "leaderboard.html",
         title="AgentHijack leaderboard",
-        boards=rank_agents(found),
-        problems=found.problems,
-        runs=len(found.reports),
+        boards=rank_agents(folder),
+        problems=folder.problems,
+        runs=len(folder.reports),
         interval=formatting.interval,
     )
 
 
-def _places(folder: Path, problems: list[str]) -> Iterator[Path]:
+def _find_paths(folder: Path, problems: list[str]) -> Iterator[Path]:
     """Yield the folders of runs and the files of reports, each once.
 
     Links are followed after all that lies in the folder itself, so that a run has the place where
@@ -139,22 +139,22 @@ def _places(folder: Path, problems: list[str]) -> Iterator[Path]:
     everything that is there.
     """
     root = os.path.realpath(folder)
-    seen: set[str] = set()
+    real_paths: set[str] = set()
     waiting = [folder]
     while waiting:
         start = waiting.pop(0)
-        problem = _problem_of(start, root)
+        problem = _link_problem(start, root)
         if problem:
             problems.append(f"{start.relative_to(folder)}: {problem}")
             continue
-        for found in _walked(start, seen):
-            if found.is_symlink() and not os.path.isfile(found):
-                waiting.append(found)
+        for path in _find_entries(start, real_paths):
+            if path.is_symlink() and not os.path.isfile(path):
+                waiting.append(path)
             else:
-                yield found
+                yield path
 
 
-def _problem_of(start: Path, root: str) -> str:
+def _link_problem(start: Path, root: str) -> str:
     """Return why a link is not followed, or nothing."""
     if not os.path.exists(start):
         return f"is a symbolic link to {os.readlink(start)}, which cannot be reached"
@@ -164,33 +164,33 @@ def _problem_of(start: Path, root: str) -> str:
     return ""
 
 
-def _walked(start: Path, seen: set[str]) -> Iterator[Path]:
+def _find_entries(start: Path, real_paths: set[str]) -> Iterator[Path]:
     """Yield runs, reports and links below a folder; `seen` are the real paths that are done."""
     for base, folders, files in os.walk(start):
         real = os.path.realpath(base)
         folders[:] = sorted(name for name in folders if name not in _SKIPPED)
-        if real in seen:
+        if real in real_paths:
             folders.clear()
             continue
-        seen.add(real)
-        here = Path(base)
+        real_paths.add(real)
+        run_folder = Path(base)
         if RUN in files:
             folders.clear()
-            yield here
+            yield run_folder
             continue
-        yield from (here / name for name in folders if (here / name).is_symlink())
+        yield from (run_folder / name for name in folders if (run_folder / name).is_symlink())
         for name in sorted(files):
-            path = here / name
+            path = run_folder / name
             real = os.path.realpath(path)
             if not os.path.exists(path):
                 yield path
-            elif _is_report(name) and real not in seen:
-                seen.add(real)
+            elif _is_report(name) and real not in real_paths:
+                real_paths.add(real)
                 yield path
 
 
-def _each_once(
-    found: Sequence[tuple[str, RunReport]], problems: list[str]
+def _without_duplicates(
+    reports: Sequence[tuple[str, RunReport]], problems: list[str]
 ) -> list[tuple[str, RunReport]]:
     """Return the reports without those of a run that is there already, by the hash of its head.
 
@@ -198,17 +198,19 @@ def _each_once(
     fewest missing episodes counts; `problems` names the others.
     """
     best: dict[str, tuple[str, RunReport]] = {}
-    for place, report in found:
+    for place, report in reports:
         key = report.run.head_sha256 or f"without a head: {place}"
-        known = best.get(key)
-        if known is None:
+        earlier = best.get(key)
+        if earlier is None:
             best[key] = (place, report)
             continue
-        is_more = report.run.missing < known[1].run.missing
-        (worse, _), (better, _) = (known, (place, report)) if is_more else ((place, report), known)
+        is_more = report.run.missing < earlier[1].run.missing
+        (worse, _), (better, _) = (
+            (earlier, (place, report)) if is_more else ((place, report), earlier)
+        )
         if is_more:
             best[key] = (place, report)
-        if known[1].cells != report.cells:
+        if earlier[1].cells != report.cells:
             problems.append(f"{worse}: is the run of {better}, with other episodes")
     return list(best.values())
 
@@ -217,22 +219,22 @@ def _is_report(name: str) -> bool:
     return name == _SUFFIX or name.endswith(f".{_SUFFIX}")
 
 
-def _board(group: Sequence[tuple[str, RunReport]]) -> Ranking:
+def _make_ranking(group: Sequence[tuple[str, RunReport]]) -> Ranking:
     # A run that was broken off has fewer tasks, seeds and conditions than it was to have.
     fullest = min((report for _, report in group), key=lambda report: report.run.missing)
     rows = [(place, report, row) for place, report in group for row in report.summaries]
-    rows.sort(key=lambda entry: _key(entry[2]), reverse=True)
+    rows.sort(key=lambda entry: _sort_key(entry[2]), reverse=True)
     lines: list[Standing] = []
     ranked: list[float | None] = []
     for place, report, row in rows:
-        why = _unranked(report, row)
-        if not why:
+        reason = _unranked_reason(report, row)
+        if not reason:
             ranked.append(row.corrupted)
         success = [_success(report, row.agent, label) for label in fullest.labels]
         lines.append(
             Standing(
-                rank=None if why else 1 + ranked.index(row.corrupted),
-                why=why,
+                rank=None if reason else 1 + ranked.index(row.corrupted),
+                reason=reason,
                 place=place,
                 run=report.run,
                 row=row,
@@ -242,26 +244,26 @@ def _board(group: Sequence[tuple[str, RunReport]]) -> Ranking:
             )
         )
     return Ranking(
-        title=_setting(fullest, [report for _, report in group]),
+        title=_setting_text(fullest, [report for _, report in group]),
         labels=fullest.labels,
         lines=tuple(lines),
     )
 
 
-def _key(row: AgentSummary) -> tuple[float, float]:
+def _sort_key(row: AgentSummary) -> tuple[float, float]:
     return (
         -1.0 if row.corrupted is None else row.corrupted,
         -1.0 if row.clean is None else row.clean,
     )
 
 
-def _unranked(report: RunReport, row: AgentSummary) -> str:
+def _unranked_reason(report: RunReport, row: AgentSummary) -> str:
     """Return why an agent has no rank; empty if it has one."""
     if not report.run.head_sha256:
         return "a log without run.json, so its setting is not known"
     if row.given:
         return f"given {formatting.privileged_inputs(row.given)}"
-    if row.agent in YARDSTICKS:
+    if row.agent in REFERENCE_AGENTS:
         return "reference agent"
     if report.run.missing:
         return f"{report.run.missing} of {report.run.planned} episodes are missing"
@@ -279,7 +281,7 @@ def _success(report: RunReport, agent: str, label: str) -> float | None:
     return cell.success if cell else None
 
 
-def _setting(report: RunReport, reports: Sequence[RunReport]) -> str:
+def _setting_text(report: RunReport, reports: Sequence[RunReport]) -> str:
     """Return a setting in words: as a report has it, and how all of them differ."""
     run = report.run
     parts = [f"{run.tasks} tasks", f"{len(report.labels)} conditions", f"{len(run.seeds)} seeds"]
@@ -291,7 +293,7 @@ def _setting(report: RunReport, reports: Sequence[RunReport]) -> str:
         parts.append(f"recovery policy {run.recovery}")
     if run.kind == "score":
         parts.insert(0, "offline steps")
-    versions = sorted({each.run.versions.get(PACKAGE, "unknown") for each in reports})
+    versions = sorted({item.run.versions.get(PACKAGE, "unknown") for item in reports})
     if len(versions) > 1:  # tasks and corruptions may have changed between them
         parts.append(f"different versions of {PACKAGE}: {', '.join(versions)}")
     return ", ".join(parts)

@@ -75,7 +75,7 @@ def grouped_panel(report: RunReport, ablation: Ablation) -> GroupedPanel:
             if cell is None or cell.success is None:
                 continue
             between = formatting.interval(cell.ci_low, cell.ci_high)
-            said = f"{name}, {level}: {formatting.percent(cell.success)} %"
+            title = f"{name}, {level}: {formatting.percent(cell.success)} %"
             bar = LevelBar(
                 number=number % COLOURS,
                 y=top + number * _BAR,
@@ -83,7 +83,7 @@ def grouped_panel(report: RunReport, ablation: Ablation) -> GroupedPanel:
                 low=None if cell.ci_low is None else _place(cell.ci_low),
                 high=None if cell.ci_high is None else _place(cell.ci_high),
                 value=formatting.percent(cell.success),
-                title=f"{said}, 95 % {between}" if between else said,
+                title=f"{title}, 95 % {between}" if between else title,
             )
             bars.append(bar)
     return GroupedPanel(

@@ -18,9 +18,7 @@ from hijack_data.runs.run_log import GIVEN_KINDS
 from ..results.scores import worst_labels
 
 FORMAT = "agenthijack-report"
-# Version 1 lacked what agents were given, and how conditions differ; version 2 `early` of cells;
-# version 3 `applications`.
-VERSION = 4
+VERSION = 1
 T = TypeVar("T")
 _SHARES = frozenset(
     [
@@ -31,9 +29,9 @@ _SHARES = frozenset(
 )
 _CHANGES = frozenset({"delta", "delta_low", "delta_high"})
 YEAR_10000 = 253_402_300_800  # in seconds since 1970
-_ROUNDED = 1e-9  # rounding tolerance: a mean may exceed its range by this much
+_ROUNDING = 1e-9  # rounding tolerance: a mean may exceed its range by this much
 # Keys of the file that are not fields of the report.
-_BESIDE = ("format", "version", "comparison", "paper")
+_EXTRA_KEYS = ("format", "version", "comparison", "paper")
 
 
 class ReportError(HijackError, ValueError):
@@ -173,8 +171,8 @@ class AgentSummary:
         retention: share of its clean success that it keeps, over all cases that have both.
         retention_low: lower end of its interval.
         retention_high: upper end; `None`, too, if it is unbounded.
-        worst: the first label under which it does worst (`RunReport.worst_corruptions` has all); `None` if
-            no corruption is worse than another.
+        worst: the first label under which it does worst; `RunReport.worst_corruptions` returns
+            all. `None` if no corruption is worse than another.
         worst_success: the least success under a corruption.
         nine: mean success over the paper's nine; `None` unless all nine are there.
         paper_average: the paper's "Average", over the nine and clean, ten columns; likewise.
@@ -286,8 +284,8 @@ class RunReport:
 
     def worst_corruptions(self, agent: str) -> tuple[str, ...]:
         """The labels under which an agent does worst; none if none is worse than another."""
-        own = [cell for cell in self.cells if cell.agent == agent]
-        success = {cell.corruption: cell.success for cell in own if cell.success is not None}
+        cells = [cell for cell in self.cells if cell.agent == agent]
+        success = {cell.corruption: cell.success for cell in cells if cell.success is not None}
         return worst_labels(success)
 
     def to_data(self) -> dict[str, Any]:
@@ -298,43 +296,47 @@ class RunReport:
         return any(cell.corruption == label for cell in self.cells)
 
 
-def from_data(data: object, where: str) -> RunReport:
+def from_data(data: object, source: str) -> RunReport:
     """Return the report that `RunReport.to_data` gave; `where` begins the messages.
 
     Raises:
         ReportError: the data are not a report, are of a newer version, or lack a field.
     """
-    found = check_versioned(
-        data, format=FORMAT, version=VERSION, where=where, what="a report", error=ReportError
+    document = check_versioned(
+        data, format=FORMAT, version=VERSION, where=source, what="a report", error=ReportError
     )
-    given = {key: value for key, value in found.items() if key not in _BESIDE}
+    values = {key: value for key, value in document.items() if key not in _EXTRA_KEYS}
     try:
-        json.dumps(given, ensure_ascii=False, allow_nan=False).encode()
+        json.dumps(values, ensure_ascii=False, allow_nan=False).encode()
     except ValueError as error:
-        said = f"holds what JSON does not have ({str(error)[:100]})"
-        raise ReportError(f"{where}: {said}; make the report again") from None
-    return _made(RunReport, given, where)
+        problem = f"holds what JSON does not have ({str(error)[:100]})"
+        raise ReportError(f"{source}: {problem}; make the report again") from None
+    return _make_dataclass(RunReport, values, source)
 
 
-def _made(kind: type[T], data: object, where: str) -> T:
-    """Return a dataclass made from JSON data, after checking every field."""
+def _make_dataclass(kind: type[T], data: object, place: str) -> T:
+    """Return a dataclass made from JSON data, after checking every field.
+
+    Raises:
+        ReportError: The data are not an object, or a field is missing or unknown.
+    """
     if not isinstance(data, dict):
-        raise ReportError(f"{where}: must be an object, got {shown(data)}; make the report again")
+        raise ReportError(f"{place}: must be an object, got {shown(data)}; make the report again")
     hints = get_type_hints(kind)
     names = {entry.name for entry in fields(kind)}  # type: ignore[arg-type]
     unknown = sorted(map(str, data.keys() - names))
     if unknown:
-        raise ReportError(f"{where}: unknown field {unknown[0]!r}; make the report again")
-    values = {key: _value(hints[key], value, f"{where}: {key}") for key, value in data.items()}
+        raise ReportError(f"{place}: unknown field {unknown[0]!r}; make the report again")
+    values = {key: _convert(hints[key], value, f"{place}: {key}") for key, value in data.items()}
     for key, value in values.items():
-        _check_range(key, value, f"{where}: {key}")
+        _check_range(key, value, f"{place}: {key}")
     try:
         return kind(**values)
     except TypeError as error:
-        raise ReportError(f"{where}: {error}; make the report again") from None
+        raise ReportError(f"{place}: {error}; make the report again") from None
 
 
-def _check_range(key: str, value: object, where: str) -> None:
+def _check_range(key: str, value: object, place: str) -> None:
     """Check the content of a field that is used for ranking agents or drawing pages.
 
     Raises:
@@ -346,38 +348,42 @@ def _check_range(key: str, value: object, where: str) -> None:
         high = 1 if key in _CHANGES | _SHARES else MAX_AMOUNT
         if key == "created":
             high = YEAR_10000 - 1
-        if not low - _ROUNDED <= value <= high + _ROUNDED:
+        if not low - _ROUNDING <= value <= high + _ROUNDING:
             problem = f"must be from {low} to {high}"
     elif key == "given" and isinstance(value, tuple) and not set(GIVEN_KINDS).issuperset(value):
         problem = f"must be among {', '.join(GIVEN_KINDS)}"
     elif key == "settings" and not _holds_objects(value):
         problem = "must hold the parameters of each label"
     if problem:
-        raise ReportError(f"{where}: {problem}, got {shown(value)}; make the report again")
+        raise ReportError(f"{place}: {problem}, got {shown(value)}; make the report again")
 
 
 def _holds_objects(value: object) -> bool:
-    found = cast("Mapping[str, object]", value)
-    return all(isinstance(own, dict) for own in found.values())
+    parameters = cast("Mapping[str, object]", value)
+    return all(isinstance(item, dict) for item in parameters.values())
 
 
-def _value(hint: Any, value: object, where: str) -> Any:
-    """Convert a value to the type of its field."""
+def _convert(hint: Any, value: object, place: str) -> Any:
+    """Convert a value to the type of its field.
+
+    Raises:
+        ReportError: The value has another type.
+    """
     arguments = get_args(hint)
     if isinstance(hint, UnionType):
-        return None if value is None else _value(arguments[0], value, where)
+        return None if value is None else _convert(arguments[0], value, place)
     if getattr(hint, "__origin__", None) is tuple:
         if not isinstance(value, list | tuple):
-            raise ReportError(f"{where}: must be a list, got {shown(value)}; make the report again")
-        return tuple(_value(arguments[0], item, where) for item in value)
+            raise ReportError(f"{place}: must be a list, got {shown(value)}; make the report again")
+        return tuple(_convert(arguments[0], item, place) for item in value)
     if is_dataclass(hint):
-        return _made(hint, value, where)  # type: ignore[arg-type]
+        return _make_dataclass(hint, value, place)  # type: ignore[arg-type]
     expected = getattr(hint, "__origin__", hint)
     if expected is float and isinstance(value, int) and not isinstance(value, bool):
         return float(max(-2 * MAX_AMOUNT, min(value, 2 * MAX_AMOUNT)))  # out of range stays so
     if isinstance(value, bool) or not isinstance(value, expected):
         name = getattr(expected, "__name__", expected)
-        raise ReportError(f"{where}: must be {name}, got {shown(value)}; make the report again")
+        raise ReportError(f"{place}: must be {name}, got {shown(value)}; make the report again")
     if isinstance(value, Mapping) and arguments and arguments[1] is not Any:
-        return {key: _value(arguments[1], own, f"{where}: {key}") for key, own in value.items()}
+        return {key: _convert(arguments[1], own, f"{place}: {key}") for key, own in value.items()}
     return value

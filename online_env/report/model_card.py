@@ -13,7 +13,7 @@ from hijack_data.plan import CLEAN
 
 from .document import ReportDocument
 from .model import AgentSummary, Cell, ReportError, RunReport
-from .named_scores import YARDSTICKS
+from .named_scores import REFERENCE_AGENTS
 
 TASK = {"type": "computer-use", "name": "Computer use"}
 DATASET = "agenthijack"
@@ -28,7 +28,7 @@ def as_model_index(document: ReportDocument) -> str:
     """
     report = document.report
     contestants = (row for row in report.summaries if not row.given)
-    models = [row for row in contestants if row.agent not in YARDSTICKS]
+    models = [row for row in contestants if row.agent not in REFERENCE_AGENTS]
     if not models:
         listed = ", ".join(report.agents)
         raise ReportError(
@@ -41,22 +41,22 @@ def as_model_index(document: ReportDocument) -> str:
 
 def _model(report: RunReport, row: AgentSummary) -> dict[str, Any]:
     cells = [cell for cell in report.cells if cell.agent == row.agent and cell.success is not None]
-    results = [_of_cell(report, cell) for cell in cells]
-    over_all = list(_over_all(row))
+    results = [_cell_result(report, cell) for cell in cells]
+    over_all = list(_overall_metrics(row))
     if over_all:
         results.append(_result(report, "all corruptions", "all", over_all))
     return {"name": row.agent, "results": results}
 
 
-def _of_cell(report: RunReport, cell: Cell) -> dict[str, Any]:
+def _cell_result(report: RunReport, cell: Cell) -> dict[str, Any]:
     metrics = [_metric("success_rate", "Success, %", cell.success)]
     if cell.retention is not None:
         metrics.append(_metric("retention", "Retention of clean success, %", cell.retention))
-    named = "clean" if cell.corruption == CLEAN else f"corruption {cell.corruption}"
-    return _result(report, named, cell.corruption, metrics)
+    condition = "clean" if cell.corruption == CLEAN else f"corruption {cell.corruption}"
+    return _result(report, condition, cell.corruption, metrics)
 
 
-def _over_all(row: AgentSummary) -> Iterator[dict[str, Any]]:
+def _overall_metrics(row: AgentSummary) -> Iterator[dict[str, Any]]:
     if row.corrupted is not None:
         yield _metric("success_rate", "Mean success under corruption, %", row.corrupted)
     if row.retention is not None:
@@ -66,13 +66,13 @@ def _over_all(row: AgentSummary) -> Iterator[dict[str, Any]]:
 
 
 def _result(
-    report: RunReport, named: str, config: str, metrics: list[dict[str, Any]]
+    report: RunReport, condition: str, config: str, metrics: list[dict[str, Any]]
 ) -> dict[str, Any]:
     return {
         "task": dict(TASK),
         "dataset": {
             "type": DATASET,
-            "name": f"AgentHijack ({_what(report)}), {named}",
+            "name": f"AgentHijack ({_task_count(report)}), {condition}",
             "config": config,
             "split": "test",
             "args": dict(_arguments(report)),
@@ -81,7 +81,7 @@ def _result(
     }
 
 
-def _what(report: RunReport) -> str:
+def _task_count(report: RunReport) -> str:
     run = report.run
     if run.kind == "score":
         return "offline steps"
@@ -91,7 +91,7 @@ def _what(report: RunReport) -> str:
 def _arguments(report: RunReport) -> Iterator[tuple[str, Any]]:
     """Yield the settings of the run, for comparisons."""
     run = report.run
-    found: Mapping[str, Any] = {
+    settings: Mapping[str, Any] = {
         "version": run.versions.get("agenthijack"),
         "provider": run.provider,
         "seeds": len(run.seeds),
@@ -101,7 +101,7 @@ def _arguments(report: RunReport) -> Iterator[tuple[str, Any]]:
         "damaged_records": run.damaged,
         "run_sha256": run.head_sha256,
     }
-    yield from ((key, value) for key, value in found.items() if value)
+    yield from ((key, value) for key, value in settings.items() if value)
 
 
 def _metric(kind: str, name: str, share: float | None) -> dict[str, Any]:

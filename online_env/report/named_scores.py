@@ -6,7 +6,7 @@ from types import MappingProxyType
 from .model import AgentSummary, Cell, RunReport
 
 # Agents whose scores describe tasks and desktops rather than the agent.
-YARDSTICKS = (
+REFERENCE_AGENTS = (
     "oracle",
     "recovering",
     "do_nothing",
@@ -46,37 +46,38 @@ def scores_by_name(report: RunReport) -> Mapping[str, float]:
     left out.
 
     If a run has several agents, a name means the least of their values, or the greatest of those
-    where less is better, so that a limit holds for every agent. The reference agents (`YARDSTICKS`)
-    do not count, unless a run has no others. `AGENT/retention` is that of one agent, whichever it
-    is.
+    where less is better, so that a limit holds for every agent. `REFERENCE_AGENTS` do not count,
+    unless a run has no others. `AGENT/retention` is that of one agent, whichever it is.
     """
-    own = {row.agent: dict(_of(report, row)) for row in report.summaries}
-    judged = [agent for agent in own if agent not in YARDSTICKS] or list(own)
-    found: dict[str, float] = {}
+    agent_scores = {row.agent: dict(_agent_scores(report, row)) for row in report.summaries}
+    judged = [agent for agent in agent_scores if agent not in REFERENCE_AGENTS] or list(
+        agent_scores
+    )
+    worst_scores: dict[str, float] = {}
     for agent in judged:
-        for name, value in own[agent].items():
+        for name, value in agent_scores[agent].items():
             worse = _worse(name)
-            found[name] = worse(found.get(name, value), value)
-    for agent, values in own.items():
-        found.update({f"{agent}/{name}": value for name, value in values.items()})
-    return MappingProxyType(found)
+            worst_scores[name] = worse(worst_scores.get(name, value), value)
+    for agent, values in agent_scores.items():
+        worst_scores.update({f"{agent}/{name}": value for name, value in values.items()})
+    return MappingProxyType(worst_scores)
 
 
 def _worse(name: str) -> Callable[[float, float], float]:
     return max if name.partition(".")[0] in LOWER_IS_BETTER else min
 
 
-def _of(report: RunReport, row: AgentSummary) -> Iterator[tuple[str, float]]:
+def _agent_scores(report: RunReport, row: AgentSummary) -> Iterator[tuple[str, float]]:
     for name in SUMMARY:
         value = row.worst_success if name == "worst" else getattr(row, name)
         if value is not None:
             yield name, float(value)
     for cell in report.cells:
         if cell.agent == row.agent:
-            yield from _of_cell(cell)
+            yield from _cell_scores(cell)
 
 
-def _of_cell(cell: Cell) -> Iterator[tuple[str, float]]:
+def _cell_scores(cell: Cell) -> Iterator[tuple[str, float]]:
     for name in CELL:
         value = getattr(cell, name)
         if value is not None:

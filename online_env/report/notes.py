@@ -21,31 +21,31 @@ def recovery_note(run: Run) -> Iterator[str]:
     """Yield the recovery policy of a live run, and who asked for it; nothing for a scoring run."""
     if run.is_scored:
         return
-    counted: dict[str, Counter[str]] = {}
+    counts_by_agent: dict[str, Counter[str]] = {}
     for record in scores.latest(run.records).values():
-        found = record.get("recovery")
-        if isinstance(found, dict):
-            own = counted.setdefault(record["agent"], Counter())
-            own.update({key: n for key, n in found.items() if isinstance(n, int)})
-    asked = [
-        f"{agent} asked {own['requests']} times to be re-initialised ({own['false_alarms']} false"
-        f" alarms), and {own['repaired']} were repaired"
-        for agent, own in counted.items()
-        if own["requests"]
+        counts = record.get("recovery")
+        if isinstance(counts, dict):
+            agent_counts = counts_by_agent.setdefault(record["agent"], Counter())
+            agent_counts.update({key: n for key, n in counts.items() if isinstance(n, int)})
+    requests = [
+        f"{agent} asked {total['requests']} times to be re-initialised ({total['false_alarms']}"
+        f" false alarms), and {total['repaired']} were repaired"
+        for agent, total in counts_by_agent.items()
+        if total["requests"]
     ]
-    said = "; ".join(asked) or "no agent asked to be re-initialised"
-    yield f"Recovery policy {run.config.get('recovery', 'unknown')}: {said}."
+    summary = "; ".join(requests) or "no agent asked to be re-initialised"
+    yield f"Recovery policy {run.config.get('recovery', 'unknown')}: {summary}."
 
 
 def fraction_note(run: Run) -> Iterator[str]:
     """Yield which agents named points in fractions of the picture, which were read as pixels."""
-    named: dict[str, Counter[str]] = {}
+    counts_by_agent: dict[str, Counter[str]] = {}
     for record in scores.latest(run.records).values():
         points = record.get("points")
         if isinstance(points, dict):
             numbers = {key: n for key, n in points.items() if isinstance(n, int)}
-            named.setdefault(record["agent"], Counter()).update(numbers)
-    for agent, count in named.items():
+            counts_by_agent.setdefault(record["agent"], Counter()).update(numbers)
+    for agent, count in counts_by_agent.items():
         if count["fractions"]:
             yield (
                 f"{agent}: {count['fractions']} of {count['named']} points were below 1, and were"
@@ -65,8 +65,8 @@ def partial_note(partial: int) -> Iterator[str]:
 def _notes(report: RunReport, partial: int) -> Iterator[str]:
     run = report.run
     if run.missing:
-        there = f"{run.planned - run.missing} of {run.planned} planned episodes are there"
-        yield f"{there}, {run.missing} are missing; hijack {run.kind} ... --resume runs them."
+        played = f"{run.planned - run.missing} of {run.planned} planned episodes are there"
+        yield f"{played}, {run.missing} are missing; hijack {run.kind} ... --resume runs them."
     if run.left_out:
         seeds = ", ".join(map(str, run.left_out))
         yield f"The run has more seeds than this report, which leaves out: {seeds}."
@@ -85,11 +85,11 @@ def _notes(report: RunReport, partial: int) -> Iterator[str]:
     if run.changed:
         listed = ", ".join(run.changed)
         yield f"Not with the paper's parameters: {listed}."
-    yield from _on_agents(report)
+    yield from _agent_notes(report)
 
 
 def _where_early(report: RunReport) -> str:
-    """Return the cells whose episodes ended early, in brackets; reports of version 2 have none."""
+    """Return the cells whose episodes ended early, in brackets; none if no cell says so."""
     listed = [
         f"{cell.agent} under {cell.corruption} {cell.early} of {cell.n}"
         for cell in report.cells
@@ -98,16 +98,16 @@ def _where_early(report: RunReport) -> str:
     return f" ({', '.join(listed)})" if listed else ""
 
 
-def _on_agents(report: RunReport) -> Iterator[str]:
-    yield from _on_what_is_given(report)
+def _agent_notes(report: RunReport) -> Iterator[str]:
+    yield from _input_notes(report)
     incomplete = [row for row in report.summaries if row.conditions and row.paper_average is None]
     if incomplete:
         yield (
             "The paper's average needs the clean condition and all nine corruptions under their"
             " own names."
         )
-    yield from _on_reference(report)
-    yield from _on_cases(report)
+    yield from _reference_notes(report)
+    yield from _case_notes(report)
     labels: dict[str, set[str]] = {}
     for cell in report.cells:
         labels.setdefault(cell.agent, set()).add(cell.corruption)
@@ -115,7 +115,7 @@ def _on_agents(report: RunReport) -> Iterator[str]:
         yield "The agents were not played under the same conditions: their means differ in kind."
 
 
-def _on_reference(report: RunReport) -> Iterator[str]:
+def _reference_notes(report: RunReport) -> Iterator[str]:
     """Yield why there is no mCE, where one was asked for."""
     if not report.reference or any(row.mce is not None for row in report.summaries):
         return
@@ -131,7 +131,7 @@ def _on_reference(report: RunReport) -> Iterator[str]:
         )
 
 
-def _on_cases(report: RunReport) -> Iterator[str]:
+def _case_notes(report: RunReport) -> Iterator[str]:
     """Yield who lacks clean episodes, and where agents were not scored on as many cases."""
     lacking = [cell.agent for cell in report.cells if cell.corruption == CLEAN and not cell.n]
     if lacking:
@@ -140,9 +140,9 @@ def _on_cases(report: RunReport) -> Iterator[str]:
             " and no test."
         )
     for label in report.labels:
-        own = {cell.agent: cell.n for cell in report.cells if cell.corruption == label}
-        if len(set(own.values())) > 1:
-            listed = ", ".join(f"{agent} {count}" for agent, count in own.items())
+        counts = {cell.agent: cell.n for cell in report.cells if cell.corruption == label}
+        if len(set(counts.values())) > 1:
+            listed = ", ".join(f"{agent} {count}" for agent, count in counts.items())
             yield (
                 f"The agents do not have as many scores under the same condition ({label}:"
                 f" {listed}): their rates are over different cases."
@@ -150,16 +150,16 @@ def _on_cases(report: RunReport) -> Iterator[str]:
             return
 
 
-def _on_what_is_given(report: RunReport) -> Iterator[str]:
+def _input_notes(report: RunReport) -> Iterator[str]:
     """Yield which agents were given more than instruction and pictures, or may have been."""
-    told: dict[tuple[str, ...] | None, list[str]] = {}
+    agents_by_input: dict[tuple[str, ...] | None, list[str]] = {}
     for row in report.summaries:
-        told.setdefault(row.given, []).append(row.agent)
-    for given, agents in told.items():
+        agents_by_input.setdefault(row.given, []).append(row.agent)
+    for inputs, agents in agents_by_input.items():
         listed = ", ".join(agents)
         verb = "was" if len(agents) == 1 else "were"
-        if given:
-            what = describe_privileged_inputs(given)
-            yield f"{listed} {verb} given {what}, which agents that are compared do not get."
-        elif given is None:
+        if inputs:
+            description = describe_privileged_inputs(inputs)
+            yield f"{listed} {verb} given {description}, which agents that are compared do not get."
+        elif inputs is None:
             yield f"What {listed} {verb} given beside instruction and pictures is not recorded."

@@ -67,8 +67,8 @@ def paper_table() -> PaperTable:
     """Return the paper's table without agents of a report."""
     data: dict[str, Any] = yaml.safe_load(FILE.read_text(encoding="utf-8"))
     rows = [_row(name, entry) for name, entry in data["agents"].items()]
-    notes = [f"The paper: {data['tasks']}.", *_slips(data)]
-    notes += _whole(rows)
+    notes = [f"The paper: {data['tasks']}.", *_average_notes(data)]
+    notes += _denominator_notes(rows)
     return PaperTable(
         source=data["source"], columns=tuple(data["columns"]), rows=tuple(rows), notes=tuple(notes)
     )
@@ -81,8 +81,8 @@ def compare_with_paper(report: RunReport) -> PaperTable:
         ReportError: the run has none of the paper's ten conditions under its own name.
     """
     paper = paper_table()
-    ours = [_own(report, summary) for summary in report.summaries]
-    if not any(row.success for row in ours):
+    rows = [_agent_row(report, summary) for summary in report.summaries]
+    if not any(row.success for row in rows):
         raise ReportError(
             f"--paper: {report.run.name} has none of the paper's conditions under its own name"
             f" ({', '.join(COLUMNS)}); run hijack bench ... --corruptions all"
@@ -90,7 +90,7 @@ def compare_with_paper(report: RunReport) -> PaperTable:
     return PaperTable(
         source=paper.source,
         columns=paper.columns,
-        rows=(*paper.rows, *ours),
+        rows=(*paper.rows, *rows),
         notes=(*_differences(report), *paper.notes),
     )
 
@@ -105,12 +105,17 @@ def _row(name: str, entry: Mapping[str, Any]) -> PaperRow:
     )
 
 
-def _own(report: RunReport, summary: AgentSummary) -> PaperRow:
+def _agent_row(report: RunReport, summary: AgentSummary) -> PaperRow:
     success: dict[str, float] = {}
     for cell in report.cells:
         label = cell.corruption
-        named = report.run.corruptions.get(label, label) == label
-        if cell.agent == summary.agent and label in COLUMNS and named and cell.success is not None:
+        has_own_name = report.run.corruptions.get(label, label) == label
+        if (
+            cell.agent == summary.agent
+            and label in COLUMNS
+            and has_own_name
+            and cell.success is not None
+        ):
             success[label] = cell.success
     complete = len(success) == len(COLUMNS)
     return PaperRow(
@@ -132,7 +137,7 @@ def _is_whole(rate: float, tasks: int) -> bool:
     return round(_TOTAL * solved / tasks, 2) == rate
 
 
-def _slips(data: Mapping[str, Any]) -> Iterator[str]:
+def _average_notes(data: Mapping[str, Any]) -> Iterator[str]:
     """Yield the rows whose printed average is not the rounded mean of their columns."""
     for name, entry in data["agents"].items():
         rates = [Decimal(str(rate)) for rate in entry["success"]]
@@ -143,11 +148,11 @@ def _slips(data: Mapping[str, Any]) -> Iterator[str]:
             yield f"The paper prints {printed} as the average of {name}; its columns give {mean}."
 
 
-def _whole(rows: Sequence[PaperRow]) -> Iterator[str]:
-    found = [row for row in rows if row.solved_of is not None]
-    for row in found:
+def _denominator_notes(rows: Sequence[PaperRow]) -> Iterator[str]:
+    whole_rows = [row for row in rows if row.solved_of is not None]
+    for row in whole_rows:
         yield f"All rates of {row.agent} are whole numbers of {row.solved_of} tasks, not of 369."
-    if found:
+    if whole_rows:
         yield "Those of the other agents are whole numbers of no count from 300 to 369."
 
 
@@ -159,7 +164,8 @@ def _differences(report: RunReport) -> Iterator[str]:
             " tasks. Compare the losses, not the levels."
         )
     else:
-        where = f" on the provider {run.provider!r}" if run.provider else ""
-        yield f"Ours: {run.tasks} tasks{where}. Other tasks, so compare the losses, not the levels."
+        provider = f" on the provider {run.provider!r}" if run.provider else ""
+        tasks = f"{run.tasks} tasks{provider}"
+        yield f"Ours: {tasks}. Other tasks, so compare the losses, not the levels."
     if run.changed:
         yield f"Not with the paper's parameters: {', '.join(run.changed)}."

@@ -10,12 +10,12 @@ from ..results.parts import REMINDER_COLUMNS, STEP_COLUMNS, PartsRow, part_rows
 from ..results.reading import Run
 from .identity import agent_names, corruptions_by_label
 
-_COUNTED = ("hidden",)
+_COUNT_COLUMNS = ("hidden",)
 
 
 def show_parts(run: Run, screen: Any) -> None:
     """Print the parts of a scoring run, and what of the dataset is not in it."""
-    rows = _sorted(run, part_rows(run.records))
+    rows = _sort_rows(run, part_rows(run.records))
     question = str(run.config.get("question", "steps"))
     columns = {"steps": STEP_COLUMNS, "reminders": REMINDER_COLUMNS}.get(question, ())
     if columns:
@@ -28,25 +28,25 @@ def show_parts(run: Run, screen: Any) -> None:
         screen.print(f"{unpaired} corrupted rows have no clean one: they are not in the delta")
 
 
-def _sorted(run: Run, rows: Sequence[PartsRow]) -> list[PartsRow]:
+def _sort_rows(run: Run, rows: Sequence[PartsRow]) -> list[PartsRow]:
     """Return the rows in the order of the configuration."""
     agents = agent_names(run.config)
     labels = list(corruptions_by_label(run.config))
 
-    def place(row: PartsRow) -> tuple[int, int]:
+    def position(row: PartsRow) -> tuple[int, int]:
         label = row["corruption"]
         last = len(labels)
-        where = labels.index(label) if label in labels else last
+        label_position = labels.index(label) if label in labels else last
         agent = row["agent"]
-        return agents.index(agent) if agent in agents else len(agents), where
+        return agents.index(agent) if agent in agents else len(agents), label_position
 
-    return sorted(rows, key=place)
+    return sorted(rows, key=position)
 
 
 def _table(rows: Sequence[PartsRow], columns: Sequence[str]) -> FigureTable:
     headings = [name.replace("_", " ") for name in ("n", *columns)]
-    shown = [(row["agent"], row["corruption"], *_figures(row, columns)) for row in rows]
-    return FigureTable("corruption", headings, grouped(shown), "right, in percent")
+    cells = [(row["agent"], row["corruption"], *_figures(row, columns)) for row in rows]
+    return FigureTable("corruption", headings, grouped(cells), "right, in percent")
 
 
 def _figures(row: PartsRow, columns: Sequence[str]) -> list[str]:
@@ -56,4 +56,4 @@ def _figures(row: PartsRow, columns: Sequence[str]) -> list[str]:
 def _cell(name: str, value: float | None) -> str:
     if value is None:
         return ""
-    return str(value) if name in _COUNTED else f"{100 * value:.1f}"
+    return str(value) if name in _COUNT_COLUMNS else f"{100 * value:.1f}"

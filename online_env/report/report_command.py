@@ -45,9 +45,9 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 def _output_options(command: Command) -> Command:
     """Add `--format`, `--out` and `--json`."""
-    named = click.option(
+    format_name = click.option(
         "--format",
-        "named",
+        "format_name",
         metavar="NAME",
         shell_complete=complete("online_env.report.formats:FORMATS"),
         help=f"One of {', '.join(FORMATS)}.",
@@ -60,7 +60,7 @@ def _output_options(command: Command) -> Command:
         help="Write to a file, whose name tells the format unless --format does.",
     )
     as_json = click.option("--json", "as_json", is_flag=True, help="Print a list of rows.")
-    return named(out(as_json(command)))
+    return format_name(out(as_json(command)))
 
 
 @click.command()
@@ -76,7 +76,7 @@ def _output_options(command: Command) -> Command:
 @click.option("--paper", is_flag=True, help="Set the agents beside the paper's main table.")
 def report(
     runs: Path,
-    named: str | None,
+    format_name: str | None,
     out: Path | None,
     as_json: bool,
     seeds: int | None,
@@ -91,7 +91,7 @@ def report(
         raise ReportError("--seeds chooses episodes of a run; give the folder of one")
     options = {"--paper": paper, "--reference": reference}
     beside = [name for name, value in options.items() if value]
-    for option in [*beside, *([f"--format {named}"] if named else [])]:
+    for option in [*beside, *([f"--format {format_name}"] if format_name else [])]:
         if as_json:
             raise ReportError(
                 f"--json is a list of rows, without {option}; give --format json alone"
@@ -100,16 +100,16 @@ def report(
         document = load_report(runs, reference or "")
         if as_json:
             cells = [{name: getattr(cell, name) for name in COLUMNS} for cell in document.cells]
-            _put(json.dumps(cells, indent=1) + "\n", out)
+            _output(json.dumps(cells, indent=1) + "\n", out)
             return
-        format = _format(named, out, beside)
+        format = _format(format_name, out, beside)
         _write(_document(document, None, paper), format, out)
         return
     run = _read(runs, seeds)
     if as_json:
-        _put(json.dumps(terminal.score_rows(run, run.records), indent=1) + "\n", out)
+        _output(json.dumps(terminal.score_rows(run, run.records), indent=1) + "\n", out)
         raise SystemExit(_finish(run))
-    format = _format(named, out, beside)
+    format = _format(format_name, out, beside)
     if format == TERMINAL and out is None:
         terminal.show(run, reference or "")
         if paper:
@@ -134,7 +134,7 @@ def compare_command(
     runs: Path,
     earlier: Path,
     pairs: tuple[str, ...],
-    named: str | None,
+    format_name: str | None,
     out: Path | None,
     as_json: bool,
 ) -> None:
@@ -142,16 +142,16 @@ def compare_command(
     for folder in (runs, earlier):
         if folder.is_file():
             raise ReportError(f"{folder} is a finished report; give the folders of runs")
-    if as_json and named:
+    if as_json and format_name:
         raise ReportError(
-            f"--json is a list of rows, without --format {named}; give --format json alone"
+            f"--json is a list of rows, without --format {format_name}; give --format json alone"
         )
     run = _read(runs)
-    comparison = compare(_read(earlier), run, _paired(pairs))
+    comparison = compare(_read(earlier), run, _parse_pairs(pairs))
     if as_json:
-        _put(json.dumps([asdict(cell) for cell in comparison.cells], indent=1) + "\n", out)
+        _output(json.dumps([asdict(cell) for cell in comparison.cells], indent=1) + "\n", out)
     else:
-        format = _format(named, out, [COMPARISON])
+        format = _format(format_name, out, [COMPARISON])
         _write(_document(build_report(run), comparison, paper=False), format, out)
     raise SystemExit(_finish(run))
 
@@ -186,13 +186,13 @@ def leaderboard_command(folder: Path, out: Path) -> None:
     board = leaderboard.read_reports(folder)
     for problem in board.problems:
         click.echo(printable(f"hijack: left out: {problem}"), err=True)
-    _put(leaderboard.leaderboard(board), out)
+    _output(leaderboard.leaderboard(board), out)
     raise SystemExit(1 if board.problems else 0)
 
 
-def _format(named: str | None, out: Path | None, beside: Sequence[str]) -> str:
+def _format(format_name: str | None, out: Path | None, beside: Sequence[str]) -> str:
     """Return the format, which has to show what the options `beside` ask for."""
-    format = choose_format(named, out)
+    format = choose_format(format_name, out)
     for option in beside:
         if option in FORMATS_BY_OPTION:
             check_shown(option, format)
@@ -245,10 +245,10 @@ def _write(document: ReportDocument, format: str, out: Path | None) -> None:
     if format == TERMINAL and out is None:
         terminal.show_document(document, console())
         return
-    _put(write(document, format), out)
+    _output(write(document, format), out)
 
 
-def _put(text: str, out: Path | None) -> None:
+def _output(text: str, out: Path | None) -> None:
     if out is None:
         click.echo(printable(text), nl=False)
         return
@@ -258,21 +258,21 @@ def _put(text: str, out: Path | None) -> None:
     click.echo(f"wrote {out}")
 
 
-def _paired(pairs: tuple[str, ...]) -> Mapping[str, str] | None:
+def _parse_pairs(pairs: tuple[str, ...]) -> Mapping[str, str] | None:
     """Return the agents that are compared.
 
     Raises:
         ReportError: a pair is not two names.
     """
-    found: dict[str, str] = {}
+    agent_pairs: dict[str, str] = {}
     for pair in pairs:
         first, _, second = pair.partition("=")
         if not first or not second:
             raise ReportError(f"--pair: {pair!r} is not OLD=NEW, two names of agents")
-        if first in found:
+        if first in agent_pairs:
             raise ReportError(
-                f"--pair: {first!r} is compared with {found[first]!r} already; compare it with"
-                f" {second!r} by a command of its own"
+                f"--pair: {first!r} is compared with {agent_pairs[first]!r} already; compare it"
+                f" with {second!r} by a command of its own"
             )
-        found[first] = second
-    return found or None
+        agent_pairs[first] = second
+    return agent_pairs or None

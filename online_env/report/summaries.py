@@ -29,45 +29,49 @@ def summarise_agents(
     by_agent: dict[str, dict[str, Cell]] = {}
     for cell in cells:
         by_agent.setdefault(cell.agent, {})[cell.corruption] = cell
-    errors = {agent: _errors(own) for agent, own in by_agent.items()}
+    errors = {agent: _errors(agent_cells) for agent, agent_cells in by_agent.items()}
     return [
         AgentSummary(
             agent=agent,
-            n=sum(cell.n for cell in own.values()),
-            errors=sum(cell.errors for cell in own.values()),
-            invalid=sum(cell.invalid for cell in own.values()),
-            **_means(own, identity),
-            **_retained(agent, groups),
-            **_interval([groups.scored[agent, label] for label in own if label != CLEAN]),
-            **_used(agent, own, groups),
+            n=sum(cell.n for cell in agent_cells.values()),
+            errors=sum(cell.errors for cell in agent_cells.values()),
+            invalid=sum(cell.invalid for cell in agent_cells.values()),
+            **_means(agent_cells, identity),
+            **_retention(agent, groups),
+            **_interval([groups.scored[agent, label] for label in agent_cells if label != CLEAN]),
+            **_inputs_and_usage(agent, agent_cells, groups),
             mce=_mce(errors[agent], errors.get(reference, {})),
         )
-        for agent, own in by_agent.items()
+        for agent, agent_cells in by_agent.items()
     ]
 
 
-def _used(agent: str, labels: Iterable[str], groups: scores.GroupedRecords) -> dict[str, Any]:
+def _inputs_and_usage(
+    agent: str, labels: Iterable[str], groups: scores.GroupedRecords
+) -> dict[str, Any]:
     """Return what an agent was given, and its usage, over its conditions."""
     keys = [(agent, label) for label in labels]
     attempts = [record for key in keys for record in groups.attempts[key]]
     last = [record for key in keys for record in groups.last[key].values()]
-    return {"given": _given(attempts), **usage.means(last, attempts)}
+    return {"given": _privileged_inputs(attempts), **usage.means(last, attempts)}
 
 
-def _given(attempts: Sequence[ResultRecord]) -> tuple[str, ...] | None:
-    found = collect_privileged_inputs(attempts)
-    there = {kind for given in found for kind in given}
-    return tuple(kind for kind in GIVEN_KINDS if kind in there) if found else None
+def _privileged_inputs(attempts: Sequence[ResultRecord]) -> tuple[str, ...] | None:
+    input_sets = collect_privileged_inputs(attempts)
+    kinds = {kind for inputs in input_sets for kind in inputs}
+    return tuple(kind for kind in GIVEN_KINDS if kind in kinds) if input_sets else None
 
 
-def _means(own: Mapping[str, Cell], identity: RunIdentity) -> dict[str, Any]:
+def _means(agent_cells: Mapping[str, Cell], identity: RunIdentity) -> dict[str, Any]:
     """Return the means over the conditions of an agent."""
-    success = {label: cell.success for label, cell in own.items() if cell.success is not None}
+    success = {
+        label: cell.success for label, cell in agent_cells.items() if cell.success is not None
+    }
     corrupted = [label for label in success if label != CLEAN]
     means: dict[str, Any] = {
         **scores.means(success),
         "conditions": len(corrupted),
-        "ceiling": _mean([own[label].ceiling for label in corrupted]),
+        "ceiling": _mean([agent_cells[label].ceiling for label in corrupted]),
     }
     if has_all_nine(identity, set(success)):
         means["nine"] = fmean(success[name] for name in NINE)
@@ -76,47 +80,48 @@ def _means(own: Mapping[str, Cell], identity: RunIdentity) -> dict[str, Any]:
     return means
 
 
-def _retained(agent: str, groups: scores.GroupedRecords) -> dict[str, float | None]:
+def _retention(agent: str, groups: scores.GroupedRecords) -> dict[str, float | None]:
     """Return the share of its clean success that an agent keeps over all its corruptions."""
-    there, here, tasks = scores.pairs_with_clean(agent, groups.scored)
-    if not sum(there):
+    clean_scores, corrupted_scores, tasks = scores.pairs_with_clean(agent, groups.scored)
+    if not sum(clean_scores):
         return {}
-    found: dict[str, float | None] = {"retention": sum(here) / sum(there)}
+    values: dict[str, float | None] = {"retention": sum(corrupted_scores) / sum(clean_scores)}
     if scores.can_infer():
         from ..results.statistics import retention_interval
 
-        kept = retention_interval(there, here, tasks)
-        found["retention_low"] = kept.low if kept else None
-        found["retention_high"] = kept.high if kept else None
-    return found
+        retention = retention_interval(clean_scores, corrupted_scores, tasks)
+        values["retention_low"] = retention.low if retention else None
+        values["retention_high"] = retention.high if retention else None
+    return values
 
 
 def _interval(cells: Sequence[scores.ScoreByCase]) -> dict[str, float]:
     """Return the interval of the mean over the corruptions."""
-    there = [cell for cell in cells if cell]
-    if not there or not scores.can_infer():
+    scored_cells = [cell for cell in cells if cell]
+    if not scored_cells or not scores.can_infer():
         return {}
     from ..results.statistics import grand_mean_interval
 
-    pairs = [(list(cell.values()), scores.task_names(cell)) for cell in there]
+    pairs = [(list(cell.values()), scores.task_names(cell)) for cell in scored_cells]
     interval = grand_mean_interval(pairs)
     return {"corrupted_low": interval.low, "corrupted_high": interval.high}
 
 
-def _mce(here: Mapping[str, float], there: Mapping[str, float]) -> float | None:
+def _mce(agent_errors: Mapping[str, float], reference_errors: Mapping[str, float]) -> float | None:
     """Return the mean corruption error over the corruptions that both agents have.
 
     Args:
-        here: the errors of an agent, by corruption.
-        there: those of the reference agent.
+        agent_errors: the errors of an agent, by corruption.
+        reference_errors: those of the reference agent.
     """
-    shared = [label for label in here if label in there]
+    shared = [label for label in agent_errors if label in reference_errors]
     if not shared or not scores.can_infer():
         return None
     from ..results.statistics import mean_corruption_error
 
     return mean_corruption_error(
-        {label: here[label] for label in shared}, {label: there[label] for label in shared}
+        {label: agent_errors[label] for label in shared},
+        {label: reference_errors[label] for label in shared},
     )
 
 
@@ -131,5 +136,5 @@ def _errors(cells: Mapping[str, Cell]) -> dict[str, float]:
 
 def _mean(values: Sequence[float | None]) -> float | None:
     """Return the mean, or `None` if a value is missing."""
-    there = [value for value in values if value is not None]
-    return fmean(there) if there and len(there) == len(values) else None
+    present = [value for value in values if value is not None]
+    return fmean(present) if present and len(present) == len(values) else None

@@ -55,7 +55,7 @@ COMPARED_HEADINGS = (
     "p",
     "seen at 80 %",
 )
-_COUNTED = ("hidden",)  # columns of the parts that are counts, not shares
+_COUNT_COLUMNS = ("hidden",)  # columns of the parts that are counts, not shares
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")  # the characters that a formula may begin with
 _MARKUP = "\\`*_[]<>|&~$#"
 Texts = Sequence[str]
@@ -79,7 +79,7 @@ def as_csv(document: ReportDocument) -> str:
     kind = ComparedCell if compared else Cell
     writer.writerow([entry.name for entry in fields(kind)])
     for row in rows:
-        writer.writerow([_plain(value) for value in asdict(row).values()])
+        writer.writerow([_csv_value(value) for value in asdict(row).values()])
     return out.getvalue()
 
 
@@ -88,7 +88,7 @@ def as_markdown(document: ReportDocument) -> str:
     report = document.report
     parts = [f"## {_safe(report.run.name)}", markdown_table(*summary_table(report))]
     if document.comparison is not None:
-        parts += _compared(document.comparison)
+        parts += _comparison_parts(document.comparison)
     else:
         parts.append(markdown_table(*cell_table(report.cells)))
     if report.feasible and document.comparison is None:
@@ -104,8 +104,8 @@ def as_markdown(document: ReportDocument) -> str:
         parts += ["Right, by part:", markdown_table(*parts_table(report.parts))]
     if document.paper is not None:
         parts += ["### Beside the paper", markdown_table(*paper_rows(document.paper))]
-        parts += _listed([document.paper.source + ".", *document.paper.notes])
-    parts += _listed(report.notes)
+        parts += _bullet_list([document.paper.source + ".", *document.paper.notes])
+    parts += _bullet_list(report.notes)
     return "\n\n".join(parts)
 
 
@@ -169,13 +169,13 @@ def app_table(report: RunReport) -> tuple[Texts, list[Texts]]:
         (
             app or "none named",
             str(max(row.tasks for row in rows.values() if row.app == app)),
-            *(_both(rows.get((app, agent))) for agent in agents),
+            *(_clean_and_corrupted(rows.get((app, agent))) for agent in agents),
         )
         for app in apps
     ]
 
 
-def _both(row: AppSuccess | None) -> str:
+def _clean_and_corrupted(row: AppSuccess | None) -> str:
     if row is None:
         return ""
     if row.corrupted is None:
@@ -185,9 +185,9 @@ def _both(row: AppSuccess | None) -> str:
 
 def parts_table(rows: Sequence[Mapping[str, Any]]) -> tuple[Texts, list[Texts]]:
     """Return headings and rows of a scoring run's other results, in percent."""
-    named = {key: None for row in rows for key in row}
-    keys = [key for key in named if key not in ("agent", "corruption", "n")]
-    headings = [key if key in _COUNTED else f"{key.replace('_', ' ')}, %" for key in keys]
+    names = {key: None for row in rows for key in row}
+    keys = [key for key in names if key not in ("agent", "corruption", "n")]
+    headings = [key if key in _COUNT_COLUMNS else f"{key.replace('_', ' ')}, %" for key in keys]
     return ("agent", "corruption", "n", *headings), [
         (
             row["agent"],
@@ -239,18 +239,18 @@ def markdown_table(headings: Texts, rows: Sequence[Texts]) -> str:
 
 def without_empty_columns(headings: Texts, rows: Sequence[Texts]) -> tuple[Texts, list[Texts]]:
     """Return a table without the columns in which no row has a value."""
-    kept = [place for place in range(len(headings)) if any(row[place] for row in rows)]
-    lines: list[Texts] = [[row[place] for place in kept] for row in rows]
-    return [headings[place] for place in kept], lines
+    columns = [place for place in range(len(headings)) if any(row[place] for row in rows)]
+    lines: list[Texts] = [[row[place] for place in columns] for row in rows]
+    return [headings[place] for place in columns], lines
 
 
-def _compared(comparison: RunComparison) -> list[str]:
+def _comparison_parts(comparison: RunComparison) -> list[str]:
     names = f"{_safe(comparison.before.name)} and then {_safe(comparison.after.name)}"
     table = markdown_table(*compared_table(comparison.cells))
-    return [f"### {names}, the same cases", table, *_listed(comparison.notes)]
+    return [f"### {names}, the same cases", table, *_bullet_list(comparison.notes)]
 
 
-def _listed(notes: Sequence[str]) -> Iterator[str]:
+def _bullet_list(notes: Sequence[str]) -> Iterator[str]:
     if notes:
         yield "\n".join(f"* {_safe(note)}" for note in notes)
 
@@ -269,7 +269,7 @@ def _safe(text: str) -> str:
 def _part(key: str, value: float | None) -> str:
     if value is None:
         return ""
-    return str(value) if key in _COUNTED else formatting.percent(value)
+    return str(value) if key in _COUNT_COLUMNS else formatting.percent(value)
 
 
 def _is_number(text: str) -> bool:
@@ -280,7 +280,7 @@ def _cents(share: float | None) -> str:
     return "" if share is None else f"{100 * share:.2f}"
 
 
-def _plain(value: object) -> object:
+def _csv_value(value: object) -> object:
     """Return a value in the form for CSV; several values are separated by spaces.
 
     A name that a spreadsheet would run as a formula gets an apostrophe before it.

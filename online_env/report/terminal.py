@@ -1,6 +1,5 @@
 """The report on a terminal: tables, a line about each agent, and the problems."""
 
-import importlib
 from collections.abc import Sequence
 from io import StringIO
 from typing import Any
@@ -10,7 +9,6 @@ from rich.console import Console
 from hijack_data.cli import console
 from hijack_data.cli.figure_table import FigureTable, grouped
 
-from ..bench.progress import shorten
 from ..results import costs, scores
 from ..results.reading import ResultRecord, Run
 from . import formatting
@@ -21,10 +19,11 @@ from .identity import agent_names, corruptions_by_label
 from .model import AgentSummary, Cell, RunReport
 from .outcome import missing_line
 from .paper import PaperTable
+from .parts_table import show_parts
 from .tables import compared_table, main_figures, paper_rows
 
 _MAIN = ("n", ("success", "95 %"), ("delta", "95 %", "p"), "retention", ("errors", "invalid"))
-_BESIDE = (
+_FURTHER_HEADINGS = (
     "ceiling",
     "pass^k",
     "seen at 80 %",
@@ -34,9 +33,9 @@ _BESIDE = (
 )
 
 
-def score_rows(run: Run, chosen: Sequence[ResultRecord]) -> list[scores.ScoreRow]:
+def score_rows(run: Run, records: Sequence[ResultRecord]) -> list[scores.ScoreRow]:
     """Return the rows of the report's table, in the order of the configuration."""
-    return scores.rows(chosen, agent_names(run.config), list(corruptions_by_label(run.config)))
+    return scores.rows(records, agent_names(run.config), list(corruptions_by_label(run.config)))
 
 
 def show(run: Run, reference: str = "") -> None:
@@ -55,15 +54,15 @@ def show(run: Run, reference: str = "") -> None:
     show_report(report, screen)
     final = list(scores.latest(run.records).values())
     if run.is_scored:
-        importlib.import_module("online_env.report.parts_table").show_parts(run, screen)
-    used = costs.usage_line(run.records)
-    if used:
-        screen.print(used, soft_wrap=True)
+        show_parts(run, screen)
+    usage = costs.usage_line(run.records)
+    if usage:
+        screen.print(usage, soft_wrap=True)
     _print_lines(report.notes, screen)
     for record in final:
         if record["status"] != "ok":
             problem = f"{record['status']}: {record.get('id')}: {record.get('problem')}"
-            screen.print(shorten(problem), markup=False, soft_wrap=True)
+            screen.print(formatting.shorten(problem), markup=False, soft_wrap=True)
 
 
 def show_report(report: RunReport, screen: Any) -> None:
@@ -73,7 +72,7 @@ def show_report(report: RunReport, screen: Any) -> None:
         screen.print("", main_table(report.feasible, "feasible tasks"), sep="\n")
     if report.infeasible:
         screen.print("", main_table(report.infeasible, "infeasible tasks"), sep="\n")
-    screen.print("", _beside(report.cells), "", sep="\n")
+    screen.print("", _further_table(report.cells), "", sep="\n")
     for row in report.summaries:
         if row.corrupted is not None:
             worst = report.worst_corruptions(row.agent)
@@ -84,23 +83,23 @@ def show_report(report: RunReport, screen: Any) -> None:
 def summary_line(row: AgentSummary, reference: str = "", worst: Sequence[str] = ()) -> str:
     """Return an agent over all its conditions, in words; `worst` are its worst labels."""
     between = formatting.interval(row.corrupted_low, row.corrupted_high)
-    more = formatting.privileged_inputs(row.given)
-    named = f"{row.agent} (given {more})" if more else row.agent
-    said = [
-        f"{named}: corrupted {formatting.percent(row.corrupted)}",
+    inputs = formatting.privileged_inputs(row.given)
+    name = f"{row.agent} (given {inputs})" if inputs else row.agent
+    parts = [
+        f"{name}: corrupted {formatting.percent(row.corrupted)}",
         f"worst {formatting.worst(worst, row.worst_success)}",
     ]
     if between:
-        said.append(f"95 % of corrupted {between}")
+        parts.append(f"95 % of corrupted {between}")
     if row.retention is not None:
-        said.append(f"retention {formatting.percent(row.retention)}")
+        parts.append(f"retention {formatting.percent(row.retention)}")
     if row.nine is not None:
-        said.append(f"mean over the nine {formatting.percent(row.nine)}")
+        parts.append(f"mean over the nine {formatting.percent(row.nine)}")
     if row.paper_average is not None:
-        said.append(f"average with clean, as in the paper {formatting.percent(row.paper_average)}")
+        parts.append(f"average with clean, as in the paper {formatting.percent(row.paper_average)}")
     if row.mce is not None:
-        said.append(f"mCE {formatting.percent(row.mce)} (against {reference})")
-    return ", ".join(said)
+        parts.append(f"mCE {formatting.percent(row.mce)} (against {reference})")
+    return ", ".join(parts)
 
 
 def main_table(cells: Sequence[Cell], title: str | None = None) -> FigureTable:
@@ -112,13 +111,13 @@ def main_table(cells: Sequence[Cell], title: str | None = None) -> FigureTable:
     return FigureTable("corruption", _MAIN, grouped(rows), title)
 
 
-def _beside(cells: Sequence[Cell]) -> FigureTable:
+def _further_table(cells: Sequence[Cell]) -> FigureTable:
     """Return ceiling, power and costs of some cells."""
-    rows = [(cell.agent, cell.corruption, *_beside_row(cell)) for cell in cells]
-    return FigureTable("corruption", _BESIDE, grouped(rows), "further results")
+    rows = [(cell.agent, cell.corruption, *_further_row(cell)) for cell in cells]
+    return FigureTable("corruption", _FURTHER_HEADINGS, grouped(rows), "further results")
 
 
-def _beside_row(cell: Cell) -> list[str]:
+def _further_row(cell: Cell) -> list[str]:
     seeds = len(cell.pass_hat)
     return [
         formatting.percent(cell.ceiling),
@@ -155,8 +154,8 @@ def show_document(document: ReportDocument, screen: Any) -> None:
 
 def show_comparison(comparison: RunComparison, screen: Any) -> None:
     """Print the comparison of two runs, and its notes."""
-    (_, label, n, before, after, *difference, seen), rows = compared_table(comparison.cells)
-    blocks = [n, (before, after), difference, seen]
+    (_, label, n, before, after, *difference, compared), rows = compared_table(comparison.cells)
+    blocks = [n, (before, after), difference, compared]
     title = f"{comparison.before.name} before, {comparison.after.name} after"
     screen.print(FigureTable(label, blocks, grouped(rows), title))
     _print_lines(comparison.notes, screen)

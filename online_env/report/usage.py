@@ -11,7 +11,7 @@ from ..results.reading import ResultRecord
 from ..results.scores import counts
 
 
-def means(last: Iterable[ResultRecord], every: Iterable[ResultRecord]) -> dict[str, Any]:
+def means(last: Iterable[ResultRecord], attempts: Iterable[ResultRecord]) -> dict[str, Any]:
     """Return the usage fields of a cell, by name.
 
     Steps, seconds and malformed actions cover the episodes that count for the agent. Tokens and
@@ -20,18 +20,18 @@ def means(last: Iterable[ResultRecord], every: Iterable[ResultRecord]) -> dict[s
 
     Args:
         last: The last attempt at each case.
-        every: All attempts.
+        attempts: All attempts.
     """
     counted = [record for record in last if counts(record)]
     steps = [record["steps"] for record in counted if is_amount(record.get("steps"))]
     seconds = [record["seconds"] for record in counted if is_amount(record.get("seconds"))]
     broken = [record["malformed"] for record in counted if is_amount(record.get("malformed"))]
-    found: dict[str, Any] = {
+    values: dict[str, Any] = {
         "steps": fmean(steps) if steps else None,
         "seconds": fmean(seconds) if seconds else None,
         "malformed": sum(broken) / sum(steps) if broken and sum(steps) else None,
     }
-    return found | _tokens(every)
+    return values | _tokens(attempts)
 
 
 def _tokens(records: Iterable[ResultRecord]) -> dict[str, Any]:
@@ -40,11 +40,11 @@ def _tokens(records: Iterable[ResultRecord]) -> dict[str, Any]:
         usage = record.get("usage")
         if isinstance(usage, Mapping):
             usages.append(usage)
-    known = [usage for usage in usages if has_counts(usage)]
-    if not known:
+    complete = [usage for usage in usages if has_counts(usage)]
+    if not complete:
         return {}
-    found: dict[str, Any] = {key: sum(usage[key] for usage in known) for key in COUNTS}
-    prices = [usage.get("usd") for usage in known]
+    values: dict[str, Any] = {key: sum(usage[key] for usage in complete) for key in COUNTS}
+    prices = [usage.get("usd") for usage in complete]
     if all(is_amount(price) for price in prices):
-        found["usd"] = float(sum(filter(is_amount, prices)))
-    return found
+        values["usd"] = float(sum(filter(is_amount, prices)))
+    return values

@@ -16,14 +16,14 @@ class Budget:
 
     Args:
         limit: in USD.
-        made: the records of the run so far.
+        records: the records of the run so far.
     """
 
-    def __init__(self, limit: float, made: Sequence[Mapping[str, Any]] = ()) -> None:
+    def __init__(self, limit: float, records: Sequence[Mapping[str, Any]] = ()) -> None:
         self._limit = limit
         self._spent = 0.0
         self._unknown = ""
-        for record in made:
+        for record in records:
             self.add(record)
 
     def add(self, record: Mapping[str, Any]) -> None:
@@ -52,35 +52,37 @@ class Budget:
             )
 
 
-def total_cost(made: Sequence[Mapping[str, Any]]) -> float:
+def total_cost(records: Sequence[Mapping[str, Any]]) -> float:
     """Return the cost of episodes in USD; episodes with unknown cost count as 0."""
     total = 0.0
-    for record in made:
+    for record in records:
         usage = record.get("usage")
-        spent = usage.get("usd") if isinstance(usage, Mapping) else None
-        if is_amount(spent):
-            total += spent
+        usd = usage.get("usd") if isinstance(usage, Mapping) else None
+        if is_amount(usd):
+            total += usd
     return total
 
 
-def usage_line(made: Sequence[Mapping[str, Any]]) -> str:
+def usage_line(records: Sequence[Mapping[str, Any]]) -> str:
     """Return the usage of all episodes in words; empty if their agents do not count it."""
-    counted = list(_counted(made))
-    if not counted:
+    usages = list(_full_usages(records))
+    if not usages:
         return ""
-    whole: Counter[str] = Counter()
-    for usage in counted:
+    totals: Counter[str] = Counter()
+    for usage in usages:
         for key in COUNTS:
-            whole[key] += usage[key]
-    requests, read, written = [whole[key] for key in COUNTS]
-    known = all(is_amount(usage.get("usd")) for usage in counted)
-    cost = "price not known" if not known else f"{total_cost(made):.2f} USD"
-    return f"models: {requests} requests, {read} tokens read, {written} written, {cost}"
+            totals[key] += usage[key]
+    requests, tokens_read, tokens_written = [totals[key] for key in COUNTS]
+    has_prices = all(is_amount(usage.get("usd")) for usage in usages)
+    cost = "price not known" if not has_prices else f"{total_cost(records):.2f} USD"
+    return (
+        f"models: {requests} requests, {tokens_read} tokens read, {tokens_written} written, {cost}"
+    )
 
 
-def _counted(made: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
+def _full_usages(records: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
     """Yield the usage of the records that have all our counts."""
-    for record in made:
+    for record in records:
         usage = record.get("usage")
         if not isinstance(usage, Mapping):
             continue

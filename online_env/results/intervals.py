@@ -29,11 +29,11 @@ Scores: TypeAlias = tuple[Sequence[float], Sequence[Hashable]]
 PairedScores: TypeAlias = tuple[Sequence[float], Sequence[float], Sequence[Hashable]]
 
 LEVEL = 0.95
-NOISE = 1e-9  # values that differ by less are equal: sums of scores such as 0.1 are not exact
-# Tasks' worth of doubt that is added to what the tasks show: that the seeds of a task tell no more
-# than one of them, and that clean and corrupted success are not related. Few tasks may agree by
+TOLERANCE = 1e-9  # values that differ by less are equal: sums of scores such as 0.1 are not exact
+# Weight, in tasks, of a prior that is added to the data. Its content: the seeds of a task tell no
+# more than one of them, and clean and corrupted success are unrelated. Few tasks may agree by
 # chance, and at 0 and 100 % they always do.
-DOUBT = 1.0
+PRIOR_TASKS = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,9 +104,9 @@ class _Wilson:
         they vary less.
         """
         chance = self.value * (1 - self.value)
-        doubt = DOUBT / self.tasks
-        shown = self.variance * self.count / (self.count - 1) if self.count > 1 else chance
-        share = min(1.0, (shown + doubt) / (chance + doubt))
+        doubt = PRIOR_TASKS / self.tasks
+        measured = self.variance * self.count / (self.count - 1) if self.count > 1 else chance
+        share = min(1.0, (measured + doubt) / (chance + doubt))
         trials = self.tasks / share
         ends: Any = proportion_confint(
             self.value * trials, trials, alpha=1 - level, method="wilson"
@@ -151,12 +151,12 @@ def difference_interval(
             number in 0..1.
     """
     before, after = _pairs_by_task(clean, corrupted, tasks)
-    least, most = before.interval.at(level)
+    clean_low, clean_high = before.interval.at(level)
     low, high = after.interval.at(level)
     related = _correlation(before, after)
     value = after.value - before.value
-    below = _combined(after.value - low, most - before.value, related)
-    above = _combined(high - after.value, before.value - least, related)
+    below = _combined(after.value - low, clean_high - before.value, related)
+    above = _combined(high - after.value, before.value - clean_low, related)
     return Interval(value=value, low=max(-1.0, value - below), high=min(1.0, value + above))
 
 
@@ -186,17 +186,21 @@ def retention_interval(
     if before.value == 0:
         return None
     value = after.value / before.value
-    least, most = before.interval.at(level)
+    clean_low, clean_high = before.interval.at(level)
     low, high = after.interval.at(level)
     related = _correlation(before, after)
     product = after.value * before.value
     # The roots of (after - ratio * before) = its distance to the ends, squared.
-    middle = product - related * (after.value - low) * (most - before.value)
-    square = low * most * (2 * after.value - low) * (2 * before.value - most)
-    bottom = (middle - sqrt(max(0.0, middle**2 - square))) / (most * (2 * before.value - most))
-    middle = product - related * (high - after.value) * (before.value - least)
-    square = high * least * (2 * after.value - high) * (2 * before.value - least)
-    top = (middle + sqrt(max(0.0, middle**2 - square))) / (least * (2 * before.value - least))
+    middle = product - related * (after.value - low) * (clean_high - before.value)
+    square = low * clean_high * (2 * after.value - low) * (2 * before.value - clean_high)
+    bottom = (middle - sqrt(max(0.0, middle**2 - square))) / (
+        clean_high * (2 * before.value - clean_high)
+    )
+    middle = product - related * (high - after.value) * (before.value - clean_low)
+    square = high * clean_low * (2 * after.value - high) * (2 * before.value - clean_low)
+    top = (middle + sqrt(max(0.0, middle**2 - square))) / (
+        clean_low * (2 * before.value - clean_low)
+    )
     return Interval(value=value, low=max(0.0, min(bottom, value)), high=max(top, value))
 
 
@@ -264,7 +268,7 @@ def check_pairs(clean: Sequence[float], corrupted: Sequence[float]) -> None:
 
 def are_alike(values: Floats64) -> bool:
     """Return whether values are equal but for rounding."""
-    return float(np.ptp(values)) <= NOISE
+    return float(np.ptp(values)) <= TOLERANCE
 
 
 def differences_by_task(
@@ -322,11 +326,11 @@ def _interval(wilson: _Wilson, level: float) -> Interval:
 
 def _correlation(before: _TaskMeans, after: _TaskMeans) -> float:
     """Return the correlation of clean and corrupted success over tasks, which is not overrated."""
-    doubt = DOUBT / before.tasks
-    spreads = [one.covariance(one) + doubt for one in (before, after)]
+    doubt = PRIOR_TASKS / before.tasks
+    spreads = [means.covariance(means) + doubt for means in (before, after)]
     return before.covariance(after) / sqrt(spreads[0] * spreads[1])
 
 
-def _combined(one: float, other: float, related: float) -> float:
+def _combined(first: float, second: float, related: float) -> float:
     """Return the distance to an end of a difference from those of its two means."""
-    return sqrt(max(0.0, one**2 - 2 * related * one * other + other**2))
+    return sqrt(max(0.0, first**2 - 2 * related * first * second + second**2))

@@ -62,9 +62,9 @@ def git_state(folder: Path, trusted: bool = False) -> RunOrigin | None:
     commit = _git(folder, *safe, "rev-parse", "HEAD")
     if commit is None:
         return None
-    ours = ["-c", "core.fsmonitor=false", "status", "--porcelain", "--untracked-files=no"]
-    changed = _git(folder, *safe, *ours)
-    return {"commit": commit, "dirty": None if changed is None else bool(changed)}
+    status_command = ["-c", "core.fsmonitor=false", "status", "--porcelain", "--untracked-files=no"]
+    status = _git(folder, *safe, *status_command)
+    return {"commit": commit, "dirty": None if status is None else bool(status)}
 
 
 def usable_cores() -> int:
@@ -77,7 +77,7 @@ def usable_cores() -> int:
 def _git(folder: Path, *words: str) -> str | None:
     """Return what git prints; `None` if it fails."""
     try:
-        done = subprocess.run(
+        result = subprocess.run(
             ["git", *words],
             cwd=folder,
             capture_output=True,
@@ -87,7 +87,7 @@ def _git(folder: Path, *words: str) -> str | None:
         )
     except (OSError, subprocess.TimeoutExpired):
         return None
-    return done.stdout.strip() if done.returncode == 0 else None
+    return result.stdout.strip() if result.returncode == 0 else None
 
 
 def machine() -> RunOrigin:
@@ -111,14 +111,14 @@ def available_memory() -> int:
 
     The limit of a container is respected.
     """
-    found = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    available = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     for line in _lines(Path("/proc/meminfo")):
         if line.startswith("MemAvailable:"):
-            found = int(line.split()[1]) * 1024
+            available = int(line.split()[1]) * 1024
     with contextlib.suppress(OSError, ValueError):
-        left = int(_GROUP_LIMIT.read_text()) - int(_GROUP_USE.read_text())
-        found = min(found, max(0, left))
-    return found
+        group_available = int(_GROUP_LIMIT.read_text()) - int(_GROUP_USE.read_text())
+        available = min(available, max(0, group_available))
+    return available
 
 
 def _processor() -> str:
@@ -135,41 +135,41 @@ def _lines(path: Path) -> list[str]:
         return []
 
 
-def other_code(head: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+def other_code(head: Mapping[str, Any], origin: Mapping[str, Any]) -> str:
     """Return a sentence if a run was begun with another commit of this library, otherwise "".
 
     Args:
         head: The content of its `run.json`.
-        now: The present origin, from `describe`.
+        origin: The present origin, from `describe`.
     """
-    was = _commit_of(head)
-    here = _commit_of(now)
-    if was == here:
+    commit_before = _library_commit(head)
+    commit_now = _library_commit(origin)
+    if commit_before == commit_now:
         return ""
-    return f"was begun with commit {was} of agenthijack, this is {here}"
+    return f"was begun with commit {commit_before} of agenthijack, this is {commit_now}"
 
 
-def _commit_of(found: Mapping[str, Any]) -> object:
+def _library_commit(origin: Mapping[str, Any]) -> object:
     """Return the commit of this library in an origin; `None` if it has none."""
-    place: object = found
+    value: object = origin
     for key in ("git", "agenthijack", "commit"):
-        place = place.get(key) if isinstance(place, dict) else None
-    return place
+        value = value.get(key) if isinstance(value, dict) else None
+    return value
 
 
-def add_session(folder: Path, found: Mapping[str, Any], made: int) -> None:
+def add_session(folder: Path, origin: Mapping[str, Any], record_count: int) -> None:
     """Record that a run is resumed.
 
     Args:
         folder: Of the run.
-        found: The origin, from `describe`, and further fields.
-        made: How many records the run has so far.
+        origin: The origin, from `describe`, and further fields.
+        record_count: How many records the run has so far.
 
     Raises:
         unwritable: The file cannot be written.
     """
     path = folder / SESSIONS
-    line = json.dumps({"at": time.time(), "records": made, **found}, ensure_ascii=False)
+    line = json.dumps({"at": time.time(), "records": record_count, **origin}, ensure_ascii=False)
     begin = ""
     try:
         if path.exists() and not path.read_bytes().endswith(b"\n"):
@@ -182,8 +182,8 @@ def add_session(folder: Path, found: Mapping[str, Any], made: int) -> None:
 
 def sessions(folder: Path) -> list[RunOrigin]:
     """Return the lines of `sessions.jsonl`, without a line that was cut off."""
-    found: list[RunOrigin] = []
+    origins: list[RunOrigin] = []
     for line in _lines(folder / SESSIONS):
         with contextlib.suppress(ValueError):
-            found.append(json.loads(line))
-    return found
+            origins.append(json.loads(line))
+    return origins

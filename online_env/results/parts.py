@@ -1,4 +1,7 @@
-"""What a scoring run says beside the table of the report: parts of steps, reminders, summaries."""
+"""Results of a scoring run for which the report's main table has no column.
+
+These are the parts of a step that are right, and the precision and recall of reminders.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from statistics import fmean
@@ -15,7 +18,7 @@ _HIDDEN = 0.5  # a target of which less shows counts as hidden
 
 
 def part_rows(records: Iterable[ResultRecord]) -> list[PartsRow]:
-    """Return what is known beside the success, by agent and corruption.
+    """Return these results by agent and corruption.
 
     Rows about reminders also come for each agent over all corruptions, under `"all"`: with and
     without a reminder are different corruptions, so precision needs them together.
@@ -28,20 +31,20 @@ def part_rows(records: Iterable[ResultRecord]) -> list[PartsRow]:
         if record.get("question") == "reminders":
             groups.setdefault((record["agent"], "all"), []).append(record)
     return [
-        {"agent": agent, "corruption": label, "n": len(found), **_of(found)}
-        for (agent, label), found in groups.items()
+        {"agent": agent, "corruption": label, "n": len(cell), **_part_values(cell)}
+        for (agent, label), cell in groups.items()
     ]
 
 
-def _of(found: Sequence[ResultRecord]) -> PartsRow:
-    if found[0].get("question") == "reminders":
-        return _reminders(found)
-    if found[0].get("question") == "summaries":
+def _part_values(records: Sequence[ResultRecord]) -> PartsRow:
+    if records[0].get("question") == "reminders":
+        return _reminders(records)
+    if records[0].get("question") == "summaries":
         return {}
-    return _steps(found)
+    return _steps(records)
 
 
-def _steps(found: Sequence[ResultRecord]) -> PartsRow:
+def _steps(records: Sequence[ResultRecord]) -> PartsRow:
     """Return the share of steps in which each part is right, of those that have the part.
 
     An agent that failed at a row has no part right; which parts the row has is not known then, so
@@ -49,11 +52,11 @@ def _steps(found: Sequence[ResultRecord]) -> PartsRow:
     """
     row: PartsRow = {}
     for name in PARTS:
-        right = [_part(record, name) for record in found]
-        row[name] = _mean([value for value in right if value is not None])
-    row["malformed"] = fmean(bool(record.get("malformed")) for record in found)
-    shown = [record["target_visible"] for record in found if _has_target(record)]
-    row["hidden"] = sum(share < _HIDDEN for share in shown)
+        values = [_part(record, name) for record in records]
+        row[name] = _mean([value for value in values if value is not None])
+    row["malformed"] = fmean(bool(record.get("malformed")) for record in records)
+    shares = [record["target_visible"] for record in records if _has_target(record)]
+    row["hidden"] = sum(share < _HIDDEN for share in shares)
     return row
 
 
@@ -68,25 +71,25 @@ def _has_target(record: ResultRecord) -> bool:
     return isinstance(record.get("target_visible"), int | float)
 
 
-def _reminders(found: Sequence[ResultRecord]) -> PartsRow:
+def _reminders(records: Sequence[ResultRecord]) -> PartsRow:
     """Return precision, recall, F1 and the rate of false alarms.
 
     An onlooker that failed at a row is taken to have given no reminder.
     """
-    needed = [record for record in found if _is(record, "needed")]
-    given = [record for record in found if _is(record, "given")]
-    hits = [record for record in needed if _is(record, "given")]
-    alarms = len(given) - len(hits)
+    needing = [record for record in records if _is(record, "needed")]
+    reminded = [record for record in records if _is(record, "given")]
+    hits = [record for record in needing if _is(record, "given")]
+    alarms = len(reminded) - len(hits)
     return {
-        "precision": _share(len(hits), len(given)),
-        "recall": _share(len(hits), len(needed)),
-        "f1": _share(2 * len(hits), len(given) + len(needed)),
-        "false_alarms": _share(alarms, len(found) - len(needed)),
+        "precision": _share(len(hits), len(reminded)),
+        "recall": _share(len(hits), len(needing)),
+        "f1": _share(2 * len(hits), len(reminded) + len(needing)),
+        "false_alarms": _share(alarms, len(records) - len(needing)),
     }
 
 
-def _share(part: int, whole: int) -> float | None:
-    return part / whole if whole else None
+def _share(part: int, total: int) -> float | None:
+    return part / total if total else None
 
 
 def _is(record: ResultRecord, name: str) -> bool:

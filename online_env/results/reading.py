@@ -70,7 +70,7 @@ class Run:
         if self.episodes:
             return len(self.episodes)
         lists = [self.config.get(key) for key in ("agents", "tasks", "seeds", "corruptions")]
-        return prod(len(found) if isinstance(found, list) else 0 for found in lists)
+        return prod(len(names) if isinstance(names, list) else 0 for names in lists)
 
     @property
     def missing(self) -> int:
@@ -86,9 +86,9 @@ class Run:
     @property
     def unplayed(self) -> tuple[str, ...]:
         """The ids in `episodes` without a record."""
-        made = {str(record.get("id")) for record in self.records}
-        made |= {first_id(record) for record in self.records}
-        return tuple(name for name in self.episodes if name not in made)
+        played = {str(record.get("id")) for record in self.records}
+        played |= {first_id(record) for record in self.records}
+        return tuple(name for name in self.episodes if name not in played)
 
 
 def read(folder: Path) -> Run:
@@ -100,7 +100,7 @@ def read(folder: Path) -> Run:
         RunError: The folder holds neither, or was written by a newer version.
     """
     if not (folder / RUN).exists() and (folder / EPISODES).is_dir():
-        return _episodes(folder)
+        return _read_episodes(folder)
     head = read_head(folder)
     run = Run(
         folder=folder,
@@ -111,13 +111,13 @@ def read(folder: Path) -> Run:
         lines = read_regular(folder / RECORDS).split(b"\n")
     except OSError as error:
         raise RunError(f"{folder / RECORDS}: cannot be read ({error.strerror or error})") from None
-    seen: dict[object, int] = {}
+    line_by_id: dict[object, int] = {}
     for number, line in enumerate(lines, 1):
         if not line.strip():
             continue
         try:
-            record = _parsed(line)
-            _check_new(record, seen, number)
+            record = _parse_record(line)
+            _check_new(record, line_by_id, number)
         except _DamagedError as damage:
             run.damaged.append(Damage(number, str(damage)))
         else:
@@ -135,16 +135,18 @@ def with_first_seeds(run: Run, count: int) -> Run:
     """
     listed = run.config.get("seeds")
     seeds = [seed for seed in listed if isinstance(seed, int)] if isinstance(listed, list) else []
-    kept = [seed for seed in seeds if seed < count]
-    if not kept:
-        found = f"its seeds are {', '.join(map(str, seeds))}" if seeds else "it has no seeds"
-        raise RunError(f"{run.folder}: has no seed below {count}; {found}")
+    seeds_kept = [seed for seed in seeds if seed < count]
+    if not seeds_kept:
+        what_it_has = f"its seeds are {', '.join(map(str, seeds))}" if seeds else "it has no seeds"
+        raise RunError(f"{run.folder}: has no seed below {count}; {what_it_has}")
     return replace(
         run,
-        config={**run.config, "seeds": kept},
-        records=[record for record in run.records if record["seed"] in kept],
-        episodes=tuple(name for name in run.episodes if _seed_in(name, seeds, run.folder) in kept),
-        left_out=tuple(seed for seed in seeds if seed not in kept),
+        config={**run.config, "seeds": seeds_kept},
+        records=[record for record in run.records if record["seed"] in seeds_kept],
+        episodes=tuple(
+            name for name in run.episodes if _seed_in(name, seeds, run.folder) in seeds_kept
+        ),
+        left_out=tuple(seed for seed in seeds if seed not in seeds_kept),
     )
 
 
@@ -154,13 +156,13 @@ def _seed_in(name: str, seeds: Sequence[int], folder: Path) -> int:
     Raises:
         RunError: There is none, or more than one.
     """
-    found = [seed for seed in seeds if f"__s{seed}__" in name]
-    if len(found) != 1:
+    matching = [seed for seed in seeds if f"__s{seed}__" in name]
+    if len(matching) != 1:
         raise RunError(
             f"{folder / RUN}: the seed of the episode {name} cannot be told from its id; report the"
             " run with all seeds"
         )
-    return found[0]
+    return matching[0]
 
 
 def read_head(folder: Path) -> dict[str, Any]:
@@ -174,9 +176,9 @@ def read_head(folder: Path) -> dict[str, Any]:
         data: object = json.loads(read_regular(path), parse_constant=_refuse)
         json.dumps(data, ensure_ascii=False).encode()  # half of a surrogate pair cannot be encoded
     except OSError as error:
-        why = error.strerror or error
+        reason = error.strerror or error
         raise RunError(
-            f"{folder}: is not the folder of a run ({RUN}: {why}); `hijack bench` makes one"
+            f"{folder}: is not the folder of a run ({RUN}: {reason}); `hijack bench` makes one"
         ) from None
     except (ValueError, RecursionError) as error:
         raise RunError(f"{path}: is not JSON ({str(error)[:200]})") from None
@@ -186,12 +188,12 @@ def read_head(folder: Path) -> dict[str, Any]:
         raise RunError(f"{path}: {error}") from None
 
 
-def _episodes(folder: Path) -> Run:
+def _read_episodes(folder: Path) -> Run:
     """Read the records of all episodes that ended, in the order of their ids."""
     run = Run(folder=folder)
     for path in sorted((folder / EPISODES).glob(f"*/{EPISODE}")):
         try:
-            run.records.append(_parsed(read_regular(path)))
+            run.records.append(_parse_record(read_regular(path)))
         except OSError as error:
             problem = f"cannot be read ({error.strerror or error})"
         except _DamagedError as damage:
@@ -210,14 +212,14 @@ def read_record(path: Path) -> ResultRecord:
     """
     remedy = "remove the episode's folder to play it again"
     try:
-        return _parsed(read_regular(path))
+        return _parse_record(read_regular(path))
     except OSError as error:
         raise RunError(f"{path}: cannot be read ({error.strerror or error}); {remedy}") from None
     except _DamagedError as error:
         raise RunError(f"{path}: {error}; {remedy}") from None
 
 
-def _parsed(line: bytes) -> ResultRecord:
+def _parse_record(line: bytes) -> ResultRecord:
     """Return the record of a line.
 
     Raises:
@@ -249,11 +251,15 @@ def _parsed(line: bytes) -> ResultRecord:
 
 
 def _refuse(name: str) -> object:
-    """Refuse NaN and Infinity, which Python's parser accepts although JSON does not have them."""
+    """Refuse NaN and Infinity, which Python's parser accepts although JSON does not have them.
+
+    Raises:
+        ValueError: Always.
+    """
     raise ValueError(f"{name} is not a number")
 
 
-def _check_new(record: ResultRecord, seen: dict[object, int], number: int) -> None:
+def _check_new(record: ResultRecord, line_by_id: dict[object, int], number: int) -> None:
     """Check that no earlier line is of the same episode, and remember this one.
 
     Raises:
@@ -262,7 +268,7 @@ def _check_new(record: ResultRecord, seen: dict[object, int], number: int) -> No
     name = record.get("id")
     if not isinstance(name, str):
         return
-    first = seen.setdefault(name, number)
+    first = line_by_id.setdefault(name, number)
     if first != number:
         raise _DamagedError(f"episode {shown(name)} is on line {first} already, which counts")
 

@@ -21,7 +21,6 @@ from hijack_data.errors import some_of
 from hijack_data.file_io import unwritable, write_atomic
 from hijack_data.locking import Lock, LockedError, lock
 from hijack_data.runs.run_log import (
-    CHAINED,
     EPISODE,
     EPISODES,
     FORMAT,
@@ -57,10 +56,10 @@ __all__ = [
     "create",
     "difference",
     "hold",
-    "kept",
     "read",
     "read_head",
     "resume",
+    "stored_record",
     "versions",
 ]
 
@@ -68,7 +67,7 @@ PACKAGES = ("agenthijack", "numpy", "pillow", "gymnasium", "rapidocr", "onnxrunt
 
 MAX_SETTING_CHARS = 200  # letters of a setting in a message
 MAX_LISTED_ENTRIES = 5  # entries of a long list in a message
-_BEGUN = (LOCK, RECORDS)  # files in a folder where a run was about to begin
+_START_FILES = (LOCK, RECORDS)  # files in a folder where a run was about to begin
 _HALF_WRITTEN = f".{RUN}.*.tmp"  # temporary files that a killed `write_atomic` leaves
 
 
@@ -95,11 +94,11 @@ def begin(
     """
     made_by = origin.describe(config, **used)
     start = resume if goes_on else create
-    held = start(folder, config, episodes, made_by)
-    changed = origin.other_code(read_head(folder), made_by)
-    if changed:
-        notice(f"{folder}: {changed}")
-    return held
+    folder_lock = start(folder, config, episodes, made_by)
+    code_change = origin.other_code(read_head(folder), made_by)
+    if code_change:
+        notice(f"{folder}: {code_change}")
+    return folder_lock
 
 
 def check_folder(
@@ -130,9 +129,6 @@ def create(
 ) -> Lock:
     """Begin a run in a folder that is new or empty.
 
-    Raises `RunError` if the folder is not empty, cannot be created, or is in use by another
-    process.
-
     Args:
         folder: The folder, which is created if it is missing.
         config: The benchmark, as `Bench.to_data` gives it.
@@ -144,10 +140,11 @@ def create(
 
     Raises:
         unwritable: A file cannot be written; see `hijack_data.file_io`.
+        RunError: The folder is not empty, cannot be created, or is in use by another process.
     """
     _check_distinct(episodes)
     _check_empty(folder)
-    held = hold(folder)
+    folder_lock = hold(folder)
     try:
         _check_empty(folder)  # checked again under the lock
         head = {
@@ -159,17 +156,17 @@ def create(
             "created": time.time(),
             **(made_by or {}),
         }
-        for left in folder.glob(_HALF_WRITTEN):
-            left.unlink()
+        for temporary in folder.glob(_HALF_WRITTEN):
+            temporary.unlink()
         (folder / RECORDS).touch()
         write_atomic(folder / RUN, json.dumps(head, indent=1, ensure_ascii=False) + "\n")
     except OSError as error:
-        held.release()
+        folder_lock.release()
         raise unwritable(folder, error) from None
     except BaseException:
-        held.release()
+        folder_lock.release()
         raise
-    return held
+    return folder_lock
 
 
 def resume(
@@ -185,12 +182,12 @@ def resume(
 
     Raises:
         RunError: The run is another one (the message names the first difference), it or an episode
-            without a line is damaged, it was made by an older version, or another process has the
+            without a line is damaged, its format version is another, or another process has the
             folder.
     """
     if not (folder / RUN).exists():
         return create(folder, config, episodes, made_by)
-    held = hold(folder)
+    folder_lock = hold(folder)
     try:
         _check_same(folder, config, episodes)
         _drop_cut_line(folder)
@@ -199,14 +196,14 @@ def resume(
             broken = run.damaged[0]
             place = f"{folder / RECORDS}:{broken.line}"
             raise RunError(f"{place}: {broken.problem}; a damaged run cannot be resumed")
-        _adopt(folder, run, episodes)
+        _adopt_episodes(folder, run, episodes)
         if made_by is not None:
             session = {**made_by, "versions": versions()}
             origin.add_session(folder, session, len(run.records))
     except BaseException:
-        held.release()
+        folder_lock.release()
         raise
-    return held
+    return folder_lock
 
 
 def hold(folder: Path) -> Lock:
@@ -219,42 +216,43 @@ def hold(folder: Path) -> Lock:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        held = lock(folder / LOCK)
+        folder_lock = lock(folder / LOCK)
     except LockedError as error:
         advice = "wait for it, or give another --out"
         raise RunError(f"{folder}: is being written by {error.holder}; {advice}") from None
     except OSError as error:
         raise RunError(f"{folder}: cannot be made ({error.strerror or error})") from None
     try:
-        held.sign()
+        folder_lock.sign()
     except OSError as error:
-        held.release()
+        folder_lock.release()
         raise unwritable(folder / LOCK, error) from None
-    return held
+    return folder_lock
 
 
 def append(folder: Path, record: ResultRecord) -> None:
     """Add a finished episode; it is on the disk when this returns.
 
-    Raises `StorageError` if the disk is full, and `HijackError` if the file cannot be written.
+    Raises:
+        unwritable: `StorageError` if the disk is full, otherwise `HijackError`.
     """
     append_all(folder, [record])
 
 
-def append_all(folder: Path, found: Sequence[ResultRecord]) -> None:
+def append_all(folder: Path, records: Sequence[ResultRecord]) -> None:
     """Add finished episodes, in their order; all are on the disk when this returns.
 
     Raises:
         unwritable: `StorageError` if the disk is full, otherwise `HijackError`.
     """
     path = folder / RECORDS
-    if not found:
+    if not records:
         return
     try:
         before = _last_line(path) or (folder / RUN).read_bytes()
         with open(path, "ab") as handle:
-            for record in found:
-                line = _chained(folder, record, before)
+            for record in records:
+                line = _chain_line(folder, record, before)
                 handle.write(line + b"\n")
                 before = line
             handle.flush()
@@ -263,7 +261,7 @@ def append_all(folder: Path, found: Sequence[ResultRecord]) -> None:
         raise unwritable(path, error) from None
 
 
-def kept(folder: Path, record: ResultRecord) -> ResultRecord:
+def stored_record(folder: Path, record: ResultRecord) -> ResultRecord:
     """Return the record in the folder of an episode, if the episode was completely written.
 
     A process that is killed right after it wrote the last file cannot report the record; its
@@ -278,13 +276,13 @@ def kept(folder: Path, record: ResultRecord) -> ResultRecord:
     """
     path = folder / EPISODES / str(record.get("id")) / EPISODE
     try:
-        found: object = json.loads(path.read_bytes())
+        stored: object = json.loads(path.read_bytes())
     except (OSError, ValueError):
         return record
-    return cast("ResultRecord", found) if isinstance(found, dict) else record
+    return cast("ResultRecord", stored) if isinstance(stored, dict) else record
 
 
-def _chained(folder: Path, record: ResultRecord, before: bytes) -> bytes:
+def _chain_line(folder: Path, record: ResultRecord, before: bytes) -> bytes:
     """Return the line of a record, which names the SHA-256 of the line before it."""
     episode = folder / EPISODES / str(record.get("id")) / EPISODE
     digest = file_digest(episode)
@@ -293,19 +291,25 @@ def _chained(folder: Path, record: ResultRecord, before: bytes) -> bytes:
     return line.encode("utf-8", "backslashreplace")
 
 
-def difference(was: object, now: object, place: str = "") -> str:
+def difference(before: object, after: object, place: str = "") -> str:
     """Return the first difference of two JSON values in words, or "" if they are equal."""
-    if was == now:
+    if before == after:
         return ""
-    if isinstance(was, dict) and isinstance(now, dict):
-        keys = {**was, **now}
-        return _first(difference(was.get(k), now.get(k), f"{place}.{k}".lstrip(".")) for k in keys)
-    if isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
-        pairs = enumerate(zip(was, now, strict=True))
-        return _first(difference(old, new, f"{place}[{index}]") for index, (old, new) in pairs)
-    texts = json.dumps(was), json.dumps(now)
-    if isinstance(was, list) and isinstance(now, list) and max(map(len, texts)) > MAX_SETTING_CHARS:
-        entries = _other_entries(was, now)
+    if isinstance(before, dict) and isinstance(after, dict):
+        keys = {**before, **after}
+        return _first_text(
+            difference(before.get(k), after.get(k), f"{place}.{k}".lstrip(".")) for k in keys
+        )
+    if isinstance(before, list) and isinstance(after, list) and len(before) == len(after):
+        pairs = enumerate(zip(before, after, strict=True))
+        return _first_text(difference(old, new, f"{place}[{index}]") for index, (old, new) in pairs)
+    texts = json.dumps(before), json.dumps(after)
+    if (
+        isinstance(before, list)
+        and isinstance(after, list)
+        and max(map(len, texts)) > MAX_SETTING_CHARS
+    ):
+        entries = _other_entries(before, after)
         if entries:
             return f"{place} {entries}"
     return (
@@ -313,25 +317,25 @@ def difference(was: object, now: object, place: str = "") -> str:
     )
 
 
-def _other_entries(was: Sequence[object], now: Sequence[object]) -> str:
+def _other_entries(before: Sequence[object], after: Sequence[object]) -> str:
     """Return which entries only one of two long lists has, or "" if each has all of the other."""
-    lost = [json.dumps(entry) for entry in was if entry not in now]
-    gained = [json.dumps(entry) for entry in now if entry not in was]
-    parts = [f"has lost {some_of(lost, MAX_LISTED_ENTRIES)}"] if lost else []
-    parts += [f"has gained {some_of(gained, MAX_LISTED_ENTRIES)}"] if gained else []
+    removed = [json.dumps(entry) for entry in before if entry not in after]
+    added = [json.dumps(entry) for entry in after if entry not in before]
+    parts = [f"has lost {some_of(removed, MAX_LISTED_ENTRIES)}"] if removed else []
+    parts += [f"has gained {some_of(added, MAX_LISTED_ENTRIES)}"] if added else []
     return " and ".join(parts)
 
 
 def versions() -> dict[str, str]:
     """Return the versions of Python, the system and the packages that affect a run."""
-    found = {"python": platform.python_version(), "system": platform.platform()}
+    installed = {"python": platform.python_version(), "system": platform.platform()}
     for name in PACKAGES:
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):
-            found[name] = importlib.metadata.version(name)
-    return found
+            installed[name] = importlib.metadata.version(name)
+    return installed
 
 
-def _first(texts: Iterable[str]) -> str:
+def _first_text(texts: Iterable[str]) -> str:
     return next((text for text in texts if text), "")
 
 
@@ -359,31 +363,31 @@ def _check_empty(folder: Path) -> None:
     if RUN in holds:
         advice = f"read it with: hijack report {folder}, go on with it by --resume, or give another"
         raise RunError(f"{folder}: holds a run already; {advice} --out")
-    begun = {*_BEGUN, *fnmatch.filter(holds, _HALF_WRITTEN)}
+    harmless = {*_START_FILES, *fnmatch.filter(holds, _HALF_WRITTEN)}
     if has_records:
-        begun.remove(RECORDS)  # of a run whose head is gone; a new run must not count them
-    others = [name for name in holds if name not in begun]
-    if others:
-        listed = ", ".join(others[:3])
+        harmless.remove(RECORDS)  # of a run whose head is gone; a new run must not count them
+    foreign = [name for name in holds if name not in harmless]
+    if foreign:
+        listed = ", ".join(foreign[:3])
         raise RunError(f"{folder}: is not empty ({listed} ...); give --out a new folder")
 
 
 def _check_same(folder: Path, config: Mapping[str, Any], episodes: Sequence[str]) -> None:
     head = read_head(folder)
-    if head["version"] < CHAINED:
-        what = f"was begun by an older version (format {head['version']}, now {VERSION})"
-        raise RunError(f"{folder}: {what}; begin a new run")
+    if head["version"] != VERSION:
+        problem = f"has format version {head['version']}, and this library writes {VERSION}"
+        raise RunError(f"{folder}: {problem}; begin a new run")
     package = PACKAGES[0]
-    begun = head.get("versions", {}).get(package)
+    begun_version = head.get("versions", {}).get(package)
     present = versions().get(package)
-    if begun != present:
-        what = f"was begun with {package} {begun}, this is {present}"
-        raise RunError(f"{folder}: {what}; go on with that version, or begin a new run")
-    was = {**head.get("config", {}), "source": ""}
-    now = json.loads(json.dumps({**config, "source": ""}))
-    found = difference(was, now)
-    if found:
-        raise RunError(f"{folder}: is another run: {found}; go on with the same configuration")
+    if begun_version != present:
+        problem = f"was begun with {package} {begun_version}, this is {present}"
+        raise RunError(f"{folder}: {problem}; go on with that version, or begin a new run")
+    before = {**head.get("config", {}), "source": ""}
+    after = json.loads(json.dumps({**config, "source": ""}))
+    change = difference(before, after)
+    if change:
+        raise RunError(f"{folder}: is another run: {change}; go on with the same configuration")
     if head.get("episodes") != list(episodes):
         raise RunError(f"{folder}: is another run: its tasks have other variants; begin a new run")
 
@@ -392,22 +396,22 @@ def _drop_cut_line(folder: Path) -> None:
     path = folder / RECORDS
     content = path.read_bytes() if path.exists() else b""
     if content and not content.endswith(b"\n"):
-        whole = content.rpartition(b"\n")[0]
-        write_atomic(path, whole + b"\n" if whole else b"")
+        complete = content.rpartition(b"\n")[0]
+        write_atomic(path, complete + b"\n" if complete else b"")
     path.touch()
 
 
-def _adopt(folder: Path, run: Run, episodes: Sequence[str]) -> None:
+def _adopt_episodes(folder: Path, run: Run, episodes: Sequence[str]) -> None:
     """Add the lines of episodes that ended right before the run was interrupted.
 
     An episode that ended because the run did (Ctrl-C, a full disk) is played again as if it had
     never begun; otherwise two such ends would count as a failure of the agent.
     """
-    known = {record.get("id") for record in run.records}
-    ended = sorted((folder / EPISODES).glob(f"*/{EPISODE}"))
-    left: list[ResultRecord] = []
-    for path in ended:
-        if path.parent.name in known:
+    recorded = {record.get("id") for record in run.records}
+    episode_files = sorted((folder / EPISODES).glob(f"*/{EPISODE}"))
+    adopted: list[ResultRecord] = []
+    for path in episode_files:
+        if path.parent.name in recorded:
             continue
         record = read_record(path)
         if first_id(record) not in episodes:
@@ -415,8 +419,8 @@ def _adopt(folder: Path, run: Run, episodes: Sequence[str]) -> None:
         if record["status"] == "error" and record.get("cause") != "agent":
             path.unlink()
         else:
-            left.append(record)
-    append_all(folder, sorted(left, key=lambda record: record.get("attempt") or 0))
+            adopted.append(record)
+    append_all(folder, sorted(adopted, key=lambda record: record.get("attempt") or 0))
 
 
 def _last_line(path: Path) -> bytes:

@@ -71,20 +71,20 @@ def rows(
         agents: names in the order of the rows; others follow in the order of their records.
         corruptions: labels in the order of the rows, likewise.
     """
-    return rows_by_group(grouped(records), agents, corruptions)
+    return rows_by_group(group_records(records), agents, corruptions)
 
 
 def rows_by_group(
     groups: GroupedRecords, agents: Sequence[str] = (), corruptions: Sequence[str] = ()
 ) -> list[ScoreRow]:
-    """Return the rows that `rows` describes, of records that `grouped` has grouped."""
-    agent_order = _order([*agents, *(agent for agent, _ in groups.last)])
-    label_order = _order([*corruptions, *(label for _, label in groups.last)])
+    """Return the rows that `rows` describes, of records that `group_records` has grouped."""
+    agent_order = _positions([*agents, *(agent for agent, _ in groups.last)])
+    label_order = _positions([*corruptions, *(label for _, label in groups.last)])
     keys = sorted(groups.last, key=lambda key: (agent_order[key[0]], label_order[key[1]]))
-    made = [_row(*key, groups.last[key], groups.scored) for key in keys]
+    rows_made = [_row(*key, groups.last[key], groups.scored) for key in keys]
     if can_infer():
-        _infer(made, groups.scored)
-    return made
+        _infer(rows_made, groups.scored)
+    return rows_made
 
 
 def summaries(table: Sequence[ScoreRow]) -> list[ScoreRow]:
@@ -95,14 +95,14 @@ def summaries(table: Sequence[ScoreRow]) -> list[ScoreRow]:
     `paper_average` the paper's "Average", which includes the clean condition. Missing values are
     `None`.
     """
-    found: list[ScoreRow] = []
+    agent_rows: list[ScoreRow] = []
     for agent in dict.fromkeys(row["agent"] for row in table):
-        own = {row["corruption"]: row["success"] for row in table if row["agent"] == agent}
-        known = [value for value in own.values() if value is not None]
-        found.append(
-            {"agent": agent, **means(own), "paper_average": fmean(known) if known else None}
+        success = {row["corruption"]: row["success"] for row in table if row["agent"] == agent}
+        values = [value for value in success.values() if value is not None]
+        agent_rows.append(
+            {"agent": agent, **means(success), "paper_average": fmean(values) if values else None}
         )
-    return found
+    return agent_rows
 
 
 def means(success: Mapping[str, float | None]) -> dict[str, Any]:
@@ -111,12 +111,12 @@ def means(success: Mapping[str, float | None]) -> dict[str, Any]:
     Args:
         success: the mean score under each condition; `None` where nothing was scored.
     """
-    known = {label: value for label, value in success.items() if value is not None}
-    corrupted = {label: value for label, value in known.items() if label != CLEAN}
+    scored_success = {label: value for label, value in success.items() if value is not None}
+    corrupted = {label: value for label, value in scored_success.items() if label != CLEAN}
     return {
-        "clean": known.get(CLEAN),
+        "clean": scored_success.get(CLEAN),
         "corrupted": fmean(corrupted.values()) if corrupted else None,
-        "worst": next(iter(worst_labels(known)), None),
+        "worst": next(iter(worst_labels(scored_success)), None),
         "worst_success": min(corrupted.values(), default=None),
     }
 
@@ -139,24 +139,24 @@ def worst_labels(success: Mapping[str, float]) -> tuple[str, ...]:
 
 def pairs(before: ScoreByCase, after: ScoreByCase) -> PairedCases:
     """Return the two scores and the task of each case that has both, in the order of `after`."""
-    both = [case for case in after if case in before]
-    return ([before[case] for case in both], [after[case] for case in both], task_names(both))
+    cases = [case for case in after if case in before]
+    return ([before[case] for case in cases], [after[case] for case in cases], task_names(cases))
 
 
 def pairs_with_clean(agent: str, scores: ScoreByCell) -> PairedCases:
     """Return the cases of `pairs` of clean and each corruption of an agent, after each other."""
     clean = scores.get((agent, CLEAN), {})
-    there: list[float] = []
-    here: list[float] = []
+    clean_scores: list[float] = []
+    corrupted_scores: list[float] = []
     tasks: list[str] = []
-    for (name, label), own in scores.items():
+    for (name, label), cell in scores.items():
         if name != agent or label == CLEAN:
             continue
-        before, after, of_tasks = pairs(clean, own)
-        there += before
-        here += after
+        before, after, of_tasks = pairs(clean, cell)
+        clean_scores += before
+        corrupted_scores += after
         tasks += of_tasks
-    return there, here, tasks
+    return clean_scores, corrupted_scores, tasks
 
 
 def _infer(table: Sequence[ScoreRow], scores: ScoreByCell) -> None:
@@ -165,8 +165,8 @@ def _infer(table: Sequence[ScoreRow], scores: ScoreByCell) -> None:
 
     for row in table:
         if row["n"]:
-            own = scores[row["agent"], row["corruption"]]
-            mean = statistics.mean_interval(list(own.values()), task_names(own))
+            cell = scores[row["agent"], row["corruption"]]
+            mean = statistics.mean_interval(list(cell.values()), task_names(cell))
             row.update(ci_low=mean.low, ci_high=mean.high)
     compared = [row for row in table if row["delta"] is not None]
     tests: dict[str, dict[str, float]] = {}
@@ -175,7 +175,7 @@ def _infer(table: Sequence[ScoreRow], scores: ScoreByCell) -> None:
         change = statistics.difference_interval(*cases)
         row.update(delta_low=change.low, delta_high=change.high)
         tests.setdefault(row["agent"], {})[row["corruption"]] = statistics.mcnemar_by_task(*cases)
-    adjusted = {agent: statistics.holm(found) for agent, found in tests.items()}
+    adjusted = {agent: statistics.holm(p_values) for agent, p_values in tests.items()}
     for row in compared:
         row["p"] = adjusted[row["agent"]][row["corruption"]]
 
@@ -195,7 +195,7 @@ def latest(records: Iterable[ResultRecord]) -> dict[tuple[str, str, str, Any, in
     }
 
 
-def grouped(records: Iterable[ResultRecord]) -> GroupedRecords:
+def group_records(records: Iterable[ResultRecord]) -> GroupedRecords:
     """Return the records of a run by agent and corruption."""
     attempts: dict[CellKey, list[ResultRecord]] = {}
     last: dict[CellKey, Cases] = {}
@@ -207,7 +207,7 @@ def grouped(records: Iterable[ResultRecord]) -> GroupedRecords:
     return GroupedRecords(last, attempts, {cell: scored(cases) for cell, cases in last.items()})
 
 
-def unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, str]) -> int:
+def count_unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, str]) -> int:
     """Return how many episodes with a score ended before their corruption acted on the machine.
 
     Args:
@@ -221,30 +221,30 @@ def unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, str]) -
     return sum(not record.get("effects") for record in scored)
 
 
-def _order(listed: Sequence[str]) -> dict[str, int]:
+def _positions(listed: Sequence[str]) -> dict[str, int]:
     """Return the position of the first occurrence of each name."""
     return {name: position for position, name in enumerate(dict.fromkeys(listed))}
 
 
 def _row(agent: str, label: str, cases: Cases, scores: ScoreByCell) -> ScoreRow:
-    own = scores[agent, label]
+    cell = scores[agent, label]
     base = scores.get((agent, CLEAN), {}) if label != CLEAN else {}
-    there, here, _ = pairs(base, own)
-    counted = [record for record in cases.values() if counts(record)]
+    clean_scores, corrupted_scores, _ = pairs(base, cell)
+    counted_records = [record for record in cases.values() if counts(record)]
     row: ScoreRow = {
         **dict.fromkeys(COLUMNS),
         "agent": agent,
         "corruption": label,
-        "n": len(own),
-        "errors": sum(record["status"] == "error" for record in counted),
-        "invalid": len(cases) - len(counted),
+        "n": len(cell),
+        "errors": sum(record["status"] == "error" for record in counted_records),
+        "invalid": len(cases) - len(counted_records),
     }
-    if own:
-        row["success"] = fmean(own.values())
-    if here:
-        row["delta"] = (sum(here) - sum(there)) / len(here)
-    if sum(there):
-        row["retention"] = sum(here) / sum(there)
+    if cell:
+        row["success"] = fmean(cell.values())
+    if corrupted_scores:
+        row["delta"] = (sum(corrupted_scores) - sum(clean_scores)) / len(corrupted_scores)
+    if sum(clean_scores):
+        row["retention"] = sum(corrupted_scores) / sum(clean_scores)
     return row
 
 
@@ -271,8 +271,8 @@ def counts(record: ResultRecord) -> bool:
     """Return whether an episode counts for the agent.
 
     An episode whose desktop died is repeated, and counts if the desktop dies again: once is the
-    machine's failure, but an agent must not escape a bad episode by killing its desktop. Records of
-    version 1 do not name the cause of an error; their errors count.
+    machine's failure, but an agent must not escape a bad episode by killing its desktop. An error
+    without a cause counts.
     """
     if record["status"] != "error":
         return record["status"] == "ok"
@@ -285,7 +285,7 @@ def scored(cases: Cases) -> ScoreByCase:
     return {case: _score(record) for case, record in cases.items() if counts(record)}
 
 
-def partial(records: Iterable[ResultRecord]) -> int:
+def count_partial(records: Iterable[ResultRecord]) -> int:
     """Return how many episodes that count have a score that is neither 0 nor 1."""
     counted = filter(counts, latest(records).values())
     return sum(0 < _score(record) < 1 for record in counted)

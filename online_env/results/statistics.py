@@ -87,13 +87,13 @@ def holm(p_values: Mapping[str, float]) -> dict[str, float]:
     """Return p values adjusted for testing several corruptions (Holm's step-down method)."""
     if not p_values:
         return {}
-    with _little_to_collect():
+    with _frozen_garbage():
         adjusted: Any = multipletests(list(p_values.values()), method="holm")[1]
     return dict(zip(p_values, map(float, adjusted), strict=True))
 
 
 @contextlib.contextmanager
-def _little_to_collect() -> Iterator[None]:
+def _frozen_garbage() -> Iterator[None]:
     """Spare what is in memory from the garbage collection that statsmodels runs for Holm's method.
 
     It would look through every object of the process, a quarter of a second with torch loaded.

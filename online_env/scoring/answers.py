@@ -1,4 +1,4 @@
-"""From what an agent returns to the one action that is scored."""
+"""Read the one action that is scored from an agent's answer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,31 +15,33 @@ class StepAnswer:
     Args:
         action: the first action, in pixels of the picture; `None` if it is none.
         text: that action as the agent wrote it.
-        said: the agent's words.
-        more: how many actions followed; they are not scored.
+        words: the agent's words.
+        further_actions: how many actions followed; they are not scored.
         problem: why it is no action, or "".
     """
 
     action: Action | None
     text: str = ""
-    said: str = ""
-    more: int = 0
+    words: str = ""
+    further_actions: int = 0
     problem: str = ""
 
 
-def read_answer(said: str, actions: Sequence[object], size: Size) -> StepAnswer:
+def read_answer(words: str, actions: Sequence[object], size: Size) -> StepAnswer:
     """Read the first action of an answer; points outside a picture of `size` move to its edge."""
     if not actions:
-        return StepAnswer(action=None, said=said, problem="no action")
+        return StepAnswer(action=None, words=words, problem="no action")
     first = actions[0]
     text = first if isinstance(first, str) else repr(first)[:200]
-    more = len(actions) - 1
+    further = len(actions) - 1
     try:
         action = _read(first, size)
     except HijackError as error:
         problem = f"no action: {error}"
-        return StepAnswer(action=None, text=text, said=said, more=more, problem=problem)
-    return StepAnswer(action=action, text=text, said=said, more=more)
+        return StepAnswer(
+            action=None, text=text, words=words, further_actions=further, problem=problem
+        )
+    return StepAnswer(action=action, text=text, words=words, further_actions=further)
 
 
 def _read(first: object, size: Size) -> Action:

@@ -83,26 +83,26 @@ class CaseList:
     labels: tuple[str, ...] = field(default=())
 
 
-def choose_question(folder: Path, asked: str | None) -> Question:
+def choose_question(folder: Path, requested: str | None) -> Question:
     """Return what a dataset is asked about: what the user says, or what it is made for.
 
     Raises:
         ParameterError: the dataset cannot answer it.
     """
     exported = is_export(folder)
-    chosen: Question = "reminders" if exported else "steps"
+    question: Question = "reminders" if exported else "steps"
     for name in QUESTIONS:
-        if name == asked:
-            chosen = name
-    if chosen == "steps" and exported:
+        if name == requested:
+            question = name
+    if question == "steps" and exported:
         raise ParameterError(
             f"{folder}: is an export for onlookers and holds no steps; score the dataset instead"
         )
-    if chosen == "summaries" and not exported:
+    if question == "summaries" and not exported:
         raise ParameterError(
             f"{folder}: summaries are in an export: hijack export {folder} --to onlooker --out DIR"
         )
-    return chosen
+    return question
 
 
 def open_feed(folder: Path, question: Question) -> RowFeed:
@@ -114,56 +114,56 @@ def open_feed(folder: Path, question: Question) -> RowFeed:
     return DatasetRows(folder)
 
 
-def select_cases(feed: RowFeed, question: Question, chosen: Selection) -> CaseList:
+def select_cases(feed: RowFeed, question: Question, selection: Selection) -> CaseList:
     """Return the cases of a dataset.
 
     Raises:
         ParameterError: a label or a split that the dataset lacks, or nothing is left.
     """
-    found: list[Case] = []
-    seen: Counter[str] = Counter()
+    cases: list[Case] = []
+    rows_by_label: Counter[str] = Counter()
     splits: set[str] = set()
     trajectories: set[str] = set()
     unscored = 0
     for number, (split, row) in enumerate(feed.heads()):
         splits.add(split)
-        seen[row["corruption"]] += 1
-        if not _is_wanted(split, row, chosen, trajectories):
+        rows_by_label[row["corruption"]] += 1
+        if not _is_wanted(split, row, selection, trajectories):
             continue
         if question == "steps" and row["action"]["type"] == UNSCORED:
             unscored += 1
             continue
-        found.append(_case(number, row))
-    _check_names("--corruptions", chosen.corruptions or (), seen)
-    _check_names("--split", (chosen.split,) if chosen.split else (), splits)
-    if not found:
+        cases.append(_case(number, row))
+    _check_names("--corruptions", selection.corruptions or (), rows_by_label)
+    _check_names("--split", (selection.split,) if selection.split else (), splits)
+    if not cases:
         raise ParameterError(f"no row is left to score ({unscored} have no action of a known type)")
-    left = {case.corruption for case in found}
-    for label in chosen.corruptions or ():
-        if label not in left:
+    labels_left = {case.corruption for case in cases}
+    for label in selection.corruptions or ():
+        if label not in labels_left:
             raise ParameterError(
                 f"--corruptions: no row of {label!r} is left to score, though the dataset has"
-                f" {seen[label]}: see --split and --limit, or leave {label!r} out"
+                f" {rows_by_label[label]}: see --split and --limit, or leave {label!r} out"
             )
     return CaseList(
-        cases=tuple(found),
+        cases=tuple(cases),
         unscored=unscored,
-        unpaired=sum(_unpaired(found)),
-        labels=tuple(dict.fromkeys(case.corruption for case in found)),
+        unpaired=sum(_unpaired(cases)),
+        labels=tuple(dict.fromkeys(case.corruption for case in cases)),
     )
 
 
-def _is_wanted(split: str, row: RowData, chosen: Selection, trajectories: set[str]) -> bool:
+def _is_wanted(split: str, row: RowData, selection: Selection, trajectories: set[str]) -> bool:
     """Return whether a row is selected; `trajectories` collects those that are."""
-    if chosen.split not in (None, split):
+    if selection.split not in (None, split):
         return False
     trajectory = row["trajectory_id"]
-    full = chosen.limit is not None and len(trajectories) >= chosen.limit
+    full = selection.limit is not None and len(trajectories) >= selection.limit
     if full and trajectory not in trajectories:
         return False
     trajectories.add(trajectory)
     label = row["corruption"]
-    return chosen.corruptions is None or label == CLEAN or label in chosen.corruptions
+    return selection.corruptions is None or label == CLEAN or label in selection.corruptions
 
 
 def _case(number: int, row: RowData) -> Case:
@@ -180,16 +180,16 @@ def _case(number: int, row: RowData) -> Case:
     )
 
 
-def _unpaired(found: Sequence[Case]) -> Iterator[bool]:
-    clean = {(case.task, case.variant) for case in found if case.corruption == CLEAN}
-    for case in found:
+def _unpaired(cases: Sequence[Case]) -> Iterator[bool]:
+    clean = {(case.task, case.variant) for case in cases if case.corruption == CLEAN}
+    for case in cases:
         yield case.corruption != CLEAN and (case.task, case.variant) not in clean
 
 
-def _check_names(option: str, wanted: Sequence[str], known: Counter[str] | set[str]) -> None:
-    for name in wanted:
-        if name not in known:
-            there = ", ".join(sorted(known))
+def _check_names(option: str, names: Sequence[str], available: Counter[str] | set[str]) -> None:
+    for name in names:
+        if name not in available:
+            listed = ", ".join(sorted(available))
             raise ParameterError(
-                f"{option}: no {name!r} in the dataset{suggest(name, known)} (it has {there})"
+                f"{option}: no {name!r} in the dataset{suggest(name, available)} (it has {listed})"
             )

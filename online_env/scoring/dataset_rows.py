@@ -1,4 +1,4 @@
-"""The rows of a dataset: the one place of this package that knows `pipelines`.
+"""The rows of a dataset. No other module of this package imports `pipelines`.
 
 `pipelines` is imported when a dataset is opened, since nothing else here needs it.
 """

@@ -16,8 +16,8 @@ def is_reminder(answer: str | None) -> bool:
     """
     if answer is None:
         return False
-    said = _PREFIX.sub("", answer).strip().strip(".'\"`").lower()
-    return said not in ("", NONE)
+    text = _PREFIX.sub("", answer).strip().strip(".'\"`").lower()
+    return text not in ("", NONE)
 
 
 def overlap(answer: str, reference: str) -> float:
@@ -25,16 +25,16 @@ def overlap(answer: str, reference: str) -> float:
 
     Case, punctuation, articles and white space do not count.
     """
-    said = _words(answer)
-    wanted = _words(reference)
-    common = (said & wanted).total()
+    answer_words = _words(answer)
+    reference_words = _words(reference)
+    common = (answer_words & reference_words).total()
     if not common:
-        return float(not said and not wanted)
-    precision = common / said.total()
-    recall = common / wanted.total()
+        return float(not answer_words and not reference_words)
+    precision = common / answer_words.total()
+    recall = common / reference_words.total()
     return 2 * precision * recall / (precision + recall)
 
 
 def _words(text: str) -> Counter[str]:
-    plain = text.lower().translate(str.maketrans("", "", string.punctuation))
-    return Counter(_ARTICLES.sub(" ", plain).split())
+    letters = text.lower().translate(str.maketrans("", "", string.punctuation))
+    return Counter(_ARTICLES.sub(" ", letters).split())

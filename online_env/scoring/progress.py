@@ -24,8 +24,8 @@ class ScoreDisplay:
         self._total = total
         self._console = console
         self._done = 0
-        self._begun = time.monotonic()
-        self._told = self._begun
+        self._start = time.monotonic()
+        self._last_line_time = self._start
         self._bar: Progress | None = None
         if console.is_terminal and sys.stdout.isatty():
             columns: list[Any] = [
@@ -54,12 +54,12 @@ class ScoreDisplay:
             self._say(" ".join(problem.split())[:300])
         if self._bar is not None:
             self._bar.update(self._task, completed=self._done, description=agent)
-        elif time.monotonic() - self._told > LINE_PERIOD_S:
-            self._told = time.monotonic()
-            rate = self._done / (self._told - self._begun)
-            left = (self._total - self._done) / rate
+        elif time.monotonic() - self._last_line_time > LINE_PERIOD_S:
+            self._last_line_time = time.monotonic()
+            rate = self._done / (self._last_line_time - self._start)
+            remaining_s = (self._total - self._done) / rate
             counted = f"{self._done}/{self._total} rows"
-            self._say(f"{agent}: {counted}, {rate:.1f} rows/s, {left:.0f} s left")
+            self._say(f"{agent}: {counted}, {rate:.1f} rows/s, {remaining_s:.0f} s left")
 
     def notice(self, text: str) -> None:
         """Show what a user should know."""

@@ -1,4 +1,4 @@
-"""Puts rows to an agent and turns its answers into records.
+"""Ask an agent about the rows of a dataset, and turn its answers into records.
 
 The agent gets nothing but pictures and, for steps, the instruction. Each row is an episode of its
 own: `reset()` comes before it, and an agent without `reset` is made again.
@@ -34,7 +34,7 @@ class AgentStartError(HijackError, RuntimeError):
 
 @dataclass(frozen=True, kw_only=True)
 class AskSettings:
-    """How rows are put to an agent.
+    """The settings by which an agent is asked about rows.
 
     Args:
         agent: its name.
@@ -42,7 +42,7 @@ class AskSettings:
         near: how far a click may be off where no box is known.
         batch: rows that `predict_batch` is given at a time.
         in_process: whether a user's agent runs in this process, for debugging.
-        given: what the agent is given beside instruction and pictures, for the records.
+        privileged_inputs: what the agent is given beside instruction and pictures, for the records.
     """
 
     agent: str
@@ -50,14 +50,14 @@ class AskSettings:
     near: Distance
     batch: int = 8
     in_process: bool = False
-    given: tuple[str, ...] = ()
+    privileged_inputs: tuple[str, ...] = ()
 
 
 class RowAsker:
-    """One agent, and the rows that are put to it.
+    """Asks one agent about rows.
 
     Args:
-        asking: how.
+        settings: how the rows are put.
         feed: the rows.
         start: returns a running agent, also in the place of one that died.
 
@@ -66,58 +66,58 @@ class RowAsker:
     """
 
     def __init__(
-        self, asking: AskSettings, feed: RowFeed, start: Callable[[], RunningAgent]
+        self, settings: AskSettings, feed: RowFeed, start: Callable[[], RunningAgent]
     ) -> None:
-        self._asking = asking
+        self._settings = settings
         self._feed = feed
         self._start = start
         self._failed_starts = MAX_STARTS - 1  # the first failure is final
-        self._agent = self._started()
-        self._used = False
+        self._agent = self._start_agent()
+        self._is_used = False
 
     @property
     def batch(self) -> int:
         """How many rows the agent takes at a time."""
         batched = "predict_batch" in self._agent.traits.methods
-        return self._asking.batch if batched and self._asking.question == "steps" else 1
+        return self._settings.batch if batched and self._settings.question == "steps" else 1
 
     def close(self) -> None:
         """End the agent."""
         self._agent.close()
 
-    def one(self, case: Case) -> ResultRecord:
+    def ask_row(self, case: Case) -> ResultRecord:
         """Put one row to the agent."""
         row = self._row(case)
         if isinstance(row, DamagedRowError):
-            return self._damaged(case, row)
-        self._revive()
+            return self._damaged_record(case, row)
+        self._restart_if_dead()
         start = time.perf_counter()
         try:
-            self._begin()
+            self._reset_agent()
             answer = self._answer(row)
         except AgentError as error:
-            return self._failed(case, row, error, time.perf_counter() - start)
-        return self._judged(case, row, answer, time.perf_counter() - start)
+            return self._failed_record(case, row, error, time.perf_counter() - start)
+        return self._judge(case, row, answer, time.perf_counter() - start)
 
-    def several(self, cases: Sequence[Case]) -> list[ResultRecord]:
+    def ask_rows(self, cases: Sequence[Case]) -> list[ResultRecord]:
         """Put rows to `predict_batch`.
 
         Raises:
             AgentError: it raises, or does not return an answer for each row.
         """
         rows = [self._row(case) for case in cases]
-        whole = [row for row in rows if not isinstance(row, DamagedRowError)]
-        self._revive()
+        readable = [row for row in rows if not isinstance(row, DamagedRowError)]
+        self._restart_if_dead()
         start = time.perf_counter()
-        answers = iter(self._batch(whole) if whole else [])
-        seconds = (time.perf_counter() - start) / max(1, len(whole))
-        found: list[ResultRecord] = []
+        answers = iter(self._batch(readable) if readable else [])
+        seconds = (time.perf_counter() - start) / max(1, len(readable))
+        records: list[ResultRecord] = []
         for case, row in zip(cases, rows, strict=True):
             if isinstance(row, DamagedRowError):
-                found.append(self._damaged(case, row))
+                records.append(self._damaged_record(case, row))
                 continue
-            found.append(self._judged(case, row, next(answers), seconds))
-        return found
+            records.append(self._judge(case, row, next(answers), seconds))
+        return records
 
     def _row(self, case: Case) -> RowData | DamagedRowError:
         """Return a row, with what it asks for under `wanted` if steps are scored."""
@@ -125,7 +125,7 @@ class RowAsker:
             row = self._feed.row(case.number)
         except DamagedRowError as error:
             return error
-        if self._asking.question != "steps":
+        if self._settings.question != "steps":
             return row
         try:
             return {**row, "wanted": expected_step(row)}
@@ -133,64 +133,66 @@ class RowAsker:
             remedy = "mend the recording and build the dataset again"
             return DamagedRowError(f"{self._feed.folder}: row {case.row!r}: {error}; {remedy}")
 
-    def _started(self) -> RunningAgent:
+    def _start_agent(self) -> RunningAgent:
         while True:
             try:
                 agent = self._start()
             except AgentError as error:
                 self._failed_starts += 1
                 if self._failed_starts >= MAX_STARTS:
-                    where = "\n".join([str(error), *error.where[-1:]])
-                    name = self._asking.agent
-                    raise AgentStartError(f"{name}: cannot be made: {where}") from error
+                    details = "\n".join([str(error), *error.frames[-1:]])
+                    name = self._settings.agent
+                    raise AgentStartError(f"{name}: cannot be made: {details}") from error
             else:
                 self._failed_starts = 0
                 return agent
 
-    def _revive(self) -> None:
+    def _restart_if_dead(self) -> None:
         """Start the agent again if it died, or hangs."""
         if not self._agent.alive:
             self._agent.close()
-            self._agent = self._started()
-            self._used = False
+            self._agent = self._start_agent()
+            self._is_used = False
 
-    def _begin(self) -> None:
+    def _reset_agent(self) -> None:
         """Let the agent forget the last row."""
         if "reset" in self._agent.traits.methods:
             self._agent.reset()
-        elif self._used:
+        elif self._is_used:
             self._agent.make()
-        self._used = True
+        self._is_used = True
 
     def _answer(self, row: RowData) -> Any:
-        if self._asking.question == "reminders":
+        if self._settings.question == "reminders":
             return self._agent.check(row["screenshot"])
-        if self._asking.question == "summaries":
+        if self._settings.question == "summaries":
             return self._agent.summarise(row["before"], row["action_text"], row["after"])
         return self._agent.predict(row["instruction"], {"screenshot": row["screenshot"]})
 
     def _batch(self, rows: Sequence[RowData]) -> list[AgentAnswer]:
-        self._begin()
+        self._reset_agent()
         instructions = [row["instruction"] for row in rows]
         return self._agent.predict_batch(instructions, [row["screenshot"] for row in rows])
 
-    def _judged(self, case: Case, row: RowData, answer: Any, seconds: float) -> ResultRecord:
-        if self._asking.question == "reminders":
+    def _judge(self, case: Case, row: RowData, answer: Any, seconds: float) -> ResultRecord:
+        if self._settings.question == "reminders":
             scored = _reminder(case.needed, answer)
-        elif self._asking.question == "summaries":
+        elif self._settings.question == "summaries":
             scored = _summary(row, answer)
         else:
-            said, actions = answer
+            words, actions = answer
             size = row["screenshot"].shape[:2]
-            scored = _step(row["wanted"], read_answer(said, actions, size), self._asking.near)
+            scored = _step(row["wanted"], read_answer(words, actions, size), self._settings.near)
         return self._record(case, row, seconds) | scored
 
-    def _failed(self, case: Case, row: RowData, error: AgentError, seconds: float) -> ResultRecord:
-        failed = failure(f"the agent: {error}", error.where)
+    def _failed_record(
+        self, case: Case, row: RowData, error: AgentError, seconds: float
+    ) -> ResultRecord:
+        failed = failure(f"the agent: {error}", error.frames)
         return self._record(case, row, seconds) | failed
 
-    def _damaged(self, case: Case, error: DamagedRowError) -> ResultRecord:
-        record = blank(case, self._asking)
+    def _damaged_record(self, case: Case, error: DamagedRowError) -> ResultRecord:
+        record = empty_record(case, self._settings)
         return record | {
             "status": "invalid",
             "problem": str(error)[:MAX_TEXT_CHARS],
@@ -205,24 +207,24 @@ class RowAsker:
             "target_visible": row.get("target_visible"),
             "seconds": round(seconds, 4),
         }
-        return blank(case, self._asking) | about
+        return empty_record(case, self._settings) | about
 
 
-def blank(case: Case, asking: AskSettings) -> ResultRecord:
+def empty_record(case: Case, settings: AskSettings) -> ResultRecord:
     """Return the record of a case before anything is known of the answer."""
-    about = {"needed": case.needed} if asking.question == "reminders" else {}
+    about = {"needed": case.needed} if settings.question == "reminders" else {}
     return {
         **about,
         "version": VERSION,
-        "id": case.id(asking.agent),
-        "agent": asking.agent,
+        "id": case.id(settings.agent),
+        "agent": settings.agent,
         "task": case.task,
         "task_seed": case.variant,
         "corruption": case.corruption,
         "seed": case.seed,
         "attempt": 0,
         ROW: case.row,
-        "question": asking.question,
+        "question": settings.question,
         "status": "ok",
         "score": None,
         "reason": "",
@@ -230,17 +232,17 @@ def blank(case: Case, asking: AskSettings) -> ResultRecord:
         "steps": 1,
         "seconds": 0.0,
         "malformed": 0,
-        GIVEN: list(asking.given),  # rows have no task and no plan
+        GIVEN: list(settings.privileged_inputs),  # rows have no task and no plan
     }
 
 
-def failure(problem: str, where: Sequence[str] = ()) -> Scored:
+def failure(problem: str, frames: Sequence[str] = ()) -> Scored:
     """Return the fields of a record whose agent failed."""
     return {
         "status": "error",
         "problem": problem[:MAX_TEXT_CHARS],
         "cause": "agent",
-        "traceback": list(where),
+        "traceback": list(frames),
     }
 
 
@@ -250,9 +252,9 @@ def expected_step(row: RowData) -> ExpectedStep:
     Raises:
         ParameterError: its action lies outside its own target, or its outline is none.
     """
-    given: dict[str, Any] = row["action"]
-    keys = given["keys"]
-    action = Action(**{**given, "keys": tuple(keys) if keys else None})
+    recorded: dict[str, Any] = row["action"]
+    keys = recorded["keys"]
+    action = Action(**{**recorded, "keys": tuple(keys) if keys else None})
     scale = (1.0, 1.0) if row["corruption"] == CLEAN else picture_scale(row)
     box = _box(row["target_box"])
     polygon = target_outline(row["extra"], scale)
@@ -272,33 +274,35 @@ def _box(value: Sequence[int] | None) -> Box | None:
     return cast("Box", tuple(value)) if value else None
 
 
-def _step(wanted: ExpectedStep, answer: StepAnswer, near: Distance) -> Scored:
+def _step(expected: ExpectedStep, answer: StepAnswer, near: Distance) -> Scored:
     if answer.action is None:
-        verdict = unanswered(wanted, answer.problem)
+        verdict = unanswered(expected, answer.problem)
     else:
-        verdict = compare(wanted, answer.action, near)
+        verdict = compare(expected, answer.action, near)
     return {
         "score": float(verdict.right),
         "reason": verdict.reason[:MAX_TEXT_CHARS],
-        "wanted": wanted.action.type,
+        "wanted": expected.action.type,
         "parts": verdict.parts,
         "off": verdict.off,
         "malformed": int(answer.action is None),
         "last_action": answer.text[:MAX_TEXT_CHARS],
-        "said": answer.said[:MAX_TEXT_CHARS],
-        "more": answer.more,
+        "said": answer.words[:MAX_TEXT_CHARS],
+        "more": answer.further_actions,
     }
 
 
 def _reminder(needed: bool, answer: str | None) -> Scored:
-    given = is_reminder(answer)
+    has_reminder = is_reminder(answer)
     reason = ""
-    if given != needed:
-        reason = "a reminder that was not needed" if given else "no reminder, and one was needed"
+    if has_reminder != needed:
+        reason = (
+            "a reminder that was not needed" if has_reminder else "no reminder, and one was needed"
+        )
     return {
-        "score": float(given == needed),
+        "score": float(has_reminder == needed),
         "reason": reason,
-        "given": given,
+        "given": has_reminder,
         "said": (answer or "")[:MAX_TEXT_CHARS],
     }
 

@@ -46,8 +46,8 @@ class Distance:
             value = float(text.strip().removesuffix("%"))
         except ValueError:
             value = math.nan
-        most = 100 if relative else 10_000
-        if not 0 < value <= most:
+        highest = 100 if relative else 10_000
+        if not 0 < value <= highest:
             raise ParameterError(
                 f"distance {text!r} must be pixels such as 32, or a share such as 14%"
             )
@@ -56,17 +56,17 @@ class Distance:
     def __str__(self) -> str:
         return f"{100 * self.value:g}%" if self.relative else f"{self.value:g}"
 
-    def reaches(self, one: Point, other: Point, scale: tuple[float, float], size: Size) -> bool:
+    def reaches(self, first: Point, second: Point, scale: tuple[float, float], size: Size) -> bool:
         """Return whether two points of a picture are near enough.
 
         Args:
-            one: the first.
-            other: the second.
+            first: the first.
+            second: the second.
             scale: width and height of the picture over those of the recorded screen.
             size: `(height, width)` of the picture.
         """
-        across = one[0] - other[0]
-        down = one[1] - other[1]
+        across = first[0] - second[0]
+        down = first[1] - second[1]
         if self.relative:
             return math.hypot(across / size[1], down / size[0]) <= self.value
         return math.hypot(across / scale[0], down / scale[1]) <= self.value
@@ -117,45 +117,45 @@ class StepVerdict:
         return bool(self.parts) and all(self.parts.values())
 
 
-def compare(wanted: ExpectedStep, got: Action, near: Distance = NEAR) -> StepVerdict:
+def compare(expected: ExpectedStep, action: Action, near: Distance = NEAR) -> StepVerdict:
     """Compare an agent's action with the recorded one.
 
     Args:
-        wanted: what the row asks for; its type is not `UNSCORED`.
-        got: the agent's action, in pixels of the same picture.
+        expected: what the row asks for; its type is not `UNSCORED`.
+        action: the agent's action, in pixels of the same picture.
         near: how far points may be apart where no box is known.
     """
-    want = wanted.action
-    parts = {"type": _same_type(wanted, got)}
-    if got.type == want.type:
-        parts.update(_details(wanted, got, near))
+    want = expected.action
+    parts = {"type": _same_type(expected, action)}
+    if action.type == want.type:
+        parts.update(_compare_details(expected, action, near))
     else:
-        parts.update(dict.fromkeys(_counted(wanted), False))
-    return StepVerdict(parts, _reason(parts, want, got), _off(want.point, got.point))
+        parts.update(dict.fromkeys(_counted_parts(expected), False))
+    return StepVerdict(parts, _reason(parts, want, action), _distance(want.point, action.point))
 
 
-def unanswered(wanted: ExpectedStep, reason: str) -> StepVerdict:
+def unanswered(expected: ExpectedStep, reason: str) -> StepVerdict:
     """Return the verdict on an answer that holds no action: all parts are wrong."""
-    names = ("type", *_counted(wanted))
+    names = ("type", *_counted_parts(expected))
     return StepVerdict(dict.fromkeys(names, False), reason)
 
 
-def same_text(one: str, other: str) -> bool:
+def same_text(first: str, second: str) -> bool:
     """Return whether two typed texts are equal but for white space and Unicode's spelling.
 
     NFC; every run of white space is one space, at the ends none, so an Enter at the end does not
     count either. Case counts.
     """
-    return _plain_text(one) == _plain_text(other)
+    return _plain_text(first) == _plain_text(second)
 
 
-def same_keys(one: Sequence[str], other: Sequence[str]) -> bool:
+def same_keys(first: Sequence[str], second: Sequence[str]) -> bool:
     """Return whether two combinations of keys are the same.
 
     Names are compared without case and in one spelling (`control` is `ctrl`); the order of
     modifiers does not count.
     """
-    return _plain_keys(one) == _plain_keys(other)
+    return _plain_keys(first) == _plain_keys(second)
 
 
 def inside(polygon: Sequence[tuple[float, float]], point: Point) -> bool:
@@ -174,22 +174,22 @@ def inside(polygon: Sequence[tuple[float, float]], point: Point) -> bool:
     return within
 
 
-def _same_type(wanted: ExpectedStep, got: Action) -> bool:
-    if wanted.helpless and got.type == HELP:
+def _same_type(expected: ExpectedStep, action: Action) -> bool:
+    if expected.helpless and action.type == HELP:
         return True
-    return got.type == wanted.action.type
+    return action.type == expected.action.type
 
 
-def _counted(wanted: ExpectedStep) -> list[str]:
+def _counted_parts(expected: ExpectedStep) -> list[str]:
     """Return the parts beside the type that the recorded action has.
 
     Text and keys have no place, whatever box stands beside them.
     """
-    want = wanted.action
+    want = expected.action
     names: list[str] = []
     if want.type == "scroll":
         return ["direction"] if want.amount else []
-    if want.type in AIMING and (want.point is not None or wanted.box is not None):
+    if want.type in AIMING and (want.point is not None or expected.box is not None):
         names.append("place")
     if want.end is not None:
         names.append("end")
@@ -200,61 +200,63 @@ def _counted(wanted: ExpectedStep) -> list[str]:
     return names
 
 
-def _details(wanted: ExpectedStep, got: Action, near: Distance) -> dict[str, bool]:
-    want = wanted.action
+def _compare_details(expected: ExpectedStep, action: Action, near: Distance) -> dict[str, bool]:
+    want = expected.action
     parts: dict[str, bool] = {}
-    for name in _counted(wanted):
+    for name in _counted_parts(expected):
         if name == "place":
-            parts[name] = _in_place(wanted, got.point, near)
+            parts[name] = _in_place(expected, action.point, near)
         elif name == "end":
-            parts[name] = _is_near(wanted, want.end, got.end, near)
+            parts[name] = _is_near(expected, want.end, action.end, near)
         elif name == "text":
-            parts[name] = same_text(want.text or "", got.text or "")
+            parts[name] = same_text(want.text or "", action.text or "")
         elif name == "keys":
-            parts[name] = same_keys(want.keys or (), got.keys or ())
+            parts[name] = same_keys(want.keys or (), action.keys or ())
         else:
-            parts[name] = _sign(want.amount) == _sign(got.amount)
-    if got.keys and not want.keys:
+            parts[name] = _sign(want.amount) == _sign(action.amount)
+    if action.keys and not want.keys:
         parts["keys"] = False  # a click with Ctrl held is another action
     return parts
 
 
-def _in_place(wanted: ExpectedStep, point: Point | None, near: Distance) -> bool:
+def _in_place(expected: ExpectedStep, point: Point | None, near: Distance) -> bool:
     if point is None:
         return False
-    if wanted.polygon:
-        return inside(wanted.polygon, point)
-    if wanted.box is None:
-        return _is_near(wanted, wanted.action.point, point, near)
-    return in_box(wanted.box, point)
+    if expected.polygon:
+        return inside(expected.polygon, point)
+    if expected.box is None:
+        return _is_near(expected, expected.action.point, point, near)
+    return in_box(expected.box, point)
 
 
-def _is_near(wanted: ExpectedStep, one: Point | None, other: Point | None, near: Distance) -> bool:
-    if one is None or other is None:
+def _is_near(
+    expected: ExpectedStep, first: Point | None, second: Point | None, near: Distance
+) -> bool:
+    if first is None or second is None:
         return False
-    return near.reaches(one, other, wanted.scale, wanted.size)
+    return near.reaches(first, second, expected.scale, expected.size)
 
 
-def _reason(parts: dict[str, bool], want: Action, got: Action) -> str:
-    wrong = next((name for name, right in parts.items() if not right), None)
-    if wrong is None:
+def _reason(parts: dict[str, bool], want: Action, action: Action) -> str:
+    part = next((name for name, is_right in parts.items() if not is_right), None)
+    if part is None:
         return ""
-    if wrong == "type":
-        return f"{got.type} in the place of {want.type}"
-    found = {
-        "place": got.point,
-        "end": got.end,
-        "text": got.text,
-        "keys": got.keys,
-        "direction": got.amount,
+    if part == "type":
+        return f"{action.type} in the place of {want.type}"
+    values = {
+        "place": action.point,
+        "end": action.end,
+        "text": action.text,
+        "keys": action.keys,
+        "direction": action.amount,
     }
-    return f"{wrong}: {found[wrong]!r:.120}"
+    return f"{part}: {values[part]!r:.120}"
 
 
-def _off(one: Point | None, other: Point | None) -> float | None:
-    if one is None or other is None:
+def _distance(first: Point | None, second: Point | None) -> float | None:
+    if first is None or second is None:
         return None
-    return round(math.hypot(one[0] - other[0], one[1] - other[1]), 1)
+    return round(math.hypot(first[0] - second[0], first[1] - second[1]), 1)
 
 
 def _sign(amount: float | None) -> int:
@@ -272,5 +274,5 @@ def _plain_keys(keys: Sequence[str]) -> tuple[frozenset[str], tuple[str, ...]]:
     if not lower:
         return frozenset(), ()
     names = [_SIDE.sub(r"\1", name) for name in key_names(lower, "keys")]
-    held = frozenset(name for name in names if name in MODIFIERS)
-    return held, tuple(name for name in names if name not in MODIFIERS)
+    modifiers = frozenset(name for name in names if name in MODIFIERS)
+    return modifiers, tuple(name for name in names if name not in MODIFIERS)

@@ -41,7 +41,7 @@ class ScoreSettings:
         dataset: the folder of a dataset, or of an export for onlookers.
         agents: names in `agents.AGENTS`.
         question: what the agents are asked.
-        chosen: which rows.
+        selection: which rows.
         near: how far a point may be off where no box is known.
         timeout: seconds an agent has for a row.
         workers: processes, each with an agent of its own; they do not change what is recorded.
@@ -53,7 +53,7 @@ class ScoreSettings:
     dataset: Path
     agents: tuple[str, ...]
     question: Question = "steps"
-    chosen: Selection = field(default_factory=Selection)
+    selection: Selection = field(default_factory=Selection)
     near: Distance = NEAR
     timeout: float = ROW_TIMEOUT_S
     workers: int = 1
@@ -61,7 +61,7 @@ class ScoreSettings:
     in_process: bool = False
     agent_memory: float = 0.0
 
-    def asking(self, agent: str) -> AskSettings:
+    def ask_settings(self, agent: str) -> AskSettings:
         """How rows are put to one of the agents."""
         in_runner = self.in_process and is_user_code(AGENTS.get(agent))
         return AskSettings(
@@ -70,7 +70,7 @@ class ScoreSettings:
             near=self.near,
             batch=self.batch,
             in_process=self.in_process,
-            given=("process",) if in_runner else (),
+            privileged_inputs=("process",) if in_runner else (),
         )
 
 
@@ -88,11 +88,11 @@ class ScoreRun:
         self.settings = settings
         feed = open_feed(settings.dataset, settings.question)
         self._content = feed.content
-        self.cases: CaseList = select_cases(feed, settings.question, settings.chosen)
+        self.cases: CaseList = select_cases(feed, settings.question, settings.selection)
         for agent in settings.agents:
             _check_agent(agent, settings.question)
-        found = map(_code_of, settings.agents)
-        self._code = {agent: code for agent, code in found if code}
+        codes = map(_agent_code, settings.agents)
+        self._code = {agent: code for agent, code in codes if code}
 
     @property
     def episodes(self) -> list[str]:
@@ -113,8 +113,8 @@ class ScoreRun:
             "agents": list(settings.agents),
             "corruptions": list(self.cases.labels),
             "seeds": seeds,
-            "split": settings.chosen.split,
-            "limit": settings.chosen.limit,
+            "split": settings.selection.split,
+            "limit": settings.selection.limit,
             "distance": str(settings.near),
             "timeout": settings.timeout,
             "unscored": self.cases.unscored,
@@ -127,8 +127,13 @@ class ScoreRun:
     ) -> Lock:
         """Begin the run in a new folder, or go on with it; the folder is locked.
 
-        `RunError` is raised as by `records.create` and `records.resume`; `notice` is called with
-        what a user should know.
+        Args:
+            out: The folder of the run.
+            resume: Whether to go on with a run that is there.
+            notice: Called with what a user should know.
+
+        Raises:
+            RunError: As by `records.create` and `records.resume`.
         """
         return records.begin(
             out,
@@ -141,33 +146,35 @@ class ScoreRun:
 
     def left(self, out: Path) -> dict[str, list[Case]]:
         """Return the cases of each agent that have no record yet."""
-        done: dict[str, set[CaseKey]] = {}
+        keys_by_agent: dict[str, set[CaseKey]] = {}
         for record in records.read(out).records:
             key = (record["task"], record["task_seed"], record["corruption"], record["seed"])
-            done.setdefault(record["agent"], set()).add(key)
+            keys_by_agent.setdefault(record["agent"], set()).add(key)
         return {
-            agent: [case for case in self.cases.cases if case.key not in done.get(agent, ())]
+            agent: [
+                case for case in self.cases.cases if case.key not in keys_by_agent.get(agent, ())
+            ]
             for agent in self.settings.agents
         }
 
     def play(
-        self, out: Path, left: Mapping[str, Sequence[Case]], tick: Ticker, notice: Listener
+        self, out: Path, remaining: Mapping[str, Sequence[Case]], tick: Ticker, notice: Listener
     ) -> None:
         """Put the cases to the agents, and write a record of each.
 
         Args:
             out: the folder of the run, which this process holds.
-            left: the cases of each agent.
+            remaining: the cases of each agent.
             tick: called with the agent and each record.
             notice: called with what a user should know.
         """
         settings = self.settings
-        for agent, cases in left.items():
+        for agent, cases in remaining.items():
             if not cases:
                 continue
             pool = WorkerPool(
                 settings.dataset,
-                settings.asking(agent),
+                settings.ask_settings(agent),
                 count=settings.workers,
                 timeout=settings.timeout,
                 notice=notice,
@@ -180,25 +187,25 @@ class ScoreRun:
 
 
 def _write(
-    out: Path, found: Iterable[ResultRecord], tick: Callable[[ResultRecord], object]
+    out: Path, results: Iterable[ResultRecord], tick: Callable[[ResultRecord], object]
 ) -> None:
     """Append records, several at a time, since each write waits for the disk."""
-    held: list[ResultRecord] = []
-    written = time.monotonic()
+    unwritten: list[ResultRecord] = []
+    last_write = time.monotonic()
     try:
-        for record in found:
-            held.append(record)
+        for record in results:
+            unwritten.append(record)
             tick(record)
-            due = time.monotonic() - written > WRITE_PERIOD_S
-            if due or len(held) >= MAX_UNWRITTEN_ROWS:
+            is_due = time.monotonic() - last_write > WRITE_PERIOD_S
+            if is_due or len(unwritten) >= MAX_UNWRITTEN_ROWS:
                 # Nothing is held any more if Ctrl-C comes while it is written: a record that was
                 # appended twice would damage the run.
-                batch = held
-                held = []
+                batch = unwritten
+                unwritten = []
                 records.append_all(out, batch)
-                written = time.monotonic()
+                last_write = time.monotonic()
     finally:
-        records.append_all(out, held)
+        records.append_all(out, unwritten)
 
 
 def _check_agent(agent: str, question: Question) -> None:
@@ -219,17 +226,17 @@ def _check_agent(agent: str, question: Question) -> None:
         raise ParameterError(f"--agent: {agent!r} has no {method}, which {question} are scored by")
 
 
-def _code_of(agent: str) -> tuple[str, dict[str, Any]]:
+def _agent_code(agent: str) -> tuple[str, dict[str, Any]]:
     """Return what names the code of an agent: its file, and the settings that it gives itself."""
     maker: Any = AGENTS.get(agent)
     if isinstance(maker, AgentReference):
         settings = {} if maker.settings is None else {"settings": dict(maker.settings)}
         return agent, {**maker.source, **settings}
-    found: dict[str, Any] = {}
+    code: dict[str, Any] = {}
     source = None if is_ours(maker) else find_source(maker)
     if source is not None:
-        found.update(source)
+        code.update(source)
     settings = getattr(maker, "settings", None)
     if callable(settings):
-        found["settings"] = settings()
-    return agent, found
+        code["settings"] = settings()
+    return agent, code

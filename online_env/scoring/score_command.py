@@ -120,7 +120,7 @@ def score(
         dataset=dataset,
         agents=override(Bench(), agent=agent).agents,
         question=choose_question(dataset, ask),
-        chosen=Selection(corruptions=_labels(corruptions), split=split, limit=limit),
+        selection=Selection(corruptions=_labels(corruptions), split=split, limit=limit),
         near=Distance.parse(distance),
         timeout=timeout,
         workers=workers,
@@ -130,18 +130,18 @@ def score(
     )
     run = ScoreRun(settings)
     if dry_run:
-        _foretell(run, as_json)
+        _print_plan(run, as_json)
         return
     if out is None:
         raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
     with run.begin(out, resume, lambda text: click.echo(f"hijack: {text}", err=True)):
         _score(run, out, Console(stderr=True) if as_json else console())
-    found = records.read(out)
+    scored_run = records.read(out)
     if as_json:
-        click.echo(json.dumps(_rows(found), indent=1))
+        click.echo(json.dumps(_rows(scored_run), indent=1))
     else:
-        show(found)
-    raise SystemExit(exit_code(found))
+        show(scored_run)
+    raise SystemExit(exit_code(scored_run))
 
 
 def _labels(text: str | None) -> tuple[str, ...] | None:
@@ -160,33 +160,33 @@ def _labels(text: str | None) -> tuple[str, ...] | None:
 
 
 def _score(run: ScoreRun, out: Path, screen: Console) -> None:
-    left = run.left(out)
-    total = sum(map(len, left.values()))
-    screen.print(f"{total} rows to score ({_counted(left)})", markup=False)
+    remaining = run.left(out)
+    total = sum(map(len, remaining.values()))
+    screen.print(f"{total} rows to score ({_counts_text(remaining)})", markup=False)
     display = ScoreDisplay(total, screen)
     try:
         with display:
-            run.play(out, left, display.tick, display.notice)
+            run.play(out, remaining, display.tick, display.notice)
     except KeyboardInterrupt:
-        done = len(records.read(out).records)
-        kept = f"the {done} rows that were scored are kept: hijack report {out}"
-        click.echo(f"\n{kept}; --resume goes on", err=True)
+        count = len(records.read(out).records)
+        message = f"the {count} rows that were scored are kept: hijack report {out}"
+        click.echo(f"\n{message}; --resume goes on", err=True)
         raise click.Abort from None
 
 
-def _counted(left: Mapping[str, Sequence[Case]]) -> str:
-    return ", ".join(f"{agent} {len(cases)}" for agent, cases in left.items())
+def _counts_text(remaining: Mapping[str, Sequence[Case]]) -> str:
+    return ", ".join(f"{agent} {len(cases)}" for agent, cases in remaining.items())
 
 
-def _rows(found: records.Run) -> list[dict[str, Any]]:
+def _rows(run: records.Run) -> list[dict[str, Any]]:
     """Return the rows of the report, with the parts of each."""
-    parts = {(row["agent"], row["corruption"]): row for row in part_rows(found.records)}
-    rows = score_rows(found, found.records)
+    parts = {(row["agent"], row["corruption"]): row for row in part_rows(run.records)}
+    rows = score_rows(run, run.records)
     joined = [{**parts.pop((row["agent"], row["corruption"]), {}), **row} for row in rows]
     return [*joined, *parts.values()]
 
 
-def _foretell(run: ScoreRun, as_json: bool) -> None:
+def _print_plan(run: ScoreRun, as_json: bool) -> None:
     cases = run.cases
     counted: dict[str, int] = {}
     for case in cases.cases:

@@ -32,7 +32,7 @@ class WorkerPool:
 
     Args:
         folder: the dataset.
-        asking: how rows are put to the agent.
+        settings: how rows are put to the agent.
         count: how many threads.
         timeout: seconds an agent has for a row.
         notice: called with what a user should know.
@@ -42,7 +42,7 @@ class WorkerPool:
     def __init__(
         self,
         folder: Path,
-        asking: AskSettings,
+        settings: AskSettings,
         *,
         count: int,
         timeout: float,
@@ -50,17 +50,17 @@ class WorkerPool:
         memory: int | None = None,
     ) -> None:
         self._folder = folder
-        self._asking = asking
+        self._settings = settings
         self._count = count
         self._timeout = timeout
         self._notice = notice
         self._memory = memory
         self._shares: deque[Sequence[Case]] = deque()
-        self._judged: queue.SimpleQueue[Judged | BaseException] = queue.SimpleQueue()
+        self._results: queue.SimpleQueue[Judged | BaseException] = queue.SimpleQueue()
         self._threads: list[threading.Thread] = []
         self._agents: list[RunningAgent] = []
         self._stopped = False
-        self._noticed: set[str] = set()
+        self._notices_given: set[str] = set()
         self._lock = threading.Lock()
 
     def __enter__(self) -> "WorkerPool":
@@ -87,7 +87,7 @@ class WorkerPool:
             self._threads.append(thread)
             thread.start()
         for _ in cases:
-            judged = self._judged.get()
+            judged = self._results.get()
             if isinstance(judged, BaseException):
                 raise judged
             yield judged
@@ -96,7 +96,7 @@ class WorkerPool:
         """Put shares of rows to an agent of this thread until none is left."""
         try:
             asker = RowAsker(
-                self._asking, open_feed(self._folder, self._asking.question), self._start
+                self._settings, open_feed(self._folder, self._settings.question), self._start
             )
             try:
                 while not self._stopped:
@@ -104,11 +104,11 @@ class WorkerPool:
                         share = self._shares.popleft()
                     except IndexError:
                         return
-                    self._put(asker, share)
+                    self._ask_share(asker, share)
             finally:
                 asker.close()
         except BaseException as error:  # noqa: BLE001  (the thread of the run raises it)
-            self._judged.put(error)
+            self._results.put(error)
 
     def _start(self) -> RunningAgent:
         """Return an agent with an object.
@@ -116,11 +116,11 @@ class WorkerPool:
         Raises:
             AgentError: it cannot be made.
         """
-        asking = self._asking
-        entry = AGENTS.get(asking.agent)
-        if asking.in_process or not is_user_code(entry):
-            return AgentThread(partial(make, asking.agent), self._timeout)
-        reference = reference_to(entry, asking.agent)
+        settings = self._settings
+        entry = AGENTS.get(settings.agent)
+        if settings.in_process or not is_user_code(entry):
+            return AgentThread(partial(make, settings.agent), self._timeout)
+        reference = reference_to(entry, settings.agent)
         agent = AgentProcess(reference, self._timeout, memory=self._memory)
         with self._lock:
             self._agents.append(agent)
@@ -131,26 +131,28 @@ class WorkerPool:
             raise
         return agent
 
-    def _put(self, asker: RowAsker, share: Sequence[Case]) -> None:
+    def _ask_share(self, asker: RowAsker, share: Sequence[Case]) -> None:
         for start in range(0, len(share), asker.batch):
             part = share[start : start + asker.batch]
             if len(part) > 1:
                 try:
-                    self._tell_all(part, asker.ask_rows(part))
+                    self._put_results(part, asker.ask_rows(part))
                     continue
                 except AgentError as error:
-                    self._tell(f"predict_batch fails, so its rows are asked one by one: {error}")
+                    self._notify_once(
+                        f"predict_batch fails, so its rows are asked one by one: {error}"
+                    )
             for case in part:
                 if self._stopped:
                     return
-                self._tell_all([case], [asker.ask_row(case)])
+                self._put_results([case], [asker.ask_row(case)])
 
-    def _tell_all(self, cases: Sequence[Case], records: Sequence[ResultRecord]) -> None:
+    def _put_results(self, cases: Sequence[Case], records: Sequence[ResultRecord]) -> None:
         for judged in zip(cases, records, strict=True):
-            self._judged.put(judged)
+            self._results.put(judged)
 
-    def _tell(self, text: str) -> None:
+    def _notify_once(self, text: str) -> None:
         with self._lock:
-            if text not in self._noticed:
-                self._noticed.add(text)
-                self._notice(f"{self._asking.agent}: {text}"[:400])
+            if text not in self._notices_given:
+                self._notices_given.add(text)
+                self._notice(f"{self._settings.agent}: {text}"[:400])

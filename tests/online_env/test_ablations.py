@@ -209,5 +209,5 @@ def test_what_agents_were_given_stands_beside_them(tmp_path):
 def test_who_was_given_more_is_not_ranked(tmp_path):
     reported(tmp_path, MARKS, {"one": SOLVED})
     (line,) = rank_agents(read_reports(tmp_path))[0].lines
-    assert (line.rank, line.why) == (None, "given the plan")
+    assert (line.rank, line.reason) == (None, "given the plan")
     assert "given the plan" in leaderboard(read_reports(tmp_path))

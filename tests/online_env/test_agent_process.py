@@ -222,7 +222,7 @@ def test_what_fails_is_told_and_the_next_object_is_made(word, problem, agent):
         ask(agent, word)
     assert str(caught.value) == problem
     if word == "crash":
-        assert any("string_at" in line for line in caught.value.where), "where native code crashed"
+        assert any("string_at" in line for line in caught.value.frames), "where native code crashed"
     agent.make()
     assert ask(agent, "close") == ("", ["DONE"])
 

@@ -95,10 +95,12 @@ def test_of_a_deep_error_the_innermost_frames_are_kept_and_none_of_ours():
     with AgentThread(Slow) as apart, pytest.raises(AgentError) as caught:
         apart.call(deep, 50)
     assert str(caught.value) == "ValueError: at the bottom"
-    assert len(caught.value.where) == MAX_FRAMES
+    assert len(caught.value.frames) == MAX_FRAMES
     line = deep.__code__.co_firstlineno + 2
-    assert caught.value.where[-1] == f'{__file__}:{line} in deep: raise ValueError("at the bottom")'
-    assert {place.rpartition(" in ")[0].rpartition(":")[0] for place in caught.value.where} == {
+    assert (
+        caught.value.frames[-1] == f'{__file__}:{line} in deep: raise ValueError("at the bottom")'
+    )
+    assert {place.rpartition(" in ")[0].rpartition(":")[0] for place in caught.value.frames} == {
         __file__
     }
 

@@ -17,7 +17,7 @@ from online_env.agents import registry as agents
 from online_env.agents.agent_thread import AgentError, AgentThread
 from online_env.agents.base import Privileged
 from online_env.agents.oracle import Oracle
-from online_env.bench.episodes import _played, play
+from online_env.bench.episodes import _play_episode, play
 from online_env.bench.jobs import Job
 from online_env.desktops.protocol import CAPABILITIES, RunResult
 from online_env.errors import DesktopError, MissingCapabilityError
@@ -407,14 +407,14 @@ class Planless(Speaker):
 def test_only_the_privileged_are_shown_more_and_the_record_says_so(kind, given):
     env, shown = Env(steps=1), []
     with AgentThread(lambda: kind(["a"])) as agent:
-        _played(
+        _play_episode(
             env,
             agent,
             JOB,
             0,
             None,
             lambda agent, job: shown.append((agent, job)),
-            told=lambda: ("wait",),
+            read_plan=lambda: ("wait",),
         )
     assert [job for _, job in shown] == ([JOB] if "task" in given else [])
     assert env.given == given

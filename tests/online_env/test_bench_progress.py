@@ -10,8 +10,9 @@ from rich.console import Console
 
 from online_env.bench.config import Bench
 from online_env.bench.jobs import Job, attempts, jobs
-from online_env.bench.progress import LONGEST, ProgressDisplay, shorten
+from online_env.bench.progress import ProgressDisplay
 from online_env.bench.runner import needs_attempt
+from online_env.report.formatting import MAX_LINE, shorten
 
 BENCH = Bench(tasks=("write_note",), corruptions={"clean": None}, seeds=(0, 1), max_steps=10)
 JOB = Job("mine", "write_note", "clean", 0)
@@ -48,7 +49,7 @@ def test_each_episode_is_a_line_with_its_result():
 def test_long_problems_are_shortened():
     assert shorten("a\nb") == "a b"
     long = shorten("x" * 1000)
-    assert len(long) == LONGEST
+    assert len(long) == MAX_LINE
     assert long.endswith("x ...")
 
 
@@ -65,7 +66,7 @@ class Clock:
 def test_the_rate_and_the_time_left_count_what_was_played_now():
     clock, stream = Clock(), io.StringIO()
     console = Console(file=stream, width=60)
-    with ProgressDisplay([JOB] * 12, console, done=2, clock=clock) as display:
+    with ProgressDisplay([JOB] * 12, console, finished=2, clock=clock) as display:
         assert display.pace == ""
         for number, status in ((3, "invalid"), (3, "ok"), (4, "ok")):
             display.begins(JOB, number, 0)

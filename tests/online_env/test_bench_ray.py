@@ -20,7 +20,7 @@ from hijack_data.locking import lock
 from online_env.agents.agent_files import read_agent
 from online_env.agents.makers import FileAgentMaker
 from online_env.agents.registry import AGENTS
-from online_env.bench import ray_node, ray_pool, records, worker_bundle
+from online_env.bench import ray_node, ray_pool, worker_bundle
 from online_env.bench.config import Bench
 from online_env.bench.episode_files import ReceivedEpisode, take_files
 from online_env.bench.jobs import jobs
@@ -30,6 +30,7 @@ from online_env.bench.providers import PROVIDERS
 from online_env.bench.runner import run_jobs
 from online_env.bench.workers import BYTES_PER_DESKTOP, WorkerSetup, desktops_in, references
 from online_env.errors import ClusterError
+from online_env.results import records
 from online_env.tasks import TASKS
 from pipelines.proof.rebuild import rebuild
 

@@ -106,7 +106,9 @@ def last_drawn(screen):
 
 
 def test_a_bar_names_what_is_played_and_how_much_was_done(screen):
-    with ProgressDisplay([JOB] * 4, screen, done=1, clock=iter(range(0, 900, 60)).__next__) as bar:
+    with ProgressDisplay(
+        [JOB] * 4, screen, finished=1, clock=iter(range(0, 900, 60)).__next__
+    ) as bar:
         bar.begins(JOB, 2, 0)
         bar.ended(JOB, 2, ended("invalid"))
         bar.begins(JOB, 2, 1)

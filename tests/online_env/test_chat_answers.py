@@ -86,7 +86,7 @@ def test_whatever_is_wrong_in_an_answer_it_is_an_error_of_the_endpoint_or_can_be
             except EndpointError:
                 continue
             ReplyParser(dialect=dialect).read(reply, SIZE)
-            turn = Turn(picture=seen, said=reply.shown, raw=reply.raw)
+            turn = Turn(picture=seen, answer=reply.shown, raw=reply.raw)
             body = wire.body(ModelQuery(prompt=Prompt(), picture=seen, turns=(turn,)), settings)
             sent = json.dumps(wired(body))
             assert '_id": null' not in sent, (path, junk)

@@ -68,7 +68,6 @@ def test_a_run_goes_on_and_its_journal_stays_as_it_was(run):
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"version": 1}, r"was begun by an older version \(format 1, now \d+\); begin a new run"),
         ({"version": 10**6}, r"version 1000000 is newer than this library reads \(\d\); upgrade"),
         ({"version": "2"}, "version '2' is not a version; it must be an integer"),
         ({"version": -1}, "version -1 is not a version; it must be an integer"),

@@ -26,7 +26,7 @@ from online_env.agents.pixel.picture_onlooker import COVERED, GONE, PictureOnloo
 from online_env.agents.pixel.screen_reader import ScreenReader, TextCache, TextLine
 from online_env.agents.pixel.text_matching import closest_text, find_text
 from online_env.agents.registry import AGENTS, make
-from online_env.bench.episodes import _tell
+from online_env.bench.episodes import _pass_plan
 from online_env.bench.models import ModelOptions, prepare
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -380,13 +380,17 @@ class Contestant:
 
 def test_a_follower_gets_words_and_no_way_to_the_episode():
     with AgentThread(Curious) as agent:
-        _tell(agent, lambda: ("wait",), [])
+        _pass_plan(agent, lambda: ("wait",), [])
         curious = agent.agent
     assert isinstance(curious, PlanFollower)
     assert curious.lines == ("wait",)
-    assert not [name for name in curious.seen if "/bench/" in name or "/environment/" in name]
+    assert not [
+        name
+        for name in curious.seen
+        if "online_env/bench/" in name or "online_env/environment/" in name
+    ]
     with AgentThread(Contestant) as agent:
-        _tell(agent, lambda: ("wait",), [])
+        _pass_plan(agent, lambda: ("wait",), [])
 
 
 def test_an_agent_that_cannot_read_says_so_before_the_run(monkeypatch, tmp_path):

@@ -87,9 +87,9 @@ def test_a_click_is_in_the_middle_or_beside_and_always_on_the_picture(screens, s
 def test_a_step_that_needs_no_text_is_taken_at_once(screens, step, code):
     one = walk(step)
     walked = one.act(screens())
-    assert (walked.action, walked.said) == (code, f"Step 1 of 1: {step}.")
+    assert (walked.action, walked.words) == (code, f"Step 1 of 1: {step}.")
     assert one.ended
-    assert one.act(DARK).said == "That was the whole plan."
+    assert one.act(DARK).words == "That was the whole plan."
 
 
 def test_the_text_beside_its_anchor_is_taken_and_none_without_the_anchor(screens):
@@ -98,7 +98,7 @@ def test_the_text_beside_its_anchor_is_taken_and_none_without_the_anchor(screens
     assert walk('click "Edit" near "Tom"').act(picture).action == "pyautogui.click(320, 110)"
     without = walk('click "Edit" near "Ann"').act(picture)
     assert without.action == "WAIT"
-    assert without.said.endswith("I do not see 'Edit'.")
+    assert without.words.endswith("I do not see 'Edit'.")
 
 
 # How long it looks
@@ -110,8 +110,8 @@ def test_the_wheel_turns_so_often_then_it_waits_and_then_it_is_lost(screens):
     actions = [one.act(picture).action for _ in range(MAX_SCROLLS + MAX_WAITS)]
     assert actions == ["pyautogui.scroll(5, 300, 200)"] * MAX_SCROLLS + ["WAIT"] * MAX_WAITS
     lost = one.act(picture)
-    assert (lost.lost, lost.action) == (True, "")
-    assert lost.said.endswith("I do not see 'Trash'. The closest text is 'Sent'.")
+    assert (lost.is_lost, lost.action) == (True, "")
+    assert lost.words.endswith("I do not see 'Trash'. The closest text is 'Sent'.")
     one.wait_again()
     assert one.act(picture).action == "pyautogui.scroll(5, 300, 200)"
     assert not one.ended

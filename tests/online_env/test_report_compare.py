@@ -177,7 +177,7 @@ def test_what_lacks_episodes_has_no_rank(runs):
     path = runs / "a" / "records.jsonl"
     path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:-1]))
     (board,) = rank_agents(read_reports(runs))
-    ranks = {line.row.agent: (line.rank, line.why) for line in board.lines}
+    ranks = {line.row.agent: (line.rank, line.reason) for line in board.lines}
     assert ranks["weak"] == (None, "1 of 200 episodes are missing")
     assert ranks["strong"] == (1, "")
 
@@ -199,7 +199,7 @@ def test_an_episode_that_is_there_twice_has_no_rank(runs):
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join([*lines, lines[0].replace(b'"score": 1.0', b'"score": 0.0')]))
     (board,) = rank_agents(read_reports(runs))
-    ranks = {line.row.agent: (line.rank, line.why) for line in board.lines}
+    ranks = {line.row.agent: (line.rank, line.reason) for line in board.lines}
     assert ranks["weak"] == (1, "")
     said = "1 line of the run cannot be read"
     assert ranks["strong"] == (None, said)
@@ -287,7 +287,7 @@ def test_logs_without_a_head_are_not_ranked_against_each_other(tmp_path):
         (runs / f"{name}.report.json").write_text(text)
     (board,) = rank_agents(read_reports(runs))
     said = "a log without run.json, so its setting is not known"
-    assert {(line.rank, line.why) for line in board.lines} == {(None, said)}
+    assert {(line.rank, line.reason) for line in board.lines} == {(None, said)}
 
 
 def test_tasks_of_one_name_from_other_files_are_other_tasks(runs):

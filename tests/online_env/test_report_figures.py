@@ -214,7 +214,7 @@ def ranked(*rows, **identity):
     report = RunReport(run=run, summaries=rows)
     found = ReportFolder(folder=None, reports=(("here", report),), problems=())
     (board,) = rank_agents(found)
-    return [(line.rank, line.row.agent, line.why) for line in board.lines]
+    return [(line.rank, line.row.agent, line.reason) for line in board.lines]
 
 
 def test_agents_with_the_same_mean_share_a_rank_and_the_next_one_is_left_free():

@@ -50,7 +50,7 @@ def test_json_is_the_whole_report(folder, capsys, tmp_path):
     code, out, _ = hijack(capsys, "report", folder, "--format", "json", "--reference", "mine")
     assert code == 0
     data = json.loads(out)
-    assert (data["format"], data["version"], data["reference"]) == ("agenthijack-report", 4, "mine")
+    assert (data["format"], data["version"], data["reference"]) == ("agenthijack-report", 1, "mine")
     assert data["summaries"][0]["paper_average"] == pytest.approx(0.49)
     assert data["cells"][2]["ceiling"] == 0.9
     # A finished report is read like a run.

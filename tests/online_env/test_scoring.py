@@ -272,13 +272,13 @@ def test_what_is_selected(tmp_path):
     every = ScoreRun(settings_for(folder, "fail"))
     assert len(every.cases.cases) == 9
     assert every.cases.unscored == 3
-    marks = ScoreRun(settings_for(folder, "fail", chosen=Selection(corruptions=("marks",))))
+    marks = ScoreRun(settings_for(folder, "fail", selection=Selection(corruptions=("marks",))))
     assert marks.cases.labels == ("clean", "marks")
-    first = ScoreRun(settings_for(folder, "fail", chosen=Selection(limit=2)))
+    first = ScoreRun(settings_for(folder, "fail", selection=Selection(limit=2)))
     assert {case.corruption for case in first.cases.cases} == {"clean", "marks", "resolution"}
     assert len({case.task for case in first.cases.cases}) + first.cases.unscored // 3 == 2
     sizes = [
-        len(ScoreRun(settings_for(folder, "fail", chosen=Selection(split=name))).cases.cases)
+        len(ScoreRun(settings_for(folder, "fail", selection=Selection(split=name))).cases.cases)
         for name in ("train", "test")
     ]
     assert sum(sizes) == 9
@@ -466,7 +466,10 @@ def test_a_corruption_of_which_no_row_is_left_is_refused(clicks, agents, tmp_pat
 
     edit(folder, "corruption", rename)
     chosen = Selection(corruptions=("marks",), limit=1)
-    assert ScoreRun(settings_for(folder, "fail", chosen=chosen)).cases.labels == ("clean", "marks")
+    assert ScoreRun(settings_for(folder, "fail", selection=chosen)).cases.labels == (
+        "clean",
+        "marks",
+    )
     chosen = Selection(corruptions=("marks", "resolution"), limit=1)
     with pytest.raises(ParameterError, match=r"no row of 'resolution' is left.*the dataset has 1"):
-        ScoreRun(settings_for(folder, "fail", chosen=chosen))
+        ScoreRun(settings_for(folder, "fail", selection=chosen))

@@ -208,7 +208,7 @@ def test_an_answer_without_an_action_has_no_part_right():
 def test_the_first_action_is_read(text, action):
     answer = read_answer("words", [text, "DONE"], SIZE)
     assert answer.action == action
-    assert answer.more == 1
+    assert answer.further_actions == 1
 
 
 @pytest.mark.parametrize(

@@ -15,13 +15,15 @@ def read_action_codes(action: object, dialect: str, size: Size) -> tuple[list[st
     """Return an action as pyautogui code, WAIT, DONE or FAIL, and why it could not be read.
 
     An action that cannot be read becomes a text that the environment refuses: the step is used up
-    and counted as malformed, as for our own agents. Raises `UnknownNameError` for an unknown
-    dialect.
+    and counted as malformed, as for our own agents.
 
     Args:
         action: Code, a word, or a dict, in the form of the dialect.
         dialect: One of `hijack_data.actions.DIALECTS`.
         size: (height, width) of the picture that the agent saw.
+
+    Raises:
+        UnknownNameError: There is no such dialect.
     """
     try:
         codes = _read(action, dialect, size)

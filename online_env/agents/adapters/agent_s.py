@@ -15,7 +15,7 @@ from .osworld import OsworldAgent
 EXTRA = "agent-s"
 _GROUNDING = "gui_agents.s3.agents.grounding"
 _AGENT = "gui_agents.s3.agents.agent_s"
-_NEEDED = (
+_REQUIRED_KEYS = (
     ("engine", ("engine_type", "model")),
     ("grounding", ("engine_type", "model", "grounding_width", "grounding_height")),
 )
@@ -38,12 +38,12 @@ class AgentS(OsworldAgent):
     options: ClassVar[Mapping[str, Any]] = {}
 
     def __init__(self) -> None:
-        for attribute, keys in _NEEDED:
-            given = getattr(self, attribute)
-            lost = [key for key in keys if key not in given]
-            if lost:
+        for attribute, keys in _REQUIRED_KEYS:
+            settings = getattr(self, attribute)
+            missing = [key for key in keys if key not in settings]
+            if missing:
                 name = type(self).__name__
-                raise ParameterError(f"{name}.{attribute} lacks {', '.join(lost)}")
+                raise ParameterError(f"{name}.{attribute} lacks {', '.join(missing)}")
         self._aci = plain_aci()(
             env=None,
             platform="linux",
@@ -58,8 +58,8 @@ class AgentS(OsworldAgent):
         """Return the agent's plan and its action as code."""
         # Agent S3 scales the points of its grounding model to a screen of this size.
         self._aci.height, self._aci.width = obs["screenshot"].shape[:2]
-        said, actions = super().predict(instruction, obs)
-        return said, [_word(action) for action in actions]
+        words, actions = super().predict(instruction, obs)
+        return words, [_word(action) for action in actions]
 
 
 def _word(action: str) -> str:

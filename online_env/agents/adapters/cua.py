@@ -62,8 +62,8 @@ class CuaAgent(LoopAgent):
         before = 0
         async for result in agent.run(instruction):
             words = _words(result) or words
-            idle = 0 if computer.touched > before else idle + 1
-            before = computer.touched
+            idle = 0 if computer.calls > before else idle + 1
+            before = computer.calls
             if idle >= self.max_idle_turns:
                 raise HijackError(
                     f"{self.model} took {idle} turns without touching the computer; the last"
@@ -81,7 +81,7 @@ class CuaComputer:
 
     def __init__(self, computer: LoopComputer) -> None:
         self._computer = computer
-        self.touched = 0  # number of actions and screenshots so far
+        self.calls = 0  # number of actions and screenshots so far
 
     async def get_environment(self) -> Literal["linux"]:
         """Return the kind of the system."""
@@ -94,7 +94,7 @@ class CuaComputer:
 
     async def screenshot(self, text: str | None = None) -> str:
         """Return the picture as PNG in base64."""
-        self.touched += 1
+        self.calls += 1
         return self._computer.png_base64()
 
     async def click(self, x: int, y: int, button: str = "left") -> None:
@@ -147,14 +147,14 @@ class CuaComputer:
         await self._act(call, "openai")
 
     async def _act(self, action: object, dialect: str = "pyautogui") -> None:
-        self.touched += 1
+        self.calls += 1
         await asyncio.to_thread(self._computer.act, action, dialect)
 
 
 def _words(result: Mapping[str, Any]) -> str:
     """Return the model's words in a result of the loop."""
-    found: list[str] = []
+    texts: list[str] = []
     for item in result.get("output", ()):
         if item.get("type") == "message":
-            found += [part.get("text", "") for part in item.get("content", ())]
-    return " ".join(found)
+            texts += [part.get("text", "") for part in item.get("content", ())]
+    return " ".join(texts)

@@ -46,7 +46,7 @@ class _Turn:
     """The next move of a loop: an action, its end, or an exception."""
 
     code: str = ""
-    said: str = ""
+    words: str = ""
     last: bool = False
     raised: BaseException | None = None
 
@@ -59,8 +59,8 @@ class _Bridge:
         self.turns: queue.SimpleQueue[_Turn] = queue.SimpleQueue()
         self.pictures: queue.SimpleQueue[UInt8Array | None] = queue.SimpleQueue()
         self._lock = threading.Lock()  # a loop may have threads of its own
-        self._over = False
-        self._looks = 0
+        self._has_ended = False
+        self._look_count = 0
         self._calls_after = 0
 
     def look(self) -> UInt8Array:
@@ -71,8 +71,8 @@ class _Bridge:
             HijackError: The loop does nothing but look.
         """
         self._check()
-        self._looks += 1
-        if self._looks > MAX_LOOKS:
+        self._look_count += 1
+        if self._look_count > MAX_LOOKS:
             raise HijackError(
                 f"the loop looked {MAX_LOOKS} times at one picture; the screen changes with the"
                 " next action, such as WAIT"
@@ -87,16 +87,16 @@ class _Bridge:
         """
         with self._lock:
             self._check()
-            self.turns.put(_Turn(code=code, said=said))
+            self.turns.put(_Turn(code=code, words=said))
             picture = self.pictures.get()
             if picture is None:
-                self._over = True
+                self._has_ended = True
                 raise LoopEnd("the episode is over")
             self.picture = picture
-            self._looks = 0
+            self._look_count = 0
 
     def _check(self) -> None:
-        if not self._over:
+        if not self._has_ended:
             return
         self._calls_after += 1
         if self._calls_after > MAX_CALLS_AFTER_END:
@@ -203,7 +203,7 @@ class LoopAgent:
             HijackError: The loop takes no action for too long.
         """
         if self._bridge is None:
-            self._bridge = self._begun(instruction, obs["screenshot"])
+            self._bridge = self._start_loop(instruction, obs["screenshot"])
         else:
             self._bridge.pictures.put(obs["screenshot"])
         try:
@@ -215,17 +215,17 @@ class LoopAgent:
             self._bridge.turns.put(turn)  # asked again, it gives the same answer
         if turn.raised is not None:
             raise turn.raised
-        return turn.said, [turn.code]
+        return turn.words, [turn.code]
 
-    def _begun(self, instruction: str, picture: UInt8Array) -> _Bridge:
+    def _start_loop(self, instruction: str, picture: UInt8Array) -> _Bridge:
         bridge = _Bridge(picture)
         self._thread = threading.Thread(
-            target=self._played, args=(bridge, instruction), name="loop", daemon=True
+            target=self._run_loop, args=(bridge, instruction), name="loop", daemon=True
         )
         self._thread.start()
         return bridge
 
-    def _played(self, bridge: _Bridge, instruction: str) -> None:
+    def _run_loop(self, bridge: _Bridge, instruction: str) -> None:
         """Run the loop to its end; its exceptions are raised where `predict` waits."""
         try:
             turn = _last_turn(self.run(LoopComputer(bridge), instruction))
@@ -242,4 +242,4 @@ def _last_turn(words: object) -> _Turn:
     if not isinstance(words, str):
         raise ParameterTypeError(f"a loop returns nothing, words, or FAIL, got {words!r:.80}")
     code = FAIL if words.strip() == FAIL else DONE
-    return _Turn(code=code, said=words, last=True)
+    return _Turn(code=code, words=words, last=True)

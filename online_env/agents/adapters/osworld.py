@@ -47,7 +47,7 @@ class OsworldAgent:
         if agent is None:
             name = type(self).__name__
             raise ParameterError(f"{name} wraps no agent; give it a class attribute `wrapped`")
-        self.agent = _made(agent)
+        self.agent = _make_agent(agent)
 
     def reset(self) -> None:
         """Begin a new episode; an agent without `reset` has nothing to forget."""
@@ -70,57 +70,61 @@ class OsworldAgent:
                 f"predict must return (response, actions), got {answer!r:.200}"
             )
         codes: list[str] = []
-        for action in _listed(answer[1]):
+        for action in _action_list(answer[1]):
             codes += read_osworld_codes(action, size)
         return _words(answer[0]), codes
 
 
 def _attribute(cls: type, name: str) -> Any:
     """Return a class attribute unbound, so that a function does not become a method."""
-    found = inspect.getattr_static(cls, name)
-    if isinstance(found, staticmethod):
-        return found.__func__
-    return found
+    attribute = inspect.getattr_static(cls, name)
+    if isinstance(attribute, staticmethod):
+        return attribute.__func__
+    return attribute
 
 
-def _made(agent: Any) -> Any:
+def _make_agent(agent: Any) -> Any:
     if isinstance(agent, type) or not hasattr(agent, "predict"):
         if not callable(agent):
             raise ParameterTypeError(f"{agent!r:.80} has no predict(instruction, obs)")
         agent = agent()
     if not callable(getattr(agent, "predict", None)):
         raise ParameterTypeError(f"{type(agent).__name__} has no predict(instruction, obs)")
-    wanted = getattr(agent, "observation_type", None)
-    if isinstance(wanted, str) and any(tree in wanted for tree in TREES):
+    observation_type = getattr(agent, "observation_type", None)
+    if isinstance(observation_type, str) and any(tree in observation_type for tree in TREES):
         raise ParameterError(
-            f"{type(agent).__name__} has observation_type {wanted!r}, and agents see the screen"
-            " only; make it with observation_type='screenshot'"
+            f"{type(agent).__name__} has observation_type {observation_type!r}, and agents see the"
+            " screen only; make it with observation_type='screenshot'"
         )
     return agent
 
 
 def _loggers(reset: Any) -> list[logging.Logger]:
-    """Return the logger, if `reset` cannot be called without."""
+    """Return the logger, if `reset` cannot be called without.
+
+    Raises:
+        ParameterTypeError: `reset` needs other arguments than a logger.
+    """
     try:
         parameters = inspect.signature(reset).parameters.values()
     except (TypeError, ValueError):  # a class implemented in C has no signature
         return []
     positional = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    needed = [
+    required = [
         parameter.name
         for parameter in parameters
         if parameter.kind in positional and parameter.default is inspect.Parameter.empty
     ]
-    if not needed:
+    if not required:
         return []
-    if len(needed) > 1 or "logger" not in needed[0]:
+    if len(required) > 1 or "logger" not in required[0]:
         raise ParameterTypeError(
-            f"reset needs {', '.join(needed)}; only a logger can be given, give the rest defaults"
+            f"reset needs {', '.join(required)}; only a logger can be given, give the rest defaults"
         )
     return [logging.getLogger("desktopenv.agent")]
 
 
-def _listed(actions: Any) -> list[Any]:
+def _action_list(actions: Any) -> list[Any]:
     if actions is None:
         return []
     if isinstance(actions, str | Mapping):

@@ -60,13 +60,13 @@ class ChatAgent:
         self, instruction: str, picture: ScreenPicture, reminder: str = ""
     ) -> tuple[str, Sequence[str]]:
         reply = self._model.ask(self._query(instruction, picture, reminder), "act")
-        said = reply.shown
-        self._turns.append(_turn(picture, reply))
-        return said, self._parser.read(reply, picture.size)
+        words = reply.shown
+        self._turns.append(_make_turn(picture, reply))
+        return words, self._parser.read(reply, picture.size)
 
     def _query(self, instruction: str, picture: ScreenPicture, reminder: str) -> ModelQuery:
         return ModelQuery(
-            prompt=self._filled(instruction, picture, reminder),
+            prompt=self._fill_prompt(instruction, picture, reminder),
             picture=picture,
             turns=tuple(self._turns),
             pictures=self._settings.history,
@@ -77,7 +77,7 @@ class ChatAgent:
     def _summarised(self) -> bool:
         return False
 
-    def _filled(self, instruction: str, picture: ScreenPicture, reminder: str) -> Prompt:
+    def _fill_prompt(self, instruction: str, picture: ScreenPicture, reminder: str) -> Prompt:
         height, width = self._parser.seen(picture.size)
         values = {
             "instruction": instruction,
@@ -147,7 +147,7 @@ class OnlookedAgent(ChatAgent):
             last = self._turns[-1]
             summary = self._onlooker.summarise(instruction, last, picture)
             self._turns[-1] = Turn(
-                picture=last.picture, said=last.said, raw=last.raw, summary=summary
+                picture=last.picture, answer=last.answer, raw=last.raw, summary=summary
             )
         return self._act(instruction, picture, self._reminder)
 
@@ -155,12 +155,12 @@ class OnlookedAgent(ChatAgent):
         """Return whether the agent has not acted yet and the first check is not finished."""
         if self._turns or not self._onlooker.checks:
             return False
-        asked = bool(self._reminder) and self._onlooker.reinits
-        return self._checks == 0 or (asked and self._checks == 1)
+        has_asked = bool(self._reminder) and self._onlooker.reinits
+        return self._checks == 0 or (has_asked and self._checks == 1)
 
 
-def _turn(picture: ScreenPicture, reply: Reply) -> Turn:
-    return Turn(picture=picture, said=reply.shown[:MAX_ANSWER_CHARS], raw=reply.raw)
+def _make_turn(picture: ScreenPicture, reply: Reply) -> Turn:
+    return Turn(picture=picture, answer=reply.shown[:MAX_ANSWER_CHARS], raw=reply.raw)
 
 
 def make_agent(settings: AgentSettings, run: ChatRun | None = None) -> ChatAgent:

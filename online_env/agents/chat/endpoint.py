@@ -19,9 +19,11 @@ from .usage import UsageMeter
 from .wires import ModelWire, make_wire
 from .wires.common import EXTRA, RETRIES
 
-_AGAIN = frozenset({408, 409, 425, 429})  # statuses below 500 after which a request may succeed
+_RETRY_STATUSES = frozenset(
+    {408, 409, 425, 429}
+)  # statuses below 500 after which a request may succeed
 _BOM = "\ufeff"
-_KEPT = 500  # characters kept of an endpoint's message about a failure
+_MAX_MESSAGE_CHARS = 500  # characters kept of an endpoint's message about a failure
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,9 +66,9 @@ class Endpoint:
         self._recorder = recorder
         self._waits = waits
         self._wire: ModelWire = make_wire(settings.client)
-        self._key = "" if offline else _key_of(settings)
+        self._key = "" if offline else _read_key(settings)
         self._client: Any = None
-        self._closing: weakref.finalize[Any, Any] | None = None
+        self._close_client: weakref.finalize[Any, Any] | None = None
 
     def ask(self, query: ModelQuery, role: str) -> Reply:
         """Return what the model answers.
@@ -83,29 +85,33 @@ class Endpoint:
         step = self._meter.step
         line = self._recorder.recall(step, role, body)
         if line is None:
-            line = self._sent(step, role, body)
+            line = self._send(step, role, body)
             self._recorder.note(line)
         reply = self._wire.read(logged_response(line))
         self._meter.add(
-            reply.read, reply.written, self._settings.prices, line["seconds"], line["tries"]
+            reply.input_tokens,
+            reply.output_tokens,
+            self._settings.prices,
+            line["seconds"],
+            line["tries"],
         )
         return reply
 
     def close(self) -> None:
         """Close its connections; the next request opens new ones."""
-        if self._closing is not None:
-            self._closing()
+        if self._close_client is not None:
+            self._close_client()
         self._client = None
-        self._closing = None
+        self._close_client = None
 
-    def _connected(self) -> Any:
+    def _connect(self) -> Any:
         """Return the client, whose connections are closed when this object is garbage-collected."""
         if self._client is None:
             self._client = self._wire.connect(self._settings, self._key)
-            self._closing = weakref.finalize(self, self._client.close)
+            self._close_client = weakref.finalize(self, self._client.close)
         return self._client
 
-    def _sent(self, step: int, role: str, body: Mapping[str, Any]) -> dict[str, Any]:
+    def _send(self, step: int, role: str, body: Mapping[str, Any]) -> dict[str, Any]:
         """Send a request, and return its line of the log."""
         line: dict[str, Any] = {
             "step": step,
@@ -119,7 +125,7 @@ class Endpoint:
             for attempt in self._tries():
                 with attempt:
                     tries = attempt.retry_state.attempt_number
-                    line["response"] = self._once(wired(body))
+                    line["response"] = self._send_once(wired(body))
         except EndpointError as error:
             times = f" (tried {tries} times)" if tries > 1 else ""
             line["problem"] = f"{error}{times}"
@@ -142,23 +148,23 @@ class Endpoint:
         longest = self._waits.longest
         first = self._waits.first
         growing = tenacity.wait_exponential(multiplier=first) + tenacity.wait_random(0, first)
-        asked = state.outcome.exception().retry_after
-        return min(longest, growing(state) if asked is None else asked)
+        requested = state.outcome.exception().retry_after
+        return min(longest, growing(state) if requested is None else requested)
 
-    def _once(self, body: Mapping[str, Any]) -> Mapping[str, Any]:
+    def _send_once(self, body: Mapping[str, Any]) -> Mapping[str, Any]:
         """Send a request once.
 
         Raises:
             EndpointError: the request failed; `transient` tells whether to try again.
         """
-        client = self._connected()
+        client = self._connect()
         try:
             text = self._wire.send(client, body)
         # The clients raise their own exceptions and those of lower layers; without `from None`
         # their texts, and so perhaps the key, would be in a traceback.
         except Exception as error:  # noqa: BLE001
-            raise self._explained(error) from None
-        text = self._without_key(text)
+            raise self._explain(error) from None
+        text = self._redact_key(text)
         try:
             answer = json.loads(text.removeprefix(_BOM), parse_constant=lambda _: None)
         except (ValueError, RecursionError) as error:
@@ -178,22 +184,22 @@ class Endpoint:
         address = self._settings.base_url or f"the API of {self._settings.client}"
         return f"{self._settings.model} at {address}"
 
-    def _explained(self, error: Exception) -> EndpointError:
+    def _explain(self, error: Exception) -> EndpointError:
         """Convert an exception of a client to an `EndpointError`, without the key in its text."""
         status = getattr(error, "status_code", None)
-        said = self._without_key(f"{type(error).__name__}: {error}")
-        problem = f"{self._place}: {said[:_KEPT]}"
+        message = self._redact_key(f"{type(error).__name__}: {error}")
+        problem = f"{self._place}: {message[:_MAX_MESSAGE_CHARS]}"
         if status in (401, 403):
             source = self._settings.api_key_env
             advice = f"check the key in {source}" if source else "name its key by api_key_env"
             return EndpointError(f"{problem}; {advice}")
         if isinstance(status, int):
-            passes = status in _AGAIN or status >= 500
+            passes = status in _RETRY_STATUSES or status >= 500
             return EndpointError(problem, passes, _retry_after(error))
-        lost = "Connection" in type(error).__name__ or "Timeout" in type(error).__name__
-        return EndpointError(problem, transient=lost)
+        is_lost = "Connection" in type(error).__name__ or "Timeout" in type(error).__name__
+        return EndpointError(problem, transient=is_lost)
 
-    def _without_key(self, text: str) -> str:
+    def _redact_key(self, text: str) -> str:
         """Return a text that came from outside without the key, however JSON may escape it."""
         if not self._key:
             return text
@@ -217,7 +223,7 @@ def _retry_after(error: Exception) -> float | None:
         return None
 
 
-def _key_of(settings: ModelSettings) -> str:
+def _read_key(settings: ModelSettings) -> str:
     """Return the key from the environment; empty if the endpoint wants none.
 
     Raises:

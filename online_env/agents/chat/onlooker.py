@@ -35,32 +35,32 @@ class Onlooker:
     REQUEST: ClassVar[str] = REINIT
 
     def __init__(self, settings: AgentSettings, run: ChatRun, meter: UsageMeter) -> None:
-        chosen = settings.onlooker
-        if chosen is None:
+        onlooker = settings.onlooker
+        if onlooker is None:
             raise AgentSetupError(f"{settings.source}: has no onlooker; add one: onlooker: {{}}")
-        self._chosen = chosen
+        self._onlooker = onlooker
         self._meter = meter
         folders = run.folders(settings)
         self._check = read_prompt(CHECK, folders)
         self._summary = read_prompt(SUMMARY, folders)
         self._model = Endpoint(
-            chosen.model, meter, run.recorder, run.waits, offline=run.replay is not None
+            onlooker.model, meter, run.recorder, run.waits, offline=run.replay is not None
         )
 
     @property
     def checks(self) -> bool:
         """Whether it checks the first screen."""
-        return self._chosen.check
+        return self._onlooker.check
 
     @property
     def reinits(self) -> bool:
         """Whether it asks for re-initialisation if the check finds an error."""
-        return self._chosen.reinit
+        return self._onlooker.reinit
 
     @property
     def summarises(self) -> bool:
         """Whether it summarises what happened after each step."""
-        return self._chosen.summarise
+        return self._onlooker.summarise
 
     def close(self) -> None:
         """Close its connections."""
@@ -72,7 +72,7 @@ class Onlooker:
         An answer without `Reminder:` or `None` cannot be read. It is counted, and treated as
         `None`.
         """
-        values = {"errors": _listed(self._chosen.errors), "instruction": instruction}
+        values = {"errors": _error_list(self._onlooker.errors), "instruction": instruction}
         query = ModelQuery(prompt=self._check.fill(values), picture=picture)
         reminder = read_reminder(self._model.ask(query, "check").text)
         if reminder is None:
@@ -82,7 +82,7 @@ class Onlooker:
 
     def summarise(self, instruction: str, turn: Turn, after: ScreenPicture) -> str:
         """Return what happened between the picture of a turn and the one after it."""
-        values = {"instruction": instruction, "action": turn.said}
+        values = {"instruction": instruction, "action": turn.answer}
         query = ModelQuery(prompt=self._summary.fill(values), picture=after, before=(turn.picture,))
         return self._model.ask(query, "summarise").text.strip()
 
@@ -98,7 +98,7 @@ def read_reminder(text: str) -> str | None:
     return last.strip(" \t\r\n\"'`")
 
 
-def _listed(errors: tuple[KnownError, ...]) -> str:
+def _error_list(errors: tuple[KnownError, ...]) -> str:
     """Return an error repository as a numbered list."""
     entries: list[str] = []
     for number, error in enumerate(errors, 1):

@@ -34,13 +34,13 @@ from .query import Reply
 WORDS = (WAIT, DONE, FAIL)
 # Dialects whose calls an endpoint may return as tool calls of its API: those of Qwen's tools, which
 # become text, and those with a name for each action.
-_QWEN = ("qwen2.5_vl", "qwen3_vl", "gui_owl", "mai_ui")
-_NAMED = ("gemini",)
+_QWEN_DIALECTS = ("qwen2.5_vl", "qwen3_vl", "gui_owl", "mai_ui")
+_NAMED_CALL_DIALECTS = ("gemini",)
 # A fence after prose on the same line, and a word in fences after prose at the very end.
 _OPENS_LATE = re.compile(r"(?<=[^\s`])[ \t]*(```(?:python|py|json)[ \t]*\r?\n)")
 _LAST_WORD = re.compile(rf"```\s*({'|'.join(WORDS)})\s*```\s*\Z")
 _AGENTNET = re.compile(r"\bcomputer\s*\.\s*\w+\s*\(")
-_KEPT = 2000  # characters of an unreadable reply that are kept in the record
+_MAX_EXCERPT_CHARS = 2000  # characters of an unreadable reply that are kept in the record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,37 +79,41 @@ class ReplyParser:
         try:
             return self._read(reply, size)
         except HijackError as error:
-            return [unreadable_action(error, reply.shown[:_KEPT])]
+            return [unreadable_action(error, reply.shown[:_MAX_EXCERPT_CHARS])]
 
     def _read(self, reply: Reply, size: Size) -> list[str]:
         # Calls of the API stand for themselves, whatever the words beside them.
-        called = bool(reply.calls) and self.dialect in (*TOOL_PARSERS, *_QWEN, *_NAMED)
-        text = "" if called else answer_text(reply.text, self.dialect).strip()
+        has_calls = bool(reply.calls) and self.dialect in (
+            *TOOL_PARSERS,
+            *_QWEN_DIALECTS,
+            *_NAMED_CALL_DIALECTS,
+        )
+        text = "" if has_calls else answer_text(reply.text, self.dialect).strip()
         if self.dialect in TOOL_PARSERS:
-            return self._called(reply, text, size)
+            return self._read_calls(reply, text, size)
         if reply.refused:
             return [self._malformed(reply.text)]
         if self.dialect == "pyautogui":
             return self._pyautogui(reply, text, size)
         if self.dialect == "computer_13":
             return _computer_13(text, size)
-        if self.dialect in _QWEN and reply.calls:
+        if self.dialect in _QWEN_DIALECTS and reply.calls:
             calls = [tool_call_text(str(c["name"]), c["arguments"]) for c in reply.calls]
             text = "\n".join(calls)
-        if self.dialect in _NAMED and reply.calls:
-            made = [code_of(dict(c), self.dialect, size) for c in reply.calls]
-            return [code for codes in made for code in codes]
-        return code_of(text, self.dialect, size, self._resized(size))
+        if self.dialect in _NAMED_CALL_DIALECTS and reply.calls:
+            codes_by_call = [code_of(dict(c), self.dialect, size) for c in reply.calls]
+            return [code for codes in codes_by_call for code in codes]
+        return code_of(text, self.dialect, size, self._resized_size(size))
 
     def seen(self, size: Size) -> Size:
         """Return the (height, width) in whose pixels the model points, for a picture of `size`."""
         pixels = self.dialect not in RESIZED_DIALECTS and self.coordinates != "resized"
-        return size if pixels else self._resized(size)
+        return size if pixels else self._resized_size(size)
 
-    def _resized(self, size: Size) -> Size:
+    def _resized_size(self, size: Size) -> Size:
         return smart_resize(*size, min_pixels=self.min_pixels, max_pixels=self.max_pixels)
 
-    def _called(self, reply: Reply, text: str, size: Size) -> list[str]:
+    def _read_calls(self, reply: Reply, text: str, size: Size) -> list[str]:
         """Return the calls of a computer tool; a reply without any ends the episode."""
         if reply.refused:
             return [self._malformed(reply.shown)]
@@ -133,7 +137,7 @@ class ReplyParser:
             return [last[1]]
         actions: list[str] = []
         for block in blocks or [text]:
-            code, word = _parted(textwrap.dedent(block).strip())
+            code, word = _split_block(textwrap.dedent(block).strip())
             if code or not word:
                 actions.append(self._in_pixels(code, size))
             if word:
@@ -149,7 +153,7 @@ class ReplyParser:
             ActionError: the code cannot be mapped.
         """
         if self.coordinates == "resized":
-            source = self._resized(size)
+            source = self._resized_size(size)
             code = map_code(code, Scaling(source, size))
         elif self.coordinates == "thousandths":
             code = map_code(code, Scaling.fractions(size, 1000))
@@ -160,12 +164,12 @@ class ReplyParser:
 
     def _malformed(self, text: str) -> str:
         """Return an action that counts as malformed: the text itself unless that would be valid."""
-        kept = text[:_KEPT]
+        excerpt = text[:_MAX_EXCERPT_CHARS]
         try:
-            read_action(kept)
+            read_action(excerpt)
         except ActionError:
-            return kept
-        return f"not an action of {self.dialect}: {kept!r}"
+            return excerpt
+        return f"not an action of {self.dialect}: {excerpt!r}"
 
 
 def _blocks(text: str) -> list[str]:
@@ -173,7 +177,7 @@ def _blocks(text: str) -> list[str]:
     return fenced_blocks(_OPENS_LATE.sub(r"\n\1", text))
 
 
-def _parted(block: str) -> tuple[str, str]:
+def _split_block(block: str) -> tuple[str, str]:
     """Return the code of a block and the word that may follow it on a line of its own."""
     code, _, last = block.rpartition("\n")
     word = last.strip()
@@ -198,8 +202,8 @@ def _computer_13(text: str, size: Size) -> list[str]:
             data: Any = json.loads(inner)
         except (ValueError, RecursionError) as error:
             raise ActionError(f"computer_13 is JSON ({error})") from None
-        for one in data if isinstance(data, list) else [data]:
-            if not isinstance(one, Mapping | str):
+        for item in data if isinstance(data, list) else [data]:
+            if not isinstance(item, Mapping | str):
                 raise ActionError("computer_13 is a dict with action_type")
-            actions += code_of(one, "computer_13", size)
+            actions += code_of(item, "computer_13", size)
     return actions

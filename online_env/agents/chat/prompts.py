@@ -74,13 +74,13 @@ def read_prompt(name: str, folders: tuple[str | os.PathLike[str], ...] = ()) -> 
 
 def digest(folder: str | os.PathLike[str]) -> str:
     """Return the SHA-256 of all prompts of a folder."""
-    whole = hashlib.sha256()
+    hasher = hashlib.sha256()
     for path in sorted(Path(folder).glob(PATTERN)):
         content = path.read_bytes()
         head = f"{path.name}\0{len(content)}\0"
-        whole.update(head.encode())
-        whole.update(content)
-    return whole.hexdigest()
+        hasher.update(head.encode())
+        hasher.update(content)
+    return hasher.hexdigest()
 
 
 def _read(path: Path) -> Prompt:

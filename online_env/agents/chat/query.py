@@ -28,11 +28,11 @@ class ScreenPicture:
 
     def __init__(self, pixels: UInt8Array) -> None:
         height, width = pixels.shape[:2]
-        whole = hashlib.sha256(repr((height, width)).encode())
-        whole.update(np.ascontiguousarray(pixels).data)
+        hasher = hashlib.sha256(repr((height, width)).encode())
+        hasher.update(np.ascontiguousarray(pixels).data)
         self.size: Size = (height, width)
         # The hash of the pixels, since the bytes of a PNG depend on the encoder.
-        self.sha256 = whole.hexdigest()
+        self.sha256 = hasher.hexdigest()
         self.base64 = base64.b64encode(png.encode(pixels)).decode()
 
 
@@ -50,13 +50,13 @@ class Turn:
 
     Args:
         picture: what the agent saw.
-        said: the model's answer.
+        answer: the model's answer.
         raw: the answer in the API's form, to be sent back to the API.
         summary: what happened, in the onlooker's words; `None` without one.
     """
 
     picture: ScreenPicture
-    said: str
+    answer: str
     raw: Any = None
     summary: str | None = None
 
@@ -94,23 +94,23 @@ class Reply:
         text: its words.
         calls: calls of tools, each with `name` and `arguments`.
         raw: the part that the API expects back in the next request.
-        read: tokens of the request, as the endpoint counted them.
-        written: tokens of the answer.
+        input_tokens: tokens of the request, as the endpoint counted them.
+        output_tokens: tokens of the answer.
         refused: whether the model refused to answer.
     """
 
     text: str
     calls: tuple[Mapping[str, Any], ...] = ()
     raw: Any = None
-    read: int = 0
-    written: int = 0
+    input_tokens: int = 0
+    output_tokens: int = 0
     refused: bool = False
 
     @property
     def shown(self) -> str:
         """Its words and calls as one text, for the log and for people."""
-        called = [json.dumps(dict(call), ensure_ascii=False) for call in self.calls]
-        return "\n".join(part for part in (self.text, *called) if part)
+        calls = [json.dumps(dict(call), ensure_ascii=False) for call in self.calls]
+        return "\n".join(part for part in (self.text, *calls) if part)
 
 
 @dataclass
@@ -123,29 +123,29 @@ class ChatMessage:
 
 def messages(query: ModelQuery) -> list[ChatMessage]:
     """Return the messages of a conversation in text; no two neighbours have the same role."""
-    found: list[ChatMessage] = []
+    conversation: list[ChatMessage] = []
     if query.prompt.first:
-        _add(found, "user", query.prompt.first)
+        _add(conversation, "user", query.prompt.first)
     for index, turn in enumerate(query.turns):
-        _add(found, "user", query.prompt.each)
-        _add(found, "user", turn.picture if query.is_shown(index) else LEFT_OUT)
+        _add(conversation, "user", query.prompt.each)
+        _add(conversation, "user", turn.picture if query.is_shown(index) else LEFT_OUT)
         if query.summarised:
-            _add(found, "user", f"Step {index + 1}: {turn.summary or turn.said}")
+            _add(conversation, "user", f"Step {index + 1}: {turn.summary or turn.answer}")
         else:
-            _add(found, "assistant", turn.said)
+            _add(conversation, "assistant", turn.answer)
     for picture in query.before:
-        _add(found, "user", picture)
-    _add(found, "user", query.prompt.each)
-    _add(found, "user", query.picture)
-    return found
+        _add(conversation, "user", picture)
+    _add(conversation, "user", query.prompt.each)
+    _add(conversation, "user", query.picture)
+    return conversation
 
 
-def _add(found: list[ChatMessage], role: str, part: str | ScreenPicture) -> None:
+def _add(conversation: list[ChatMessage], role: str, part: str | ScreenPicture) -> None:
     if part == "" and role == "user":
         return
-    if not found or found[-1].role != role:
-        found.append(ChatMessage(role))
-    found[-1].parts.append(part)
+    if not conversation or conversation[-1].role != role:
+        conversation.append(ChatMessage(role))
+    conversation[-1].parts.append(part)
 
 
 def wired(body: Any) -> Any:
@@ -157,14 +157,14 @@ def wired(body: Any) -> Any:
         return f"{body.prefix}{body.picture.base64}"
     if isinstance(body, str):
         return without_halves(body)
-    return _walked(body, wired)
+    return _map_values(body, wired)
 
 
 def logged(body: Any) -> Any:
     """Return a request with its pictures as hashes, for the log."""
     if isinstance(body, EmbeddedPicture):
         return f"sha256:{body.picture.sha256}"
-    return _walked(body, logged)
+    return _map_values(body, logged)
 
 
 def request_digest(body: Any) -> str:
@@ -173,9 +173,9 @@ def request_digest(body: Any) -> str:
     return hashlib.sha256(text.encode("utf-8", "backslashreplace")).hexdigest()
 
 
-def _walked(body: Any, each: Any) -> Any:
+def _map_values(body: Any, convert: Any) -> Any:
     if isinstance(body, Mapping):
-        return {key: each(value) for key, value in body.items()}
+        return {key: convert(value) for key, value in body.items()}
     if isinstance(body, list | tuple):
-        return [each(value) for value in body]
+        return [convert(value) for value in body]
     return body

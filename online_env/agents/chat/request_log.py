@@ -19,7 +19,7 @@ from .query import logged, request_digest
 
 FOLDER = REQUESTS
 REDACTED = "[key]"
-_NEEDED = frozenset({"step", "role", "sha256", "request", "seconds", "tries"})
+_REQUIRED_FIELDS = frozenset({"step", "role", "sha256", "request", "seconds", "tries"})
 
 
 class RequestRecorder(Protocol):
@@ -90,7 +90,7 @@ class RequestReplay(NoRecorder):
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._left = _lines(path)
+        self._remaining = _lines(path)
 
     def recall(self, step: int, role: str, body: Any) -> Mapping[str, Any]:
         """Return the next line of the log, which must be for this request.
@@ -98,16 +98,16 @@ class RequestReplay(NoRecorder):
         Raises:
             ReplayError: The log has a different request here, or none.
         """
-        what = f"{self._path}: step {step} ({role})"
-        if not self._left:
-            raise ReplayError(f"{what}: the log has no further request; it is another run's")
-        line = self._left.pop(0)
+        place = f"{self._path}: step {step} ({role})"
+        if not self._remaining:
+            raise ReplayError(f"{place}: the log has no further request; it is another run's")
+        line = self._remaining.pop(0)
         if line.get("sha256") == request_digest(body):
             return line
-        found = _difference(line.get("request"), logged(body))
+        difference = _difference(line.get("request"), logged(body))
         raise ReplayError(
-            f"{what}: this request is not in the log, which has step {line.get('step')}"
-            f" ({line.get('role')}) here; they differ in {found}"
+            f"{place}: this request is not in the log, which has step {line.get('step')}"
+            f" ({line.get('role')}) here; they differ in {difference}"
         )
 
 
@@ -118,10 +118,10 @@ def log_folder(path: Path) -> Path:
         AgentSetupError: there is none.
     """
     inner = path / FOLDER
-    found = inner if inner.is_dir() else path
-    if not found.is_dir() or not any(found.glob("*.jsonl")):
+    folder = inner if inner.is_dir() else path
+    if not folder.is_dir() or not any(folder.glob("*.jsonl")):
         raise AgentSetupError(f"--replay {path}: no folder {FOLDER} with the log of a run")
-    return found
+    return folder
 
 
 def logged_response(line: Mapping[str, Any]) -> Any:
@@ -148,12 +148,12 @@ def _lines(path: Path) -> list[dict[str, Any]]:
             line = json.loads(text)
         except (ValueError, RecursionError) as error:
             raise ReplayError(f"{path}:{number}: is damaged ({error})") from None
-        if not isinstance(line, dict) or not line.keys() >= _NEEDED:
-            needed = ", ".join(sorted(_NEEDED))
-            raise ReplayError(f"{path}:{number}: is damaged (it lacks one of {needed})")
-        wrong = _mistake(line)
-        if wrong:
-            raise ReplayError(f"{path}:{number}: is damaged ({wrong})")
+        if not isinstance(line, dict) or not line.keys() >= _REQUIRED_FIELDS:
+            fields = ", ".join(sorted(_REQUIRED_FIELDS))
+            raise ReplayError(f"{path}:{number}: is damaged (it lacks one of {fields})")
+        mistake = _mistake(line)
+        if mistake:
+            raise ReplayError(f"{path}:{number}: is damaged ({mistake})")
         lines.append(line)
     return lines
 
@@ -169,15 +169,15 @@ def _mistake(line: Mapping[str, Any]) -> str:
     return ""
 
 
-def _difference(was: Any, now: Any, place: str = "the request") -> str:
+def _difference(before: Any, after: Any, place: str = "the request") -> str:
     """Return the place of the first difference of two JSON values."""
-    if isinstance(was, dict) and isinstance(now, dict):
-        for key in {**was, **now}:
-            if was.get(key) != now.get(key):
-                return _difference(was.get(key), now.get(key), f"{place}.{key}")
-    if isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
-        for index, (old, new) in enumerate(zip(was, now, strict=True)):
+    if isinstance(before, dict) and isinstance(after, dict):
+        for key in {**before, **after}:
+            if before.get(key) != after.get(key):
+                return _difference(before.get(key), after.get(key), f"{place}.{key}")
+    if isinstance(before, list) and isinstance(after, list) and len(before) == len(after):
+        for index, (old, new) in enumerate(zip(before, after, strict=True)):
             if old != new:
                 return _difference(old, new, f"{place}[{index}]")
-    kind = "a picture" if str(now).startswith("sha256:") else "the value"
+    kind = "a picture" if str(after).startswith("sha256:") else "the value"
     return f"{place} ({kind})"

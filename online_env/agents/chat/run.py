@@ -30,7 +30,8 @@ class ChatRun:
     def begin(self, episode: str, settings: AgentSettings) -> None:
         """Open the log of an episode, or its replay.
 
-        Raises `ReplayError` if the replayed run has no such episode.
+        Raises:
+            ReplayError: The replayed run has no such episode.
         """
         name = f"{episode}.jsonl"
         if self.replay is not None:
@@ -41,12 +42,12 @@ class ChatRun:
 
     def folders(self, settings: AgentSettings) -> tuple[str | os.PathLike[str], ...]:
         """Return the folders in which prompts are looked up first."""
-        found: list[str | os.PathLike[str]] = []
+        folders: list[str | os.PathLike[str]] = []
         if self.prompts is not None:
-            found.append(self.prompts)
+            folders.append(self.prompts)
         if settings.prompts is not None:
-            found.append(settings.prompts)
-        return tuple(found)
+            folders.append(settings.prompts)
+        return tuple(folders)
 
 
 def _secrets(settings: AgentSettings) -> Iterable[str]:

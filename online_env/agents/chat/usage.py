@@ -34,7 +34,7 @@ class UsageMeter:
     """Counts the usage of an episode."""
 
     def __init__(self) -> None:
-        self._whole = TokenCounts()
+        self._total = TokenCounts()
         self._steps: list[TokenCounts] = []
         self.unreadable_checks = 0
 
@@ -48,30 +48,35 @@ class UsageMeter:
         self._steps.append(TokenCounts())
 
     def add(
-        self, read: int, written: int, prices: TokenPrices | None, seconds: float, tries: int
+        self,
+        input_tokens: int,
+        output_tokens: int,
+        prices: TokenPrices | None,
+        seconds: float,
+        tries: int,
     ) -> None:
         """Count one answered request; `tries` is how often it was sent.
 
         Every request has tokens, so a count of 0 means that the endpoint does not count: the cost
         is then unknown, unless tokens are free.
         """
-        if prices is not None and not read and prices.cost(1, 1):
+        if prices is not None and not input_tokens and prices.cost(1, 1):
             prices = None
-        used = TokenCounts(
+        counts = TokenCounts(
             requests=1,
             retries=tries - 1,
-            input_tokens=read,
-            output_tokens=written,
-            usd=None if prices is None else prices.cost(read, written),
+            input_tokens=input_tokens,
+            output_tokens=output_tokens,
+            usd=None if prices is None else prices.cost(input_tokens, output_tokens),
             seconds=seconds,
         )
-        self._whole.add(used)
+        self._total.add(counts)
         if self._steps:
-            self._steps[-1].add(used)
+            self._steps[-1].add(counts)
 
     def to_data(self) -> dict[str, Any]:
         """Return the counts as JSON data, those of each step in `steps`."""
-        data = asdict(self._whole)
+        data = asdict(self._total)
         if self.unreadable_checks:
             data["unreadable_checks"] = self.unreadable_checks
         data["steps"] = [asdict(step) for step in self._steps]

@@ -25,7 +25,8 @@ class Pixel:
     infeasible: the agent answers that only if the plan says so, because otherwise it would be right
     about infeasible tasks merely by getting lost.
 
-    Raises `MissingDependencyError` without the extra `ocr`.
+    Raises:
+        MissingDependencyError: The extra `ocr` is not installed.
     """
 
     uses_plan = True
@@ -79,4 +80,4 @@ class Pixel:
 
 def walk_answer(walked: WalkResult) -> tuple[str, Sequence[str]]:
     """Return words and action: `DONE` at the end of the plan, and where it cannot go on."""
-    return walked.said, [walked.action or DONE]
+    return walked.words, [walked.action or DONE]

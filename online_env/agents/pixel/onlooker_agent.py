@@ -40,9 +40,9 @@ class PixelOnlooker(Pixel):
 
     def __init__(self) -> None:
         super().__init__()
-        self._known = read_errors(self.errors)[0]
+        self._errors = read_errors(self.errors)[0]
         self.summaries: list[str] = []
-        self._named: tuple[str, ...] = ()
+        self._plan_windows: tuple[str, ...] = ()
         self._forget()
 
     def reset(self) -> None:
@@ -56,74 +56,74 @@ class PixelOnlooker(Pixel):
         Args:
             picture: uint8 RGB `[H, W, 3]`.
         """
-        found = self._onlooker.check(ScreenReader().read(picture))
-        return None if found is None else found.say
+        finding = self._onlooker.check(ScreenReader().read(picture))
+        return None if finding is None else finding.say
 
     def _forget(self) -> None:
         self.summaries = []
-        self._onlooker = PictureOnlooker(self._known)
+        self._onlooker = PictureOnlooker(self._errors)
         self._recovery = PlanWalk((), self.reader)
-        self._put_right: list[str] = []
-        self._asked = False
-        self._checked = False
-        self._said = ""
-        self._before: tuple[UInt8Array, tuple[TextLine, ...]] | None = None
+        self._recovered_kinds: list[str] = []
+        self._has_asked = False
+        self._is_checked = False
+        self._last_words = ""
+        self._last_screen: tuple[UInt8Array, tuple[TextLine, ...]] | None = None
 
     def _begin(self, steps: Sequence[PlanStep]) -> None:
         super()._begin(steps)
-        self._named = tuple(step.text for step in steps if step.verb == "window")
+        self._plan_windows = tuple(step.text for step in steps if step.verb == "window")
 
     def _go_on(self, picture: UInt8Array) -> tuple[str, Sequence[str]]:
         lines = self.reader.read(picture)
         notes: list[str] = []
-        if self.checks and not self._checked:
+        if self.checks and not self._is_checked:
             answer = self._check(lines)
             if answer is not None:
                 return answer
         if self.summarises:
             notes += self._look_on(picture, lines)
-        said, actions = self._act(picture)
-        self._said = f"{said} {actions[0] if actions[0] == WAIT else ''}".strip()
-        self._before = (picture.copy(), lines)
-        return " ".join([*notes, said]), actions
+        words, actions = self._act(picture)
+        self._last_words = f"{words} {actions[0] if actions[0] == WAIT else ''}".strip()
+        self._last_screen = (picture.copy(), lines)
+        return " ".join([*notes, words]), actions
 
     def _check(self, lines: Sequence[TextLine]) -> tuple[str, Sequence[str]] | None:
         """Check the first picture; ask once for re-initialisation, and look again."""
-        found = self._onlooker.check(lines)
-        if found is not None and not self._asked:
-            self._asked = True
-            return f"Reminder: {found.say}", [REINIT]
-        self._checked = True
-        if found is not None:
-            self._recover(found)
+        finding = self._onlooker.check(lines)
+        if finding is not None and not self._has_asked:
+            self._has_asked = True
+            return f"Reminder: {finding.say}", [REINIT]
+        self._is_checked = True
+        if finding is not None:
+            self._recover(finding)
         return None
 
     def _look_on(self, picture: UInt8Array, lines: tuple[TextLine, ...]) -> list[str]:
         """Summarise the last step, and put right what is wrong; return what to say of it."""
         notes: list[str] = []
-        if self._before is not None:
-            earlier, read = self._before
+        if self._last_screen is not None:
+            earlier, read = self._last_screen
             share = changed_share(earlier, picture)
-            notes.append(self._onlooker.summarise(self._said, read, lines, share))
+            notes.append(self._onlooker.summarise(self._last_words, read, lines, share))
             self.summaries.append(notes[-1])
         if not self._recovery.ended:
             return notes
-        found = self._onlooker.watch(lines, picture.shape[:2], self._windows())
-        if found is not None and self._recover(found):
-            notes.append(f"Reminder: {found.say}")
+        finding = self._onlooker.watch(lines, picture.shape[:2], self._windows())
+        if finding is not None and self._recover(finding):
+            notes.append(f"Reminder: {finding.say}")
         return notes
 
     def _windows(self) -> tuple[str, ...]:
         """Return the windows of the plan, with the one at work at the end."""
-        return (*self._named, self.walk.window) if self.walk.window else ()
+        return (*self._plan_windows, self.walk.window) if self.walk.window else ()
 
-    def _recover(self, found: ScreenFinding) -> bool:
+    def _recover(self, finding: ScreenFinding) -> bool:
         """Begin to put something right; return whether it is still worth a try."""
-        tried = self._put_right.count(found.kind)
-        if tried >= MAX_SAME_RECOVERIES or len(self._put_right) >= MAX_RECOVERIES:
+        tries = self._recovered_kinds.count(finding.kind)
+        if tries >= MAX_SAME_RECOVERIES or len(self._recovered_kinds) >= MAX_RECOVERIES:
             return False
-        self._put_right.append(found.kind)
-        self._recovery = PlanWalk(read_plan(found.steps), self.reader)
+        self._recovered_kinds.append(finding.kind)
+        self._recovery = PlanWalk(read_plan(finding.steps), self.reader)
         return True
 
     def _act(self, picture: UInt8Array) -> tuple[str, Sequence[str]]:
@@ -131,14 +131,14 @@ class PixelOnlooker(Pixel):
         if not self._recovery.ended:
             walked = self._recovery.act(picture)
             if walked.action:
-                return f"Recovery. {walked.said}", [walked.action]
+                return f"Recovery. {walked.words}", [walked.action]
             self._recovery = PlanWalk((), self.reader)
         walked = self.walk.act(picture)
-        lost = ScreenFinding(kind="lost", say=walked.said, steps=FALLBACK_STEPS)
-        if not walked.lost or not self.summarises or not self._recover(lost):
+        finding = ScreenFinding(kind="lost", say=walked.words, steps=FALLBACK_STEPS)
+        if not walked.is_lost or not self.summarises or not self._recover(finding):
             return walk_answer(walked)
         self.walk.wait_again()
-        return f"{walked.said} Recovery.", [self._recovery.act(picture).action]
+        return f"{walked.words} Recovery.", [self._recovery.act(picture).action]
 
 
 class NoCheck(PixelOnlooker):

@@ -20,9 +20,9 @@ def changed_tiles(before: UInt8Array, after: UInt8Array) -> npt.NDArray[np.bool_
     height, width = differs.shape
     below = -height % TILE_PX
     beside = -width % TILE_PX
-    whole = np.pad(differs, ((0, below), (0, beside)))
-    rows, columns = whole.shape[0] // TILE_PX, whole.shape[1] // TILE_PX
-    by_tile = whole.reshape(rows, TILE_PX, columns, TILE_PX)
+    padded = np.pad(differs, ((0, below), (0, beside)))
+    rows, columns = padded.shape[0] // TILE_PX, padded.shape[1] // TILE_PX
+    by_tile = padded.reshape(rows, TILE_PX, columns, TILE_PX)
     return np.any(by_tile, axis=(1, 3))
 
 
@@ -63,35 +63,35 @@ def changed_share(before: UInt8Array, after: UInt8Array) -> float:
     return float(changed_tiles(before, after).mean())
 
 
-def touch(one: Box, other: Box) -> bool:
+def touch(first: Box, second: Box) -> bool:
     """Return whether two boxes share a pixel."""
-    across = one[0] < other[2] and other[0] < one[2]
-    return across and one[1] < other[3] and other[1] < one[3]
+    across = first[0] < second[2] and second[0] < first[2]
+    return across and first[1] < second[3] and second[1] < first[3]
 
 
-def union(one: Box, other: Box) -> Box:
+def union(first: Box, second: Box) -> Box:
     """Return the smallest box that holds two boxes."""
     return (
-        min(one[0], other[0]),
-        min(one[1], other[1]),
-        max(one[2], other[2]),
-        max(one[3], other[3]),
+        min(first[0], second[0]),
+        min(first[1], second[1]),
+        max(first[2], second[2]),
+        max(first[3], second[3]),
     )
 
 
 def merged(boxes: list[Box]) -> list[Box]:
     """Return boxes of which no two touch, and that hold all of the given ones."""
-    left = list(boxes)
-    apart: list[Box] = []
-    while left:
-        box = left.pop()
-        near = [other for other in left if touch(box, other)]
+    remaining = list(boxes)
+    separate: list[Box] = []
+    while remaining:
+        box = remaining.pop()
+        near = [neighbour for neighbour in remaining if touch(box, neighbour)]
         if not near:
-            apart.append(box)
+            separate.append(box)
             continue
-        for other in near:
-            left.remove(other)
-            box = union(box, other)
-        left += [box, *(other for other in apart if touch(box, other))]
-        apart = [other for other in apart if not touch(box, other)]
-    return sorted(apart, key=lambda box: (box[1], box[0]))
+        for neighbour in near:
+            remaining.remove(neighbour)
+            box = union(box, neighbour)
+        remaining += [box, *(neighbour for neighbour in separate if touch(box, neighbour))]
+        separate = [neighbour for neighbour in separate if not touch(box, neighbour)]
+    return sorted(separate, key=lambda box: (box[1], box[0]))

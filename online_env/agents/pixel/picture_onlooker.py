@@ -20,10 +20,10 @@ from .text_matching import MIN_LIKENESS, all_texts, even, find_text, likeness
 PASSWORD = "password"  # of the desktop's user, who knows it
 GONE = "The window is gone"
 COVERED = "A foreign window is in the way"
-_BARE = 8  # lines that a bare desktop has at most: names of icons, and the panel
-_SHOWN = 6  # texts that a summary names
-_PANEL = 0.9  # of the height: the panel is below
-_CLOCK = 0.9  # of the width: the clock is to the right
+_MAX_DESKTOP_LINES = 8  # lines that a bare desktop has at most: names of icons, and the panel
+_MAX_LISTED_TEXTS = 6  # texts that a summary names
+_PANEL_TOP_SHARE = 0.9  # of the height: the panel is below
+_CLOCK_LEFT_SHARE = 0.9  # of the width: the clock is to the right
 _LETTERS = re.compile(r"[^\W\d_]{3}")
 
 
@@ -93,7 +93,7 @@ class PictureOnlooker:
         """Return the error of the repository that a screen shows, or `None` (the initial check)."""
         for error in self._errors:
             signs = SIGNS.get(error.name)
-            if signs is None or not _shows(lines, signs):
+            if signs is None or not _shows_error(lines, signs):
                 continue
             return ScreenFinding(kind=error.name, say=error.say, steps=signs.steps)
         return None
@@ -108,34 +108,46 @@ class PictureOnlooker:
             size: `(height, width)` of the picture.
             windows: The windows that the plan names so far; the last one is at work.
         """
-        found = self.check(lines)
-        if found is not None or not windows:
-            return found
+        finding = self.check(lines)
+        if finding is not None or not windows:
+            return finding
         buttons = panel_buttons(lines, size)
         above = [line for line in lines if line not in buttons]
         for window in windows:
-            seen = find_text(above, window)
-            if seen is not None:
-                self._titles[window] = seen.line.text
-        own = [line for line in buttons if any(self._is_of(line, name) for name in windows)]
-        foreign = self._strangers(buttons, own)
-        at_work = [line for line in own if self._is_of(line, windows[-1])]
-        return _gone(above, at_work or own or buttons, windows[-1]) or _covered(foreign)
+            title = find_text(above, window)
+            if title is not None:
+                self._titles[window] = title.line.text
+        own_buttons = [
+            line
+            for line in buttons
+            if any(self._is_button_of_window(line, name) for name in windows)
+        ]
+        foreign = self._foreign_buttons(buttons, own_buttons)
+        at_work = [line for line in own_buttons if self._is_button_of_window(line, windows[-1])]
+        return _find_gone_window(
+            above, at_work or own_buttons or buttons, windows[-1]
+        ) or _find_foreign_window(foreign)
 
-    def _strangers(self, buttons: Sequence[TextLine], own: Sequence[TextLine]) -> list[TextLine]:
+    def _foreign_buttons(
+        self, buttons: Sequence[TextLine], own_buttons: Sequence[TextLine]
+    ) -> list[TextLine]:
         """Return the buttons of foreign windows; none if no button is one of the plan's windows."""
-        others = [line for line in buttons if line not in own]
+        other_buttons = [line for line in buttons if line not in own_buttons]
         if self._foreign is None and buttons:
-            self._foreign = tuple(line.text for line in others) if own else ()
-        if not own or not self._foreign:
+            self._foreign = tuple(line.text for line in other_buttons) if own_buttons else ()
+        if not own_buttons or not self._foreign:
             return []
-        return [line for line in others if any(_cut(line, text) for text in self._foreign)]
+        return [
+            line
+            for line in other_buttons
+            if any(_begins_title(line, text) for text in self._foreign)
+        ]
 
-    def _is_of(self, button: TextLine, window: str) -> bool:
+    def _is_button_of_window(self, button: TextLine, window: str) -> bool:
         """Return whether a button of the panel, which may be cut short, is that of a window."""
         if find_text([button], window) is not None:
             return True
-        return _cut(button, self._titles.get(window, ""))
+        return _begins_title(button, self._titles.get(window, ""))
 
     def summarise(
         self, step: str, before: Sequence[TextLine], after: Sequence[TextLine], share: float
@@ -165,20 +177,24 @@ class PictureOnlooker:
 def panel_buttons(lines: Sequence[TextLine], size: Size) -> list[TextLine]:
     """Return the window buttons of the panel, from left to right; none if no panel shows."""
     height, width = size
-    low = [line for line in lines if line.box[1] > _PANEL * height]
+    low = [line for line in lines if line.box[1] > _PANEL_TOP_SHARE * height]
     menu = find_text(low, "Applications")
     if menu is None:
         return []
     band = [line for line in low if line.box[3] > menu.box[1] and line.box[0] > menu.box[2]]
-    named = [line for line in band if _LETTERS.search(line.text) and line.box[0] < _CLOCK * width]
-    return sorted(named, key=lambda line: line.box[0])
+    buttons = [
+        line
+        for line in band
+        if _LETTERS.search(line.text) and line.box[0] < _CLOCK_LEFT_SHARE * width
+    ]
+    return sorted(buttons, key=lambda line: line.box[0])
 
 
-def _gone(
+def _find_gone_window(
     above: Sequence[TextLine], buttons: Sequence[TextLine], window: str
 ) -> ScreenFinding | None:
     """Return the finding that the window is not visible, if only desktop and panel are."""
-    if not buttons or len(above) > _BARE or all_texts(above, window):
+    if not buttons or len(above) > _MAX_DESKTOP_LINES or all_texts(above, window):
         return None
     return ScreenFinding(
         kind=GONE,
@@ -187,13 +203,13 @@ def _gone(
     )
 
 
-def _cut(button: TextLine, title: str) -> bool:
+def _begins_title(button: TextLine, title: str) -> bool:
     """Return whether a button says the beginning of a title, or all of it."""
     short = even(button.text.rstrip("."))
     return likeness(short, even(title)[: len(short)]) >= MIN_LIKENESS
 
 
-def _covered(foreign: Sequence[TextLine]) -> ScreenFinding | None:
+def _find_foreign_window(foreign: Sequence[TextLine]) -> ScreenFinding | None:
     """Return the finding that a foreign window is open."""
     if not foreign:
         return None
@@ -205,12 +221,12 @@ def _covered(foreign: Sequence[TextLine]) -> ScreenFinding | None:
     )
 
 
-def _shows(lines: Sequence[TextLine], signs: ErrorSigns) -> bool:
+def _shows_error(lines: Sequence[TextLine], signs: ErrorSigns) -> bool:
     return any(all(find_text(lines, text) for text in group) for group in signs.texts)
 
 
-def _texts(lines: Sequence[TextLine], others: Sequence[TextLine]) -> list[str]:
+def _texts(lines: Sequence[TextLine], other_lines: Sequence[TextLine]) -> list[str]:
     """Return the texts that are in some lines but not in others."""
-    known = {even(line.text) for line in others}
-    found = [repr(line.text) for line in lines if even(line.text) not in known]
-    return found[:_SHOWN]
+    other_texts = {even(line.text) for line in other_lines}
+    texts = [repr(line.text) for line in lines if even(line.text) not in other_texts]
+    return texts[:_MAX_LISTED_TEXTS]

@@ -30,14 +30,14 @@ class WalkResult:
     """The result of a walk on one picture.
 
     Args:
-        said: The step, and what was seen of it.
+        words: The step, and what was seen of it.
         action: pyautogui code, `WAIT` or `FAIL`; "" if there is nothing left to do.
-        lost: Whether a text did not appear, so that the plan cannot continue.
+        is_lost: Whether a text did not appear, so that the plan cannot continue.
     """
 
-    said: str
+    words: str
     action: str = ""
-    lost: bool = False
+    is_lost: bool = False
 
 
 class PlanWalk:
@@ -51,25 +51,25 @@ class PlanWalk:
     def __init__(self, steps: Iterable[PlanStep], reader: ScreenReader) -> None:
         self.steps = tuple(steps)
         self._reader = reader
-        self._at = 0
-        self._missed = 0
-        self._turned = 0
+        self._step = 0
+        self._waits = 0
+        self._scrolls = 0
 
     @property
     def ended(self) -> bool:
         """Whether no step is left."""
-        return self._at >= len(self.steps)
+        return self._step >= len(self.steps)
 
     @property
     def window(self) -> str:
         """The window in use at this step of the plan; "" if the plan names none."""
-        named = [step.text for step in self.steps[: self._at + 1] if step.verb == "window"]
-        return named[-1] if named else ""
+        windows = [step.text for step in self.steps[: self._step + 1] if step.verb == "window"]
+        return windows[-1] if windows else ""
 
     def wait_again(self) -> None:
         """Look for the text of a step that is lost once more."""
-        self._missed = 0
-        self._turned = 0
+        self._waits = 0
+        self._scrolls = 0
 
     def act(self, picture: UInt8Array) -> WalkResult:
         """Continue to the next step that needs an action, and return the action.
@@ -78,63 +78,63 @@ class PlanWalk:
             picture: uint8 RGB `[H, W, 3]`.
         """
         while not self.ended:
-            walked = self._try(self.steps[self._at], picture)
+            walked = self._try(self.steps[self._step], picture)
             if walked is not None:
                 return walked
             self._advance()
-        return WalkResult(said="That was the whole plan.")
+        return WalkResult(words="That was the whole plan.")
 
     def _advance(self) -> None:
-        self._at += 1
-        self._missed = 0
-        self._turned = 0
+        self._step += 1
+        self._waits = 0
+        self._scrolls = 0
 
     def _try(self, step: PlanStep, picture: UInt8Array) -> WalkResult | None:
         """Return the action of a step; `None` if it needs none."""
         match step.verb:
             case "type" | "press":
-                return self._taken(step, keyboard_code(step))
+                return self._take_step(step, keyboard_code(step))
             case "give up":
-                return self._taken(step, FAIL)
+                return self._take_step(step, FAIL)
             case "scroll" if not step.text:
-                return self._taken(step, wheel_code(step, picture.shape[:2], step.count))
+                return self._take_step(step, wheel_code(step, picture.shape[:2], step.count))
             case "wait" if not step.text:
-                return self._taken(step, WAIT)
+                return self._take_step(step, WAIT)
             case _:
-                return self._look(step, picture)
+                return self._act_on_text(step, picture)
 
-    def _look(self, step: PlanStep, picture: UInt8Array) -> WalkResult | None:
+    def _act_on_text(self, step: PlanStep, picture: UInt8Array) -> WalkResult | None:
         """Look for the text of a step, and act on it."""
         lines = self._reader.read(picture)
-        seen = find_step_text(step, lines)
-        if seen is None:
-            return self._not_seen(step, lines, picture.shape[:2])
+        match_found = find_step_text(step, lines)
+        if match_found is None:
+            return self._search_on(step, lines, picture.shape[:2])
         if step.verb in ("wait", "window", "scroll"):
             return None
-        x, y = click_point(step, seen, picture.shape[:2])
+        x, y = click_point(step, match_found, picture.shape[:2])
         code = _CLICKS[step.verb].format(x=x, y=y)
-        return self._taken(step, code, f"I read {seen.line.text!r}.")
+        return self._take_step(step, code, f"I read {match_found.line.text!r}.")
 
-    def _not_seen(self, step: PlanStep, lines: Sequence[TextLine], size: Size) -> WalkResult:
-        if step.verb == "scroll" and self._turned < MAX_SCROLLS:
-            self._turned += 1
+    def _search_on(self, step: PlanStep, lines: Sequence[TextLine], size: Size) -> WalkResult:
+        if step.verb == "scroll" and self._scrolls < MAX_SCROLLS:
+            self._scrolls += 1
             return WalkResult(
-                said=self._words(step), action=wheel_code(step, size, CLICKS_PER_SCROLL)
+                words=self._words(step), action=wheel_code(step, size, CLICKS_PER_SCROLL)
             )
-        said = self._words(step, f"I do not see {step.text!r}.")
-        if self._missed < MAX_WAITS:
-            self._missed += 1
-            return WalkResult(said=said, action=WAIT)
+        words = self._words(step, f"I do not see {step.text!r}.")
+        if self._waits < MAX_WAITS:
+            self._waits += 1
+            return WalkResult(words=words, action=WAIT)
         closest = closest_text(lines, step.text)
-        return WalkResult(said=f"{said} The closest text is {closest!r}.", lost=True)
+        return WalkResult(words=f"{words} The closest text is {closest!r}.", is_lost=True)
 
-    def _taken(self, step: PlanStep, action: str, note: str = "") -> WalkResult:
-        said = self._words(step, note)
+    def _take_step(self, step: PlanStep, action: str, note: str = "") -> WalkResult:
+        words = self._words(step, note)
         self._advance()
-        return WalkResult(said=said, action=action)
+        return WalkResult(words=words, action=action)
 
     def _words(self, step: PlanStep, note: str = "") -> str:
-        return f"Step {self._at + 1} of {len(self.steps)}: {step.line}. {note}".rstrip()
+        return f"Step {self._step + 1} of {len(self.steps)}: {step.line}. {note}".rstrip()
 
 
 def find_step_text(step: PlanStep, lines: Sequence[TextLine]) -> TextMatch | None:
@@ -145,12 +145,12 @@ def find_step_text(step: PlanStep, lines: Sequence[TextLine]) -> TextMatch | Non
     return find_text(lines, step.text, anchors) if anchors else None
 
 
-def click_point(step: PlanStep, seen: TextMatch, size: Size) -> Point:
+def click_point(step: PlanStep, match_found: TextMatch, size: Size) -> Point:
     """Return the pixel to click on: in the middle of a text, or beside it."""
-    left, top, right, bottom = seen.box
-    x, y = seen.centre
-    across = round(LINE_HEIGHTS_ACROSS * seen.line.height)
-    along = round(LINE_HEIGHTS_ALONG * seen.line.height)
+    left, top, right, bottom = match_found.box
+    x, y = match_found.centre
+    across = round(LINE_HEIGHTS_ACROSS * match_found.line.height)
+    along = round(LINE_HEIGHTS_ALONG * match_found.line.height)
     places = {
         "": (x, y),
         "right of": (right + across, y),

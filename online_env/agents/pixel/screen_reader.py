@@ -83,33 +83,35 @@ class TextCache:
     def read(self, part: UInt8Array, counts: ReadingCounts) -> tuple[TextLine, ...]:
         """Return the lines of a part, in its own pixels, and count what that cost."""
         key = _digest(part)
-        known = self._lines.get(key)
-        if known is not None:
+        lines = self._lines.get(key)
+        if lines is not None:
             self._lines.move_to_end(key)
             counts.kept += 1
-            return known
-        found = tuple(TextLine(text=text, box=box) for text, box in self._read(key, part, counts))
-        self._lines[key] = found
+            return lines
+        lines_read = tuple(
+            TextLine(text=text, box=box) for text, box in self._read(key, part, counts)
+        )
+        self._lines[key] = lines_read
         while len(self._lines) > self._size:
             self._lines.popitem(last=False)
-        return found
+        return lines_read
 
     def _read(self, key: str, part: UInt8Array, counts: ReadingCounts) -> TextLines:
         """Return what another process has read, or read it."""
 
         def read() -> TextLines:
             start = time.perf_counter()
-            found = _read(part)
+            lines = _read(part)
             counts.seconds += time.perf_counter() - start
             counts.calls += 1
             counts.pixels += part.shape[0] * part.shape[1]
-            return found
+            return lines
 
         if self._files is None:
             return read()
-        found, known = self._files.read(key, read)
-        counts.kept += known
-        return found
+        lines, is_shared = self._files.read(key, read)
+        counts.kept += is_shared
+        return lines
 
 
 SHARED = TextCache()  # of a process: the episodes of a run begin with the same pictures
@@ -125,7 +127,7 @@ class ScreenReader:
 
     def __init__(self, cache: TextCache | None = None, *, whole: bool = False) -> None:
         self._cache = SHARED if cache is None else cache
-        self._whole = whole
+        self._reads_whole = whole
         self._picture: UInt8Array | None = None
         self._lines: tuple[TextLine, ...] = ()
         self.counts = ReadingCounts()
@@ -139,10 +141,11 @@ class ScreenReader:
     def read(self, picture: UInt8Array) -> tuple[TextLine, ...]:
         """Return the lines of a picture, from top to bottom.
 
-        Raises `MissingDependencyError` without the extra `ocr`.
-
         Args:
             picture: uint8 RGB `[H, W, 3]`.
+
+        Raises:
+            MissingDependencyError: The extra `ocr` is not installed.
         """
         if self._picture is not None and self._picture.shape != picture.shape:
             self._lines = ()  # their places are those of another picture
@@ -154,7 +157,7 @@ class ScreenReader:
         old = [line for line in self._lines if not any(touch(line.box, box) for box in boxes)]
         new: list[TextLine] = []
         for box in boxes:
-            new += self._within(picture, box)
+            new += self._lines_within(picture, box)
         dated = [replace(line, since=self._since(line, number)) for line in new]
         self._lines = tuple(sorted([*old, *dated], key=lambda line: (line.box[1], line.box[0])))
         self._picture = picture.copy()
@@ -171,38 +174,38 @@ class ScreenReader:
         """Return the boxes to read: they cut no line, and no two of them touch."""
         height, width = picture.shape[:2]
         everything = [(0, 0, width, height)]
-        if self._picture is None or self._whole:
+        if self._picture is None or self._reads_whole:
             return everything
         boxes = self._around_lines(changed_boxes(self._picture, picture))
         area = sum((box[2] - box[0]) * (box[3] - box[1]) for box in boxes)
         return everything if area > WHOLE_PICTURE_SHARE * height * width else boxes
 
-    def _around_lines(self, changed: list[Box]) -> list[Box]:
+    def _around_lines(self, changed_boxes: list[Box]) -> list[Box]:
         """Return boxes that hold what changed, and the whole of every line that they touch."""
-        boxes = merged(changed)
+        boxes = merged(changed_boxes)
         while True:
-            grown = list(boxes)
+            boxes_grown = list(boxes)
             for line in self._lines:
-                grown += [line.box for box in boxes if touch(line.box, box)]
-            grown = merged(grown)
-            if grown == boxes:
+                boxes_grown += [line.box for box in boxes if touch(line.box, box)]
+            boxes_grown = merged(boxes_grown)
+            if boxes_grown == boxes:
                 return boxes
-            boxes = grown
+            boxes = boxes_grown
 
-    def _within(self, picture: UInt8Array, box: Box) -> list[TextLine]:
+    def _lines_within(self, picture: UInt8Array, box: Box) -> list[TextLine]:
         """Return the lines of a part of the picture, in pixels of the picture."""
         height, width = picture.shape[:2]
-        left, top, right, bottom = _padded(box, (height, width))
-        found: list[TextLine] = []
+        left, top, right, bottom = _pad_box(box, (height, width))
+        lines: list[TextLine] = []
         for line in self._cache.read(picture[top:bottom, left:right], self.counts):
             x1, y1, x2, y2 = line.box
-            moved = (x1 + left, y1 + top, x2 + left, y2 + top)
-            if touch(moved, box):
-                found.append(replace(line, box=moved))
-        return found
+            box_moved = (x1 + left, y1 + top, x2 + left, y2 + top)
+            if touch(box_moved, box):
+                lines.append(replace(line, box=box_moved))
+        return lines
 
 
-def _padded(box: Box, size: Size) -> Box:
+def _pad_box(box: Box, size: Size) -> Box:
     """Return a box with a margin, high and wide enough for the OCR."""
     height, width = size
     left, top, right, bottom = box
@@ -219,9 +222,9 @@ def _padded(box: Box, size: Size) -> Box:
 
 
 def _read(part: UInt8Array) -> TextLines:
-    found = boxes_from_ocr(part)
+    elements = boxes_from_ocr(part)
     lines: TextLines = []
-    for (x1, y1, x2, y2), text in zip(found.boxes.tolist(), found.names, strict=True):
+    for (x1, y1, x2, y2), text in zip(elements.boxes.tolist(), elements.names, strict=True):
         if text.strip():
             lines.append((text.strip(), (x1, y1, x2, y2)))
     return lines

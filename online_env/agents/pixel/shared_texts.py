@@ -1,4 +1,4 @@
-"""The text that was read of pictures, in a folder that the processes of a run share.
+"""Texts that OCR read, in a folder that the processes of a run share.
 
 Each part of a picture has a file, named by its pixels. Its lock makes sure that a part is read
 once, and that a process that needs it at the same time waits for the one that reads it: agents that
@@ -37,22 +37,22 @@ class TextFiles:
             read: Reads the part, if no process has.
         """
         path = self._folder / f"{key}.json"
-        known = _known(path)
-        if known is not None:
-            return known, True
+        lines = _known(path)
+        if lines is not None:
+            return lines, True
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
-            held = lock(path, wait=True)
+            file_lock = lock(path, wait=True)
         except OSError:
             return read(), False
-        with held:
-            known = _known(path)
-            if known is not None:
-                return known, True
-            found = read()
+        with file_lock:
+            lines = _known(path)
+            if lines is not None:
+                return lines, True
+            lines_read = read()
             with suppress(OSError):
-                path.write_text(json.dumps(found))
-            return found, False
+                path.write_text(json.dumps(lines_read))
+            return lines_read, False
 
 
 def _known(path: Path) -> TextLines | None:

@@ -13,9 +13,7 @@ WHOLE_LINE = 1.0
 WHOLE_WORDS = 0.95
 PART_OF_WORD = 0.85  # inside a longer word
 MIN_INEXACT_CHARS = 4  # characters: what has fewer must be read exactly, and as whole words
-MIN_LIKENESS = (
-    0.78  # likeness of a text that OCR read with mistakes; two of ten letters may be wrong
-)
+MIN_LIKENESS = 0.78  # of a text that OCR read with mistakes: two of ten letters may be wrong
 _ALIKE = str.maketrans(
     {
         "0": "o",
@@ -55,7 +53,7 @@ class TextMatch:
 
 
 def find_text(
-    lines: Iterable[TextLine], wanted: str, near: Sequence[TextMatch] = ()
+    lines: Iterable[TextLine], text: str, near: Sequence[TextMatch] = ()
 ) -> TextMatch | None:
     """Return where a text stands; `None` if it is not there.
 
@@ -64,37 +62,42 @@ def find_text(
 
     Args:
         lines: What was read.
-        wanted: The text.
+        text: The text.
         near: The places of an anchor.
     """
-    found = all_texts(lines, wanted)
-    if not found:
+    matches = all_texts(lines, text)
+    if not matches:
         return None
     if near:
-        return min(found, key=lambda seen: min(_distance(seen, anchor) for anchor in near))
-    best = max(seen.likeness for seen in found)
-    equals = [seen for seen in found if seen.likeness == best]
-    return min(equals, key=lambda seen: (-seen.line.since, seen.box[1], seen.box[0]))
+        return min(
+            matches, key=lambda match_found: min(_distance(match_found, anchor) for anchor in near)
+        )
+    best = max(match_found.likeness for match_found in matches)
+    equals = [match_found for match_found in matches if match_found.likeness == best]
+    return min(
+        equals,
+        key=lambda match_found: (-match_found.line.since, match_found.box[1], match_found.box[0]),
+    )
 
 
-def all_texts(lines: Iterable[TextLine], wanted: str) -> list[TextMatch]:
+def all_texts(lines: Iterable[TextLine], text: str) -> list[TextMatch]:
     """Return all places of a text; those that were read with mistakes only if no other is there."""
     exact: list[TextMatch] = []
     alike: list[TextMatch] = []
     for line in lines:
-        seen = _exact(line, wanted)
-        if seen is not None:
-            exact.append(seen)
+        match_found = _match_exactly(line, text)
+        if match_found is not None:
+            exact.append(match_found)
             continue
-        seen = _alike(line, wanted)
-        if seen is not None:
-            alike.append(seen)
+        match_found = _match_roughly(line, text)
+        if match_found is not None:
+            alike.append(match_found)
     return exact or alike
 
 
-def closest_text(lines: Iterable[TextLine], wanted: str) -> str:
+def closest_text(lines: Iterable[TextLine], target: str) -> str:
     """Return the line that is most like a text, for messages; "" if there are no lines."""
-    key = even(wanted)
+    key = even(target)
     return max(
         (line.text for line in lines), key=lambda text: likeness(even(text), key), default=""
     )
@@ -102,25 +105,25 @@ def closest_text(lines: Iterable[TextLine], wanted: str) -> str:
 
 def even(text: str) -> str:
     """Return a text without what OCR confuses: case, space, and characters that look alike."""
-    return "".join(_evened(text)[0])
+    return "".join(_significant_characters(text)[0])
 
 
-def _evened(text: str) -> tuple[list[str], list[int]]:
+def _significant_characters(text: str) -> tuple[list[str], list[int]]:
     """Return the characters that count, and the place of each in the text."""
     characters: list[str] = []
     places: list[int] = []
     for place, character in enumerate(text):
-        plain = unicodedata.normalize("NFKC", character).casefold().translate(_ALIKE)
-        for letter in plain:
+        normalized = unicodedata.normalize("NFKC", character).casefold().translate(_ALIKE)
+        for letter in normalized:
             if not letter.isspace():
                 characters.append(letter)
                 places.append(place)
     return characters, places
 
 
-def _exact(line: TextLine, wanted: str) -> TextMatch | None:
-    key = even(wanted)
-    characters, places = _evened(line.text)
+def _match_exactly(line: TextLine, text: str) -> TextMatch | None:
+    key = even(text)
+    characters, places = _significant_characters(line.text)
     evened = "".join(characters)
     if not key:
         return None
@@ -138,15 +141,15 @@ def _exact(line: TextLine, wanted: str) -> TextMatch | None:
     return inside
 
 
-def _alike(line: TextLine, wanted: str) -> TextMatch | None:
-    key = even(wanted)
+def _match_roughly(line: TextLine, text: str) -> TextMatch | None:
+    key = even(text)
     if len(key) < MIN_INEXACT_CHARS or len(key) > 2 * len(line.text):
         return None
-    characters, places = _evened(line.text)
+    characters, places = _significant_characters(line.text)
     evened = "".join(characters)
-    whole = likeness(evened, key)
-    if whole >= MIN_LIKENESS:
-        return TextMatch(box=line.box, likeness=whole * PART_OF_WORD, line=line)
+    line_likeness = likeness(evened, key)
+    if line_likeness >= MIN_LIKENESS:
+        return TextMatch(box=line.box, likeness=line_likeness * PART_OF_WORD, line=line)
     matcher = difflib.SequenceMatcher(None, evened, key, autojunk=False)
     block = matcher.find_longest_match()
     start = max(block.a - block.b, 0)
@@ -157,9 +160,9 @@ def _alike(line: TextLine, wanted: str) -> TextMatch | None:
     return _part(line, places[start], places[start + len(window) - 1], part * PART_OF_WORD)
 
 
-def likeness(one: str, other: str) -> float:
+def likeness(first: str, second: str) -> float:
     """Return how alike two texts are, 0 to 1, after `even`."""
-    return difflib.SequenceMatcher(None, one, other, autojunk=False).ratio()
+    return difflib.SequenceMatcher(None, first, second, autojunk=False).ratio()
 
 
 def _are_words(text: str, first: int, last: int) -> bool:
@@ -177,8 +180,8 @@ def _part(line: TextLine, first: int, last: int, likeness: float) -> TextMatch:
     return TextMatch(box=box, likeness=likeness, line=line)
 
 
-def _distance(one: TextMatch, other: TextMatch) -> float:
+def _distance(first: TextMatch, second: TextMatch) -> float:
     """Return how far two texts are apart, in pixels; a line's height counts four times."""
-    across = max(one.box[0] - other.box[2], other.box[0] - one.box[2], 0)
-    along = abs(one.centre[1] - other.centre[1])
+    across = max(first.box[0] - second.box[2], second.box[0] - first.box[2], 0)
+    along = abs(first.centre[1] - second.centre[1])
     return float(across + 4 * along)

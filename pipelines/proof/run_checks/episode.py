@@ -11,7 +11,7 @@ from hijack_data.errors import HijackError
 from hijack_data.plan import CLEAN, Effect, Plan
 from hijack_data.planner import Planner
 from hijack_data.runs.run_log import EPISODE, RUN, STEPS, VERSION, digest_of
-from hijack_data.runs.run_planners import load_planner, planner_params
+from hijack_data.runs.run_planners import dump_planner, load_planner, planner_params
 from hijack_data.types import Scene, Size
 
 from ...readers import fields

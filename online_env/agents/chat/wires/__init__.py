@@ -23,7 +23,11 @@ class ModelWire(Protocol):
         ...
 
     def read(self, answer: Mapping[str, Any]) -> Reply:
-        """Parse an answer; raises `EndpointError` if parts that its API promises are missing."""
+        """Parse an answer.
+
+        Raises:
+            EndpointError: A part that the API promises is missing.
+        """
         ...
 
 

@@ -54,10 +54,10 @@ class AnthropicMessages:
     def send(self, client: Any, body: Mapping[str, Any]) -> str:
         """Send it."""
         typed = ("model", "messages", "max_tokens", "betas")
-        given = {key: body[key] for key in typed if key in body}
-        others = {key: value for key, value in body.items() if key not in typed}
+        arguments = {key: body[key] for key in typed if key in body}
+        extra_body = {key: value for key, value in body.items() if key not in typed}
         api = client.beta.messages if "betas" in body else client.messages
-        return str(api.with_raw_response.create(**given, extra_body=others).text())
+        return str(api.with_raw_response.create(**arguments, extra_body=extra_body).text())
 
     def read(self, answer: Mapping[str, Any]) -> Reply:
         """Read the blocks of the answer."""
@@ -71,10 +71,10 @@ class AnthropicMessages:
             text="\n".join(words),
             calls=tuple(_call(block) for block in uses),
             raw=list(blocks),
-            read=tokens(
+            input_tokens=tokens(
                 usage, "input_tokens", "cache_creation_input_tokens", "cache_read_input_tokens"
             ),
-            written=tokens(usage, "output_tokens"),
+            output_tokens=tokens(usage, "output_tokens"),
             refused=answer.get("stop_reason") == "refusal",
         )
 
@@ -82,10 +82,10 @@ class AnthropicMessages:
 def _call(block: Mapping[str, Any]) -> dict[str, Any]:
     """Return a call of the tool; a call of the toolset has the name of its action."""
     name = block.get("name")
-    given = block.get("input")
-    if name == NAME or not isinstance(given, Mapping):
-        return {"name": name, "arguments": given}
-    return {"name": NAME, "arguments": {"action": name, **given}}
+    arguments = block.get("input")
+    if name == NAME or not isinstance(arguments, Mapping):
+        return {"name": name, "arguments": arguments}
+    return {"name": NAME, "arguments": {"action": name, **arguments}}
 
 
 def _message(message: ChatMessage) -> dict[str, Any]:
@@ -108,34 +108,36 @@ def _part(part: str | ScreenPicture) -> dict[str, Any]:
 
 def _with_calls(query: ModelQuery) -> list[dict[str, Any]]:
     """Return messages in which each picture is the result of the calls before it."""
-    found: list[dict[str, Any]] = []
+    conversation: list[dict[str, Any]] = []
     opening = [_part(query.prompt.first)] if query.prompt.first else []
     answered: list[Mapping[str, Any]] = []
     pictures = [turn.picture for turn in query.turns] + [query.picture]
     for index, picture in enumerate(pictures):
         is_last = index == len(query.turns)
-        shown = _part(picture if is_last or query.is_shown(index) else LEFT_OUT)
-        found.append({"role": "user", "content": [*opening, *_results(answered, shown, query)]})
+        part = _part(picture if is_last or query.is_shown(index) else LEFT_OUT)
+        conversation.append(
+            {"role": "user", "content": [*opening, *_results(answered, part, query)]}
+        )
         opening = []
         if is_last:
             break
-        answered = query.turns[index].raw or [_part(query.turns[index].said)]
-        found.append({"role": "assistant", "content": list(answered)})
-    return found
+        answered = query.turns[index].raw or [_part(query.turns[index].answer)]
+        conversation.append({"role": "assistant", "content": list(answered)})
+    return conversation
 
 
 def _results(
-    answered: list[Mapping[str, Any]], shown: dict[str, Any], query: ModelQuery
+    answered: list[Mapping[str, Any]], picture_part: dict[str, Any], query: ModelQuery
 ) -> list[dict[str, Any]]:
     """Return the results of calls; all belong to one picture, which is part of the last result."""
     ids = [block["id"] for block in answered if block.get("type") == "tool_use"]
-    each = [_part(query.prompt.each)] if query.prompt.each else []
+    prompt_parts = [_part(query.prompt.each)] if query.prompt.each else []
     if not ids:
-        return [*each, shown]
+        return [*prompt_parts, picture_part]
     *early, last = ids
-    done = {"type": "text", "text": "Done."}
-    results = [_result(name, done) for name in early]
-    return [*results, _result(last, shown), *each]
+    done_part = {"type": "text", "text": "Done."}
+    results = [_result(name, done_part) for name in early]
+    return [*results, _result(last, picture_part), *prompt_parts]
 
 
 def _result(name: str, content: dict[str, Any]) -> dict[str, Any]:

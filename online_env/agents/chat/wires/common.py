@@ -21,8 +21,8 @@ def require_clients(settings: AgentSettings) -> None:
     modules = {RETRIES}
     for model in settings.models:
         modules.add(MODULES[model.client])
-    what = f"the agent {settings.source}"
-    extras.require(what, EXTRA, sorted(modules))
+    user = f"the agent {settings.source}"
+    extras.require(user, EXTRA, sorted(modules))
 
 
 def load(module: str, settings: ModelSettings) -> Any:
@@ -38,22 +38,22 @@ def openai_client(settings: ModelSettings, key: str) -> Any:
     )
 
 
-def broken(what: str, found: object) -> EndpointError:
+def broken(problem: str, value: object) -> EndpointError:
     """Return the error for an answer that does not have the form promised by its API."""
-    return EndpointError(f"the answer {what}: {shown(found)}", transient=True)
+    return EndpointError(f"the answer {problem}: {shown(value)}", transient=True)
 
 
-def items(value: object, what: str) -> list[Mapping[str, Any]]:
+def items(value: object, field: str) -> list[Mapping[str, Any]]:
     """Return a list of mappings.
 
     Raises:
-        EndpointError: the value is not a list of mappings.
+        broken: An `EndpointError`: the value is not a list of mappings.
     """
     if not isinstance(value, list):
-        raise broken(f"has no list {what}", value)
+        raise broken(f"has no list {field}", value)
     for item in value:
         if not isinstance(item, Mapping):
-            raise broken(f"has a list {what} of something else", item)
+            raise broken(f"has a list {field} of something else", item)
     return value
 
 
@@ -61,7 +61,7 @@ def label(item: Mapping[str, Any], field: str) -> str:
     """Return the name by which a later request refers to a part of an answer.
 
     Raises:
-        EndpointError: the part has none.
+        broken: An `EndpointError`: the part has none.
     """
     value = item.get(field)
     if not isinstance(value, str) or not value:
@@ -96,5 +96,5 @@ def sampled(settings: ModelSettings, longest: str) -> dict[str, Any]:
         "top_p": sampling.top_p,
         longest: sampling.max_tokens,
     }
-    given = {name: value for name, value in fields.items() if value is not None}
-    return {**given, **settings.request}
+    parameters = {name: value for name, value in fields.items() if value is not None}
+    return {**parameters, **settings.request}

@@ -19,18 +19,22 @@ class OpenAIChat:
 
     def body(self, query: ModelQuery, settings: ModelSettings) -> dict[str, Any]:
         """Return the request."""
-        said = [_message(message) for message in messages(query)]
+        conversation = [_message(message) for message in messages(query)]
         if query.prompt.system:
-            said.insert(0, {"role": "system", "content": query.prompt.system})
-        return {"model": settings.model, "messages": said, **sampled(settings, "max_tokens")}
+            conversation.insert(0, {"role": "system", "content": query.prompt.system})
+        return {
+            "model": settings.model,
+            "messages": conversation,
+            **sampled(settings, "max_tokens"),
+        }
 
     def send(self, client: Any, body: Mapping[str, Any]) -> str:
         """Send it."""
-        others = dict(body)
-        model = others.pop("model")
-        said = others.pop("messages")
+        extra_body = dict(body)
+        model = extra_body.pop("model")
+        conversation = extra_body.pop("messages")
         raw = client.chat.completions.with_raw_response.create(
-            model=model, messages=said, extra_body=others
+            model=model, messages=conversation, extra_body=extra_body
         )
         return raw.text
 
@@ -50,8 +54,8 @@ class OpenAIChat:
         return Reply(
             text="\n".join(words),
             calls=tuple(_calls(message)),
-            read=tokens(usage, "prompt_tokens"),
-            written=tokens(usage, "completion_tokens"),
+            input_tokens=tokens(usage, "prompt_tokens"),
+            output_tokens=tokens(usage, "completion_tokens"),
             refused=bool(refusal),
         )
 

@@ -38,9 +38,9 @@ class OpenAIResponses:
     def send(self, client: Any, body: Mapping[str, Any]) -> str:
         """Send it."""
         typed = ("model", "input", "tools")
-        given = {key: body[key] for key in typed}
-        others = {key: value for key, value in body.items() if key not in typed}
-        return client.responses.with_raw_response.create(**given, extra_body=others).text
+        arguments = {key: body[key] for key in typed}
+        extra_body = {key: value for key, value in body.items() if key not in typed}
+        return client.responses.with_raw_response.create(**arguments, extra_body=extra_body).text
 
     def read(self, answer: Mapping[str, Any]) -> Reply:
         """Read the items of the answer."""
@@ -54,14 +54,14 @@ class OpenAIResponses:
                 refused = refused or part.get("type") == "refusal"
                 words += texts([part])
                 words += texts(part.get("refusal"))
-        made = [item for item in output if item.get("type") == "computer_call"]
+        calls = [item for item in output if item.get("type") == "computer_call"]
         usage = answer.get("usage")
         return Reply(
             text="\n".join(words),
-            calls=tuple({"name": NAME, "arguments": action} for action in _actions(made)),
-            raw={"id": label(answer, "id"), "calls": [_kept(call) for call in made]},
-            read=tokens(usage, "input_tokens"),
-            written=tokens(usage, "output_tokens"),
+            calls=tuple({"name": NAME, "arguments": action} for action in _actions(calls)),
+            raw={"id": label(answer, "id"), "calls": [_call_data(call) for call in calls]},
+            input_tokens=tokens(usage, "input_tokens"),
+            output_tokens=tokens(usage, "output_tokens"),
             refused=refused,
         )
 
@@ -76,7 +76,7 @@ def _actions(calls: list[Mapping[str, Any]]) -> Iterator[object]:
             yield from items(several, "actions")
 
 
-def _kept(call: Mapping[str, Any]) -> dict[str, Any]:
+def _call_data(call: Mapping[str, Any]) -> dict[str, Any]:
     checks = items(call.get("pending_safety_checks") or [], "pending_safety_checks")
     return {"call_id": label(call, "call_id"), "checks": checks}
 
