@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from .embedded.desktop import EmbeddedDesktop as EmbeddedDesktop
     from .environment import CorruptedEnv as CorruptedEnv
     from .environment import EvalSettings as EvalSettings
-    from .environment import OsworldStage as OsworldStage
     from .environment import SmallTasks as SmallTasks
     from .environment import register_envs as register_envs
+    from .osworld.stage import OsworldStage as OsworldStage
 
 register_with_gymnasium()
 
@@ -35,7 +35,7 @@ _HOMES = {
     "EmbeddedDesktop": ".embedded.desktop",
     "EvalSettings": ".environment",
     "HttpDesktop": ".desktops.http",
-    "OsworldStage": ".environment",
+    "OsworldStage": ".osworld.stage",
     "SmallTasks": ".environment",
     "register_envs": ".environment",
 }

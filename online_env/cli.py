@@ -16,7 +16,8 @@ import click
 from hijack_data.cli.options import FiniteRange, OutOption, WholeSummaries, seed_option
 from hijack_data.errors import ParameterError
 
-from .corrupting import Ledger, corrupt
+from .corrupting.corrupt_command import corrupt
+from .corrupting.ledger import Ledger
 from .desktops.protocol import RunResult
 from .embedded.image.cli import image as image_commands
 from .errors import DesktopError
@@ -366,7 +367,7 @@ def view(name: str | None, port: int) -> None:
     up` started; if there is none, or more than one, another is started that ends with this command.
     Desktops of a running benchmark are shown by their name only.
     """
-    from .embedded.buttons import Buttons
+    from .corrupting.page_buttons import Buttons
     from .embedded.registry import folder
     from .embedded.running import attach, left_running
     from .embedded.view import serve

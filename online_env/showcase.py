@@ -8,7 +8,7 @@ from hijack_data.corruption import get, names
 from hijack_data.gallery import contact_sheet
 from hijack_data.types import UInt8Array
 
-from .corrupting import corrupt_desktop
+from .corrupting.desktop_corruption import corrupt_desktop
 from .desktops.commands import launch
 from .desktops.protocol import Desktop
 from .effects import resume

@@ -296,23 +296,24 @@ def _check_here(chosen: "Bench", engine: str) -> None:
     """Check that the run's tasks can be played on this machine; nodes of Ray check themselves.
 
     Raises:
-        ParameterError: OSWorld's tasks are to be played elsewhere than on embedded desktops here.
+        ParameterError: Tasks of a family are to be played elsewhere than on embedded desktops here.
     """
-    from ..osworld.played import check_runnable, of_osworld
+    from ..tasks import TASKS, find_family
     from .pools import LOCAL
     from .providers import EMBEDDED, check_installed
 
-    listed = of_osworld(chosen.tasks)
-    if not listed:
+    family = find_family(chosen.tasks)
+    if family is None:
         if engine == LOCAL:
             check_installed(chosen.provider, chosen.tasks)
         return
     if engine != LOCAL or chosen.provider != EMBEDDED:
         raise ParameterError(
-            "OSWorld's tasks are played on the embedded desktops of this machine; leave out"
+            f"{family.title}'s tasks are played on the embedded desktops of this machine; leave out"
             f" {'--engine ' + engine if engine != LOCAL else 'provider: ' + chosen.provider}"
         )
-    check_runnable(listed, Path(chosen.osworld_files) if chosen.osworld_files else None)
+    classes = [TASKS.get(name) for name in chosen.tasks]
+    family.check_runnable(classes, Path(chosen.osworld_files) if chosen.osworld_files else None)
 
 
 @contextlib.contextmanager

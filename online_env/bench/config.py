@@ -6,6 +6,7 @@ All its mistakes are reported at once, each with file, line and fix.
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Literal, TypeAlias, cast
 
 import yaml
@@ -37,7 +38,7 @@ from hijack_data.types import Size
 from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
-from ..tasks import TASKS, Task, sets
+from ..tasks import TASKS, Task, families, sets
 from .providers import EMBEDDED, PROVIDERS
 
 AnyRegistry: TypeAlias = Registry[Any]
@@ -178,11 +179,7 @@ def is_from_data(entry: Any) -> bool:
     """
     if isinstance(entry, FileAgentMaker | AgentReference):
         return True
-    if not isinstance(entry, type) or not issubclass(entry, Task):
-        return False
-    from ..osworld.played import OsworldFileTask
-
-    return issubclass(entry, OsworldFileTask)
+    return isinstance(entry, type) and issubclass(entry, Task) and bool(entry.family)
 
 
 def everything() -> Planners:
@@ -274,7 +271,7 @@ def _registered(option: str, text: str, registry: AnyRegistry) -> tuple[str, ...
 
 
 def _tasks_named(text: str) -> tuple[str, ...]:
-    """Return the tasks that a text lists; a folder stands for the tasks of OSWorld in it."""
+    """Return the tasks that a text lists; a folder stands for the tasks in its files."""
     listed: list[str] = []
     for name in _split(text):
         listed += _files_in(name) if _is_folder(name) else [name]
@@ -289,10 +286,8 @@ def _is_folder(name: object) -> bool:
 
 
 def _files_in(folder: str) -> list[str]:
-    """Return the files of OSWorld's tasks in a folder."""
-    from ..osworld.played import files_in
-
-    return files_in(folder)
+    """Return the task files in a folder."""
+    return families.find_by_folder(Path(folder)).list_files(folder)
 
 
 def _split(text: str) -> list[str]:

@@ -26,7 +26,7 @@ from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
 from ..environment.stage import TaskStage
-from ..tasks import TASKS
+from ..tasks import TASKS, find_family
 from .config import Bench, is_from_data
 from .episodes import LiveEpisodes, lost
 from .jobs import Job
@@ -262,12 +262,12 @@ def stage_of(bench: Bench, folder: Path) -> Generator[TaskStage]:
     """
     from ..embedded.runtime import masks
     from ..environment import SmallTasks
-    from ..osworld.played import of_osworld, osworld_stage
 
     masks.hide(folder)
-    if of_osworld(bench.tasks):
+    family = find_family(bench.tasks)
+    if family is not None:
         files = Path(bench.osworld_files) if bench.osworld_files else None
-        with osworld_stage(bench.size, files) as stage:
+        with family.open_stage(bench.size, files) as stage:
             yield stage
         return
     with PROVIDERS.get(bench.provider)(bench.size) as desktop:

@@ -84,8 +84,7 @@ class OsworldDesktop:
     """A `Desktop` over `env.controller`; its actions never appear in `env.action_history`.
 
     Args:
-        env: the environment, such as `desktop_env.DesktopEnv` or
-            `online_env.osworld.env.OsworldEnv`.
+        env: the environment, such as `desktop_env.DesktopEnv`.
         password: of the guest's user, for sudo; with `None` only a sudo that does not ask is tried.
         capabilities: capabilities of the guest in addition to those that are detected.
 

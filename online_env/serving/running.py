@@ -19,7 +19,7 @@ from ..bench.providers import PROVIDERS, check_installed
 from ..embedded.runtime import masks
 from ..environment import EvalSettings
 from ..environment.script import Script
-from ..osworld.played import of_osworld
+from ..tasks import find_family
 from .drawing import HELD_OUT, TRAINING, EpisodeDraws, sides
 from .errors import HeldOutTaskError
 from .pool import DesktopPool, stage_on
@@ -124,8 +124,11 @@ def make_service(options: ServeOptions) -> DesktopService:
     """
     bench = options.bench
     draws = options.draws()
-    if of_osworld(draws.tasks):
-        raise ParameterError("--tasks: OSWorld's tasks can be played by hijack bench, not served")
+    family = find_family(draws.tasks)
+    if family is not None:
+        raise ParameterError(
+            f"--tasks: {family.title}'s tasks can be played by hijack bench, not served"
+        )
     check_installed(bench.provider, draws.tasks)
     if options.log is not None:
         masks.hide(options.log)

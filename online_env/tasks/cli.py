@@ -41,12 +41,9 @@ def tasks(
         raise click.UsageError("say which tasks: --suite, or a folder of OSWorld's task files")
     if out is None:
         raise click.UsageError("--out TASKS.jsonl: say where the rows go")
-    from ..osworld import table
-    from ..osworld.tasks import load
+    from . import families
 
-    found = load(source)
-    count = table.write(found, out, clean)
-    click.echo(f"{out}: {count} rows, {len(found)} tasks, revision {found.revision}")
+    click.echo(families.find_by_folder(source).write_table(source, out, clean))
 
 
 def _list(set_: str | None, as_json: bool, out: Path | None) -> None:

@@ -1,20 +1,25 @@
 """Tasks of OSWorld in a benchmark: how they are named, and what is refused before a run."""
 
 import json
+import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 from click.testing import CliRunner
 
+import online_env
 from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError, ParameterError
 from online_env import tasks
 from online_env.bench.config import Bench, load_bench, override
 from online_env.bench.workers import load_references, references
 from online_env.errors import DesktopError, MissingPackageError
-from online_env.osworld import played
-from online_env.osworld.played import OsworldFileTask, check_runnable, of_osworld
+from online_env.osworld.file_tasks import OsworldFileTask, check_runnable, task_class
+from online_env.osworld.tasks import OsworldTask
+from online_env.osworld.wanted import wanted
 from online_env.tasks.hand import GiveUpError
 
 from support import needs
@@ -57,6 +62,10 @@ def bench_of(*words: str) -> Bench:
     return override(load_bench("embedded_small"), task=",".join(words))
 
 
+def task_files(names: tuple[str, ...]) -> list[OsworldTask]:
+    return [tasks.TASKS.get(name).file for name in names]
+
+
 def test_a_folder_names_all_its_tasks_and_a_file_one(folder: Path) -> None:
     assert bench_of(str(folder)).tasks == ("t-one", "t-two")
     assert bench_of(str(folder / "examples" / "os" / "t-two.json")).tasks == ("t-two",)
@@ -90,16 +99,16 @@ def test_a_run_records_the_file_of_each_task(folder: Path) -> None:
     assert set(code) == {"t-one", "t-two"}
     assert code["t-one"]["path"] == str(folder / "examples" / "os" / "t-one.json")
     put(folder, "t-one", instruction="Something else.")
-    changed = played.task_class(code["t-one"]["path"])
+    changed = task_class(code["t-one"]["path"])
     assert changed.source["sha256"] != code["t-one"]["sha256"]
 
 
 def test_another_process_reads_the_files_again(folder: Path) -> None:
-    found = references(bench_of(str(folder)))
-    assert [(entry.kind, entry.name) for entry in found] == [("task", "t-one"), ("task", "t-two")]
-    for entry in found:
+    listed = references(bench_of(str(folder)))
+    assert [(entry.kind, entry.name) for entry in listed] == [("task", "t-one"), ("task", "t-two")]
+    for entry in listed:
         del tasks.TASKS.entries[entry.name]
-    load_references(found)
+    load_references(listed)
     assert issubclass(tasks.TASKS.get("t-two"), OsworldFileTask)
 
 
@@ -147,10 +156,13 @@ def test_a_folder_without_tasks_is_refused(tmp_path: Path) -> None:
 
 def test_tasks_of_two_worlds_are_two_runs(folder: Path) -> None:
     bench_of(str(folder))
-    assert [task.id for task in of_osworld(["t-one", "t-two"])] == ["t-one", "t-two"]
-    assert of_osworld(["write_note"]) == ()
-    with pytest.raises(ParameterError, match="write_note are not; make a run of each"):
-        of_osworld(["t-one", "write_note"])
+    assert tasks.find_family(["write_note"]) is None
+    family = tasks.find_family(["t-one", "t-two"])
+    assert family is not None
+    assert family.title == "OSWorld"
+    for names in (["t-one", "write_note"], ["write_note", "t-one"]):
+        with pytest.raises(ParameterError, match="environment, write_note are not; make"):
+            tasks.find_family(names)
 
 
 def test_only_osworlds_environment_sets_up_and_judges(folder: Path) -> None:
@@ -177,7 +189,7 @@ def test_the_oracle_has_scripts_for_some(folder: Path) -> None:
 
 
 def test_a_missing_environment_is_named_with_its_remedy(folder: Path, tmp_path: Path) -> None:
-    listed = of_osworld(bench_of(str(folder)).tasks)
+    listed = task_files(bench_of(str(folder)).tasks)
     with pytest.raises(MissingPackageError, match="hijack osworld setup"):
         check_runnable(listed, None, tmp_path / "none")
 
@@ -185,11 +197,11 @@ def test_a_missing_environment_is_named_with_its_remedy(folder: Path, tmp_path: 
 def test_missing_files_are_named_before_a_run(folder: Path, tmp_path: Path, osworld_venv) -> None:
     files = [{"url": "https://a.test/x.txt", "path": "/home/user/x.txt"}]
     path = put(folder, "t-three", config=[{"type": "download", "parameters": {"files": files}}])
-    listed = of_osworld(bench_of(str(path)).tasks)
+    listed = task_files(bench_of(str(path)).tasks)
     with pytest.raises(ConfigError, match="1 tasks need files that are not in a cache"):
         check_runnable(listed, None, osworld_venv)
     cache = tmp_path / "cache"
-    ((place,),) = [[file.path for file in played.wanted(listed[0])]]
+    ((place,),) = [[file.path for file in wanted(listed[0])]]
     (cache / place).parent.mkdir(parents=True)
     (cache / place).write_text("x")
     check_runnable(listed, cache, osworld_venv)
@@ -197,7 +209,7 @@ def test_missing_files_are_named_before_a_run(folder: Path, tmp_path: Path, oswo
 
 def test_missing_packages_are_named_before_a_run(folder: Path, osworld_venv) -> None:
     unknown = put(folder, "t-three", evaluator={"func": "no_such_metric"})
-    listed = of_osworld(bench_of(str(unknown)).tasks)
+    listed = task_files(bench_of(str(unknown)).tasks)
     with pytest.raises(MissingPackageError, match="t-three: no metric no_such_metric"):
         check_runnable(listed, None, osworld_venv)
 
@@ -219,3 +231,30 @@ def test_the_command_refuses_what_it_cannot_play(
     )
     assert problem in str(done.exception)
     assert not (tmp_path / "run").exists()
+
+
+def test_a_run_of_a_task_of_ours_loads_nothing_of_osworld(tmp_path: Path) -> None:
+    command = ["bench", "embedded_small", "--agent", "oracle", "--tasks", "write_note"]
+    code = f"""
+import sys
+from hijack_data.cli import hijack
+words = {[*command, "--dry-run", "--out", str(tmp_path / "run")]!r}
+hijack(words, standalone_mode=False)
+sys.exit(any(name.startswith("online_env.osworld") for name in sys.modules))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "episodes" in done.stdout
+
+
+def test_only_the_table_of_families_names_the_package() -> None:
+    """And the public names, of which one is a stage of OSWorld."""
+    package = Path(online_env.__file__).parent
+    pattern = re.compile(r"online_env[./]osworld\b|from \.\.+osworld\b|\"\.osworld\b")
+    naming = {
+        path.relative_to(package).as_posix()
+        for path in package.rglob("*.py")
+        if "osworld" not in path.relative_to(package).parts[:1]
+        and pattern.search(path.read_text(encoding="utf-8"))
+    }
+    assert naming == {"__init__.py", "tasks/families.py"}

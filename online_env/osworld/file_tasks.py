@@ -9,16 +9,16 @@ import hashlib
 import shutil
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
-from hijack_data.errors import ConfigError, ParameterError, ParameterTypeError, some_of
+from hijack_data.errors import ConfigError, ParameterTypeError, some_of
 from hijack_data.files import read_regular
 from hijack_data.types import Size
 
 from .. import tasks
-from ..environment.stage import OsworldStage, Setting, TaskHolder
+from ..environment.stage import Setting, TaskHolder
 from ..errors import DesktopError, MissingPackageError
 from ..tasks.base import Task
 from ..tasks.hand import Hand
@@ -28,7 +28,8 @@ from .env import OsworldEnv
 from .player import Player
 from .run import checker, embedded_env
 from .solutions import SOLUTIONS
-from .tasks import OsworldTask, load, load_file
+from .stage import OsworldStage
+from .tasks import OsworldTask, load_file
 from .wanted import wanted
 
 
@@ -40,6 +41,7 @@ class OsworldFileTask(Task):
         source: The file's path and SHA-256, which a run records.
     """
 
+    family: ClassVar[str] = "osworld"
     file: ClassVar[OsworldTask]
     source: ClassVar[Mapping[str, str]]
 
@@ -79,10 +81,10 @@ class OsworldFileTask(Task):
         """
         if self.infeasible:
             hand.give_up("OSWorld says that this cannot be done")
-        found = SOLUTIONS.get(self.name)
-        if found is None or found.how != "windows":
+        solution = SOLUTIONS.get(self.name)
+        if solution is None or solution.how != "windows":
             raise DesktopError(f"no script solves OSWorld's task {self.name} through windows")
-        found.play(Player(_HandEnv(hand)))
+        solution.play(Player(_HandEnv(hand)))
 
 
 class _HandEnv:
@@ -125,32 +127,6 @@ def task_class(path: str) -> type[OsworldFileTask]:
         "__qualname__": f"OsworldFileTask[{place}]",
     }
     return type("OsworldFileTask", (OsworldFileTask,), body)
-
-
-def files_in(folder: str) -> list[str]:
-    """Return the files of all tasks in a folder, by domain and id.
-
-    Raises:
-        ConfigError: There are none, or one is wrong.
-    """
-    return [str(task.path) for task in load(Path(folder))]
-
-
-def of_osworld(names: Iterable[str]) -> tuple[OsworldTask, ...]:
-    """Return the tasks of OSWorld among the tasks of a run; () if it has none.
-
-    Raises:
-        ParameterError: It has others beside them.
-    """
-    classes = {name: tasks.TASKS.get(name) for name in names}
-    found = [entry.file for entry in classes.values() if issubclass(entry, OsworldFileTask)]
-    if found and len(found) < len(classes):
-        others = [name for name in classes if not issubclass(classes[name], OsworldFileTask)]
-        raise ParameterError(
-            f"--tasks: OSWorld's tasks are played in its own environment, {some_of(others)} are"
-            " not; make a run of each"
-        )
-    return tuple(found)
 
 
 def check_runnable(
@@ -196,8 +172,8 @@ def check_runnable(
         )
 
 
-def _lines(found: Mapping[str, str]) -> list[str]:
-    return [f"{task[:8]}: {why}" for task, why in found.items()]
+def _lines(reasons: Mapping[str, str]) -> list[str]:
+    return [f"{task[:8]}: {why}" for task, why in reasons.items()]
 
 
 class OsworldTasks(TaskHolder, OsworldStage):
@@ -243,17 +219,17 @@ class OsworldTasks(TaskHolder, OsworldStage):
         return setting
 
     def _provide(self, task: OsworldTask) -> None:
-        """Give a task its files, and nothing that an earlier episode left."""
-        own = self._cache / task.id
-        shutil.rmtree(own, ignore_errors=True)
-        kept = None if self._files is None else self._files / task.id
-        if kept is not None and kept.is_dir():
-            shutil.copytree(kept, own)
+        """Copy a task's files into the cache, in place of what an earlier episode left there."""
+        cached = self._cache / task.id
+        shutil.rmtree(cached, ignore_errors=True)
+        fetched = None if self._files is None else self._files / task.id
+        if fetched is not None and fetched.is_dir():
+            shutil.copytree(fetched, cached)
         history.provide(self._osworld, [task], self._cache)
 
 
 @contextlib.contextmanager
-def osworld_stage(size: Size, files: Path | None) -> Iterator[OsworldTasks]:
+def osworld_stage(size: Size, files: Path | None) -> Generator[OsworldTasks]:
     """Yield OSWorld's environment on an embedded desktop, with a cache of its own.
 
     Args:

@@ -13,9 +13,12 @@ from hijack_data.errors import HijackError
 from hijack_data.plan import Plan
 from hijack_data.types import UInt8Array
 
-from ..corrupting import Ledger, corrupt_desktop, refuse_twice, undo_recorded
 from ..desktops.protocol import Desktop
+from ..effects import find
+from ..effects.words import undone_in_words
 from ..errors import DesktopError
+from .desktop_corruption import corrupt_desktop, refuse_twice, undo_recorded
+from .ledger import Ledger
 
 
 @dataclass(frozen=True)
@@ -113,7 +116,6 @@ class Buttons:
         return screen, " ".join(plan.digest() for plan in plans)
 
     def _corrupt(self, spec: Corruption) -> tuple[bool, str]:
-        from ..effects import find
 
         refuse_twice(self._desktop, spec, self._ledger, "this desktop")
         noted: list[dict[str, Any]] = []
@@ -132,7 +134,6 @@ class Buttons:
         return done.ok, done.saw
 
     def _take_back(self, name: str) -> tuple[bool, str]:
-        from ..effects.words import undone_in_words
 
         if self._plans.pop(name, None) is not None:
             return True, "no longer drawn into the picture; the machine was never changed"

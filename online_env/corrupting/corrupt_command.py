@@ -1,0 +1,172 @@
+"""`hijack desktop corrupt`."""
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hijack_data.cli.options import OutOption, seed_option
+from hijack_data.corruption import Corruption, find
+from hijack_data.files import encode_png, write_atomic
+
+from ..errors import DesktopError
+from .ledger import Ledger
+
+if TYPE_CHECKING:
+    from .desktop_corruption import AppliedPlan
+
+
+@click.command()
+@click.argument("name", required=False)
+@click.option(
+    "--on", "desktop_name", metavar="ID", help="The desktop's id; the only one, if not given."
+)
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Set a parameter; may be repeated.",
+)
+@seed_option()
+@click.option(
+    "--step",
+    type=int,
+    metavar="N",
+    help="Step of an episode.  [default: the first at which it acts]",
+)
+@click.option(
+    "-o",
+    "--out",
+    "--output",
+    "output",
+    cls=OutOption,
+    type=click.Path(dir_okay=False, writable=True, path_type=Path),
+    metavar="OUT.png",
+    help="Save what an agent sees then.  [default for the visual ones: NAME.png]",
+)
+@click.option(
+    "--undo", is_flag=True, help="Take back corruption NAME, or all that were applied by hand."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def corrupt(
+    name: str | None,
+    desktop_name: str | None,
+    undo: bool,
+    as_json: bool,
+    output: Path | None,
+    **options: Any,
+) -> None:
+    """Corrupt a running desktop, such as: hijack desktop corrupt network_error.
+
+    Prints what the probe saw on the machine. Exit code 1: the probe is false, or something could
+    not be taken back.
+    """
+    from ..embedded.registry import folder
+    from ..embedded.running import attach
+
+    if name is None and not undo:
+        raise click.UsageError("give the NAME of a corruption (hijack list), or --undo")
+    cls = None if name is None else find(name)
+    with attach(desktop_name) as desktop:
+        ledger = Ledger(folder(desktop.id))
+        if undo:
+            sys.exit(_undo(desktop, cls, ledger, as_json))
+        if cls is None:  # one of the two was given, see above
+            raise click.UsageError("give the NAME of a corruption")
+        sys.exit(_corrupt(desktop, cls, ledger, output, as_json, options))
+
+
+def _corrupt(
+    desktop: Any,
+    cls: type[Corruption],
+    ledger: Ledger,
+    output: Path | None,
+    as_json: bool,
+    options: dict[str, Any],
+) -> int:
+    from hijack_data.cli.pictures import parse_settings
+
+    from .desktop_corruption import corrupt_desktop, refuse_twice
+
+    spec = cls(**parse_settings(cls, options["settings"]))
+    refuse_twice(desktop, spec, ledger, desktop.id)
+    done = corrupt_desktop(
+        desktop,
+        spec,
+        seed=options["seed"],
+        step=options["step"],
+        note=lambda records: ledger.add(spec.name, records),
+    )
+    picture = output
+    if picture is None and not done.records:
+        picture = Path(f"{spec.name}.png")
+    if picture is not None:
+        write_atomic(picture, encode_png(done.after))
+    if as_json:
+        click.echo(json.dumps(_report(done, spec.name, desktop.id, picture)))
+    else:
+        _print(done, spec.name, desktop.id, picture)
+    return 0 if done.ok else 1
+
+
+def _report(done: "AppliedPlan", name: str, desktop: str, picture: Path | None) -> dict[str, Any]:
+    return {
+        "corruption": name,
+        "desktop": desktop,
+        "ok": done.ok,
+        "saw": done.saw,
+        "digest": done.plan.digest(),
+        "notes": done.plan.notes,
+        "picture": None if picture is None else str(picture),
+        "effects": done.records,
+    }
+
+
+def _print(done: "AppliedPlan", name: str, desktop: str, picture: Path | None) -> None:
+    from ..effects import find as find_effect
+
+    failed = "" if done.ok else "the probe is FALSE: "
+    click.echo(f"{name} on {desktop}: {failed}{done.saw}")
+    for note in done.plan.notes:
+        click.echo(f"  note: {note}")
+    if picture is not None:
+        click.echo(f"  what an agent sees: {picture}")
+    if any(find_effect(record["effect"]).lasting for record in done.records):
+        click.echo(f"  take it back with: hijack desktop corrupt --undo {name} --on {desktop}")
+
+
+def _undo(desktop: Any, cls: type[Corruption] | None, ledger: Ledger, as_json: bool) -> int:
+    from .desktop_corruption import undo_recorded, undo_unrecorded
+
+    name = None if cls is None else cls.name
+    done = undo_recorded(desktop, name, ledger)
+    recorded = bool(done)
+    if not recorded:
+        if cls is None:
+            problem = f"nothing was applied to {desktop.id} by hand"
+            raise DesktopError(f"{problem}; name a corruption to clear up all the same")
+        done = undo_unrecorded(desktop, cls())
+    ok = all(undone.ok for _, _, undone in done)
+    if as_json:
+        rows: list[dict[str, Any]] = []
+        for label, kind, undone in done:
+            rows.append({"corruption": label, "effect": kind, **vars(undone)})
+        report = {"desktop": desktop.id, "ok": ok, "recorded": recorded, "undone": rows}
+        click.echo(json.dumps(report))
+    else:
+        _print_undone(done, desktop.id, None if recorded else name)
+    return 0 if ok else 1
+
+
+def _print_undone(done: list[tuple[str, str, Any]], desktop: str, unrecorded: str | None) -> None:
+    from ..effects.words import undone_in_words
+
+    if unrecorded is not None:
+        click.echo(f"no record of {unrecorded} on {desktop}: going by what the machine shows")
+    for label, kind, undone in done:
+        failed = "" if undone.ok else "NOT undone: "
+        words = undone_in_words(kind, undone.facts, undone.problem)
+        click.echo(f"{label} on {desktop}: {failed}{words}")
