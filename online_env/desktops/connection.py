@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from ..errors import GuestError
 from ..extra import require
-from .way import Way, split_address
+from .way import AnswerTooLargeError, Way, split_address
 
 if TYPE_CHECKING:
     from .client import Client
@@ -138,6 +138,8 @@ class GuestConnection:
                 raise GuestError(
                     f"{method} {self.url}{path} was not answered within {limit:g} s"
                 ) from None
+            except AnswerTooLargeError as error:
+                raise GuestError(f"{method} {self.url}{path}: {error}") from None
             except OSError as error:
                 is_refused = isinstance(error, ConnectionRefusedError) and time.monotonic() < end
                 if attempt >= tries and not is_refused:

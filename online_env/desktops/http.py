@@ -17,11 +17,11 @@ from ..extra import require
 from .connection import GuestConnection, GuestResponse
 from .protocol import Capability, RunResult, TaskConfig
 from .survey import is_container, survey
+from .way import MAX_PIXELS
 
 # the code that OSWorld puts before an agent's code
 PREFIX = "import pyautogui; import time; pyautogui.FAILSAFE = False; "
 SLACK = 10.0  # s that the answer of a command may take beyond the command's own time-out
-MAX_PIXELS = 2**26
 DIGITS = 6  # of a width or a height
 OK = 200
 NO_TOKEN = 401

@@ -1,9 +1,17 @@
-"""The address of a guest."""
+"""The address of a guest, and how long its answers may be."""
 
 from dataclasses import dataclass
 from urllib.parse import SplitResult, urlsplit
 
 from ..errors import GuestError
+
+MAX_PIXELS = 2**26  # of a screen, such as 8192x8192
+# A raw frame, uint8 RGB, is the longest answer. A file or a video that is longer is refused.
+MAX_ANSWER_BYTES = 3 * MAX_PIXELS
+
+
+class AnswerTooLargeError(OSError):
+    """A guest's answer is longer than any that it may give."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,9 @@
 """What a client may cost the server before and after its token is checked.
 
-uvicorn waits without end for the rest of a request, reads bodies of any size, and passes on frames
-of a WebSocket that OpenEnv answers with Python's own errors before it drops the session.
+uvicorn waits without end for the rest of a request, and reads bodies of any size. OpenEnv drops the
+session of a client whose frame is binary, too deep, no object, or holds a number of over 4300
+digits. Such a frame is refused here instead. OpenEnv takes text only and parses it again; frames
+are short, since pictures go the other way.
 """
 
 import asyncio

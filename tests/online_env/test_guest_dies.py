@@ -76,12 +76,14 @@ def test_what_changes_the_guest_is_sent_once():
 
 
 def test_an_answer_of_any_length_does_not_fill_the_memory(monkeypatch):
-    monkeypatch.setattr(client, "MAX_BODY", 1000)
+    monkeypatch.setattr(client, "MAX_ANSWER_BYTES", 1000)
     stated = b"HTTP/1.1 200 OK\r\nContent-Length: 1001\r\n\r\n"
     endless = b"HTTP/1.1 200 OK\r\nConnection: close\r\n\r\n" + b"x" * 5000
     for answer in (stated, endless):
-        with guest(answer) as server, pytest.raises(GuestError, match="is more than 1000"):
-            GuestConnection(server.url, None, 20.0).ask("POST", "/file")
+        with guest(answer, answer) as server:
+            with pytest.raises(GuestError, match=r"GET http.*/file: the answer has more than 1000"):
+                GuestConnection(server.url, None, 20.0).ask("GET", "/file")
+            assert server.asked == ["GET /file"], "it would be as long again"
 
 
 def test_a_guest_that_is_started_again_is_waited_for():
