@@ -13,8 +13,7 @@ from typing import Any
 
 import click
 
-from hijack_data.cli.options import FiniteRange, OutOption, WholeSummaries, seed_option
-from hijack_data.errors import ParameterError
+from hijack_data.cli.options import OutOption, WholeSummaries
 
 from .corrupting.corrupt_command import corrupt
 from .corrupting.ledger import Ledger
@@ -22,6 +21,7 @@ from .desktops.protocol import RunResult
 from .embedded.image.cli import image as image_commands
 from .errors import DesktopError
 from .privilege import as_root
+from .record_command import parse_size, record_desktop
 
 SIZE_HELP = "Screen as WIDTHxHEIGHT in pixels."
 
@@ -33,6 +33,7 @@ def desktop() -> None:
 
 desktop.add_command(corrupt)
 desktop.add_command(image_commands)
+desktop.add_command(record_desktop)
 
 
 @desktop.command()
@@ -166,7 +167,7 @@ def up(
     from .embedded.runtime.rootless import LACKING
 
     start = time.monotonic()
-    order = make_order(_size(size), name, apps, osworld=osworld, detached=True, image=image)
+    order = make_order(parse_size(size), name, apps, osworld=osworld, detached=True, image=image)
     handle = Handle(order)
     record = handle.wait()
     handle.release()
@@ -285,79 +286,6 @@ def _end(records: list[dict[str, Any]], quiet: bool = False) -> None:
 @desktop.command()
 @click.argument("name", required=False)
 @click.option(
-    "-o",
-    "--out",
-    "--output",
-    "output",
-    cls=OutOption,
-    type=click.Path(path_type=Path),
-    metavar="FILE|DIR",
-    help="Where the video (desktop.mp4, if not given) or the folder of trajectories goes.",
-)
-@click.option(
-    "--seconds",
-    type=FiniteRange(0.1, 86400),
-    metavar="S",
-    help="Length of the video; until Ctrl-C, if not given.",
-)
-@click.option(
-    "--assets",
-    type=click.Path(file_okay=False, path_type=Path),
-    metavar="DIR",
-    help="Record the asset pack into it.",
-)
-@click.option(
-    "--only",
-    metavar="A,B",
-    help="Only these kinds of pictures of the pack, with commas between; the others stay.",
-)
-@click.option(
-    "--sizes",
-    metavar="WxH,WxH",
-    help="Only screens of these sizes for the pack, such as 1920x1080,1280x720.",
-)
-@click.option(
-    "--looks",
-    metavar="A,B",
-    help="Only desktops of these looks for the pack: golden, dark, bright.  [default: all]",
-)
-@click.option(
-    "--task",
-    metavar="NAME",
-    help="Record a trajectory of this small task, done by its oracle, into the folder -o.",
-)
-@seed_option("Variant of the task.")
-@click.option(
-    "--person",
-    is_flag=True,
-    help="A person does it, on a page as that of `view`; ends with Ctrl-C.",
-)
-@click.option(
-    "--instruction", metavar="SENTENCE", help="What the person is to do, without a --task."
-)
-@click.option(
-    "--size",
-    default="1920x1080",
-    show_default=True,
-    metavar="WxH",
-    help="Screen for a --task without NAME.",
-)
-@click.option(
-    "--port", default=0, metavar="N", help="Port of the page for --person; any free one if 0."
-)
-def record(name: str | None, **options: Any) -> None:
-    """Record desktop NAME to a video, or record a trajectory, or the asset pack."""
-    from .recording.command import RecordOptions, run
-
-    texts = (options["sizes"] or "").split(",")
-    options["sizes"] = [_size(text.strip()) for text in texts if text.strip()]
-    options["size"] = _size(options["size"])
-    sys.exit(run(RecordOptions(name=name, **options)))
-
-
-@desktop.command()
-@click.argument("name", required=False)
-@click.option(
     "--port", default=0, metavar="N", help="Port on the loopback interface; any free one if 0."
 )
 def view(name: str | None, port: int) -> None:
@@ -396,14 +324,3 @@ def _own() -> Any:
     said = f"starting one beside {others} (hijack desktop view NAME shows one of those)"
     click.echo(said if others else "no desktop runs: starting one")
     return EmbeddedDesktop.up(name=f"view-{os.getpid()}")
-
-
-def _size(text: str) -> tuple[int, int]:
-    width, _, height = text.lower().partition("x")
-    if len(text) >= 20 or not _is_number(width) or not _is_number(height):
-        raise ParameterError(f"--size must be WIDTHxHEIGHT, such as 1920x1080, got {text!r}")
-    return int(height), int(width)
-
-
-def _is_number(text: str) -> bool:
-    return text.isascii() and text.isdigit()

@@ -19,9 +19,9 @@ import httpx
 
 from hijack_data.pack import AssetPack
 from online_env.errors import DesktopError
-from online_env.recording.assets import record_assets
-from online_env.recording.scenes import Refused, desktops, lock_screens, menus
-from online_env.recording.scenes.apps import APPS, put_files
+from online_env.maintenance.asset_recorder import record_assets
+from online_env.maintenance.scenes import Refused, desktops, lock_screens, menus
+from online_env.maintenance.scenes.apps import APPS, put_files
 from online_env.recording.stage import RecordingStage
 
 
@@ -114,7 +114,7 @@ def test_a_desktop_and_the_button_that_brings_the_window_back(stage, monkeypatch
 
 
 def test_an_oracle_is_recorded_and_built(embedded_machine, tmp_path, capsys):
-    from online_env.recording.command import RecordOptions, run
+    from online_env.record_command import RecordOptions, run
     from pipelines import build, open_dataset
 
     notes = tmp_path / "notes"

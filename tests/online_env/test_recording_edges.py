@@ -13,10 +13,11 @@ pytest.importorskip("starlette", reason=needs.ONLINE)
 from hijack_data.actions import parse_pyautogui
 from hijack_data.errors import HijackError, ParameterError
 from hijack_data.types import Action
+from online_env import record_command as command
 from online_env.errors import DesktopError
-from online_env.recording import assets, command
+from online_env.maintenance import asset_recorder as assets
+from online_env.record_command import RecordOptions
 from online_env.recording.actions import ActionRecognizer
-from online_env.recording.command import RecordOptions
 from online_env.recording.picture import ClickTarget, Picture
 from online_env.recording.trajectory import EpisodeRecording, RecordedView, prepare, save
 

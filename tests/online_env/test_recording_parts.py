@@ -14,14 +14,15 @@ pytest.importorskip("starlette", reason=needs.ONLINE)
 from hijack_data.errors import HijackError, UnknownNameError
 from hijack_data.pack import FORMAT, VERSION, AssetPack, picture_kinds
 from hijack_data.types import Action
+from online_env import record_command as command
 from online_env.errors import DesktopError
-from online_env.recording import command, wallpapers
+from online_env.maintenance import wallpapers
+from online_env.maintenance.asset_pack import Pack
+from online_env.maintenance.asset_recorder import LARGE, SCENES, SIZES, record_assets
+from online_env.maintenance.desktop_looks import GOLDEN, LOOKS
+from online_env.maintenance.scenes import parts
 from online_env.recording import stage as stages
-from online_env.recording.assets import LARGE, SCENES, SIZES, record_assets
-from online_env.recording.looks import GOLDEN, LOOKS
-from online_env.recording.pack import Pack
 from online_env.recording.picture import ClickTarget, Picture
-from online_env.recording.scenes import parts
 from online_env.recording.trajectory import EpisodeRecording, RecordedView, kept, save, target_of
 
 SCREEN = (600, 800)

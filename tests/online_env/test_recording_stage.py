@@ -14,13 +14,13 @@ from click import ClickException
 
 from hijack_data.errors import ParameterError
 from hijack_data.types import Action
+from online_env import record_command as command
 from online_env.desktops.protocol import RunResult
 from online_env.errors import DesktopError, DesktopTimeoutError
-from online_env.recording import command
+from online_env.maintenance.scenes import Refused, lock_screens, menus
+from online_env.record_command import RecordOptions
 from online_env.recording import stage as stages
-from online_env.recording.command import RecordOptions
 from online_env.recording.picture import ClickTarget
-from online_env.recording.scenes import Refused, lock_screens, menus
 from online_env.recording.stage import RecordingStage, Top, at_point, click, code_of, spot
 from online_env.recording.trajectory import (
     EpisodeRecording,

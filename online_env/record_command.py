@@ -1,19 +1,93 @@
 """`hijack desktop record`: a video, trajectories, or the asset pack."""
 
 import contextlib
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from hijack_data.cli.options import FiniteRange, OutOption, seed_option
 from hijack_data.errors import ParameterError
 from hijack_data.types import Size
 
-from ..embedded.desktop import EmbeddedDesktop
+if TYPE_CHECKING:
+    from .embedded.desktop import EmbeddedDesktop
 
 VIDEO = Path("desktop.mp4")
+
+
+@click.command("record")
+@click.argument("name", required=False)
+@click.option(
+    "-o",
+    "--out",
+    "--output",
+    "output",
+    cls=OutOption,
+    type=click.Path(path_type=Path),
+    metavar="FILE|DIR",
+    help="Where the video (desktop.mp4, if not given) or the folder of trajectories goes.",
+)
+@click.option(
+    "--seconds",
+    type=FiniteRange(0.1, 86400),
+    metavar="S",
+    help="Length of the video; until Ctrl-C, if not given.",
+)
+@click.option(
+    "--assets",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="DIR",
+    help="Record the asset pack into it.",
+)
+@click.option(
+    "--only",
+    metavar="A,B",
+    help="Only these kinds of pictures of the pack, with commas between; the others stay.",
+)
+@click.option(
+    "--sizes",
+    metavar="WxH,WxH",
+    help="Only screens of these sizes for the pack, such as 1920x1080,1280x720.",
+)
+@click.option(
+    "--looks",
+    metavar="A,B",
+    help="Only desktops of these looks for the pack: golden, dark, bright.  [default: all]",
+)
+@click.option(
+    "--task",
+    metavar="NAME",
+    help="Record a trajectory of this small task, done by its oracle, into the folder -o.",
+)
+@seed_option("Variant of the task.")
+@click.option(
+    "--person",
+    is_flag=True,
+    help="A person does it, on a page as that of `view`; ends with Ctrl-C.",
+)
+@click.option(
+    "--instruction", metavar="SENTENCE", help="What the person is to do, without a --task."
+)
+@click.option(
+    "--size",
+    default="1920x1080",
+    show_default=True,
+    metavar="WxH",
+    help="Screen for a --task without NAME.",
+)
+@click.option(
+    "--port", default=0, metavar="N", help="Port of the page for --person; any free one if 0."
+)
+def record_desktop(name: str | None, **options: Any) -> None:
+    """Record desktop NAME to a video, or record a trajectory, or the asset pack."""
+    texts = (options["sizes"] or "").split(",")
+    options["sizes"] = [parse_size(text.strip()) for text in texts if text.strip()]
+    options["size"] = parse_size(options["size"])
+    sys.exit(run(RecordOptions(name=name, **options)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,8 +163,8 @@ def _refuse(why: str, **given: object) -> None:
 
 
 def _video(name: str | None, output: Path, seconds: float | None) -> int:
-    from ..embedded.recording import record
-    from ..embedded.running import attach
+    from .embedded.recording import record
+    from .embedded.running import attach
 
     if not output.parent.is_dir() or output.is_dir():
         raise ParameterError(f"-o {output}: the video is a file, in a folder that exists")
@@ -101,7 +175,7 @@ def _video(name: str | None, output: Path, seconds: float | None) -> int:
 
 
 def _assets(folder: Path, options: RecordOptions) -> int:
-    from .assets import EVERY_SIZE, LOOK_NAMES, record_assets
+    from .maintenance.asset_recorder import EVERY_SIZE, LOOK_NAMES, record_assets
 
     kinds = _words(options.only)
     sizes = options.sizes or EVERY_SIZE
@@ -115,7 +189,7 @@ def _words(text: str | None) -> list[str]:
 
 
 def _oracle(folder: Path, options: RecordOptions) -> int:
-    from .oracle import record_task
+    from .recording.oracle import record_task
 
     with _desktop(options) as desktop:
         record_task(str(options.task), options.seed, folder, desktop, click.echo)
@@ -123,9 +197,9 @@ def _oracle(folder: Path, options: RecordOptions) -> int:
 
 
 def _person(folder: Path, options: RecordOptions) -> int:
-    from .. import tasks
-    from .person import record_person
-    from .trajectory import EpisodeRecording, kept, prepare
+    from . import tasks
+    from .recording.person import record_person
+    from .recording.trajectory import EpisodeRecording, kept, prepare
 
     if bool(options.task) == bool(options.instruction):
         raise ParameterError(
@@ -154,16 +228,33 @@ def _person(folder: Path, options: RecordOptions) -> int:
 
 
 @contextlib.contextmanager
-def _desktop(options: RecordOptions) -> Iterator[EmbeddedDesktop]:
+def _desktop(options: RecordOptions) -> "Iterator[EmbeddedDesktop]":
     """Yield the desktop of that name, or one of our own."""
-    from ..embedded.running import attach
+    from .embedded.desktop import EmbeddedDesktop
+    from .embedded.running import attach
 
     chosen = attach(options.name) if options.name else EmbeddedDesktop.up(size=options.size)
     with chosen as desktop:
         yield desktop
 
 
-def _sites(desktop: EmbeddedDesktop) -> Any:
-    from ..embedded.sites.state import SiteState
+def _sites(desktop: "EmbeddedDesktop") -> Any:
+    from .embedded.sites.state import SiteState
 
     return SiteState(desktop.record["sites"])
+
+
+def parse_size(text: str) -> Size:
+    """Return `(height, width)` of a text such as 1920x1080.
+
+    Raises:
+        ParameterError: It is not WIDTHxHEIGHT.
+    """
+    width, _, height = text.lower().partition("x")
+    if len(text) >= 20 or not _is_number(width) or not _is_number(height):
+        raise ParameterError(f"--size must be WIDTHxHEIGHT, such as 1920x1080, got {text!r}")
+    return int(height), int(width)
+
+
+def _is_number(text: str) -> bool:
+    return text.isascii() and text.isdigit()

@@ -19,8 +19,8 @@ from hijack_data.pack import FORMAT, INDEX, VERSION, picture_kinds
 from hijack_data.types import Size, UInt8Array
 
 from ..errors import DesktopError
-from .looks import GOLDEN
-from .picture import Picture
+from ..recording.picture import Picture
+from .desktop_looks import GOLDEN
 
 LICENCE = (
     "Apache-2.0. Recorded by `hijack desktop record --assets` on AgentHijack's own desktop, with"

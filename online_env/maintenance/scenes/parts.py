@@ -7,10 +7,10 @@ import numpy as np
 from hijack_data.types import Box, UInt8Array
 
 from ...errors import DesktopError
+from ...recording.picture import ClickTarget, Picture
+from ...recording.stage import RecordingStage
 from .. import wallpapers
-from ..looks import hide_icons, put_wallpaper
-from ..picture import ClickTarget, Picture
-from ..stage import RecordingStage
+from ..desktop_looks import hide_icons, put_wallpaper
 from . import Refused
 
 # Pixels around an icon's box in the tree that its label's shadow may reach.

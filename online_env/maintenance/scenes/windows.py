@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
-from ..looks import GOLDEN
-from ..picture import Picture
-from ..stage import RecordingStage
+from ...recording.picture import Picture
+from ...recording.stage import RecordingStage
+from ..desktop_looks import GOLDEN
 from . import Refused
 from .apps import APPS, MORE, App, browser, installed
 

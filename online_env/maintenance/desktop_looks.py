@@ -9,8 +9,8 @@ from PIL import Image
 from hijack_data.types import UInt8Array
 
 from ..desktops.commands import home
+from ..recording.stage import RecordingStage
 from . import wallpapers
-from .stage import RecordingStage
 
 BACKDROP = "/backdrop/screen0/monitorscreen/workspace0"
 CENTRED = 1  # of xfdesktop's image styles

@@ -9,8 +9,8 @@ from hijack_data.plan import Effect
 
 from ...effects import perform
 from ...errors import DesktopError
-from ..picture import ClickTarget, Picture
-from ..stage import RecordingStage, Top, click, code_of
+from ...recording.picture import ClickTarget, Picture
+from ...recording.stage import RecordingStage, Top, click, code_of
 from . import Refused
 from .apps import APPS, App, browser, installed
 from .windows import FULL

@@ -13,10 +13,10 @@ from hijack_data.types import Box
 from ...desktops.commands import end
 from ...effects.elements import LAUNCHERS
 from ...errors import DesktopError
+from ...recording.picture import ClickTarget, Picture
+from ...recording.stage import RecordingStage, Top, click, code_of, spot
 from ...tasks.hand import Hand
 from ...tasks.tree import TreeNode, nodes
-from ..picture import ClickTarget, Picture
-from ..stage import RecordingStage, Top, click, code_of, spot
 from . import Refused
 from .apps import APPS, App, browser, installed
 

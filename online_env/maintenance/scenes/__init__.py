@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from ...errors import DesktopError
-from ..picture import Picture
+from ...recording.picture import Picture
 
 
 @dataclass(frozen=True)

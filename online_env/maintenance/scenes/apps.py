@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 from hijack_data.drawing.text import load_font
 
 from ...desktops.commands import home
-from ..stage import RecordingStage, Top
+from ...recording.stage import RecordingStage, Top
 from ..wallpapers import draw
 
 NOTE = """Harbour walk, Saturday

@@ -9,8 +9,8 @@ from hijack_data.types import Box, UInt8Array
 
 from ...effects import perform
 from ...errors import DesktopError
-from ..picture import ClickTarget, Picture
-from ..stage import PASSWORD, RecordingStage, code_of, spot
+from ...recording.picture import ClickTarget, Picture
+from ...recording.stage import PASSWORD, RecordingStage, code_of, spot
 from . import Refused
 from .windows import FULL
 

@@ -15,11 +15,11 @@ from hijack_data.types import Size
 
 from ..embedded.desktop import EmbeddedDesktop
 from ..errors import DesktopError
-from .looks import GOLDEN, LOOKS, Look
-from .pack import Pack
-from .picture import Picture
+from ..recording.picture import Picture
+from ..recording.stage import RecordingStage
+from .asset_pack import Pack
+from .desktop_looks import GOLDEN, LOOKS, Look
 from .scenes import Refused, apps, desktops, error_pages, lock_screens, menus, parts, windows
-from .stage import RecordingStage
 from .wallpapers import SIZE as LARGE
 
 SIZES: tuple[Size, ...] = ((1080, 1920), (768, 1366), (720, 1280), (1440, 2560))

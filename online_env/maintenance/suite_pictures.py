@@ -1,7 +1,7 @@
 """Small pictures of the first screen of each task, for docs/suite.md, from a run with frames.
 
 Such as: hijack bench embedded --agent oracle --corruptions clean --out runs/oracle
-python benchmarks/suite_pictures.py runs/oracle docs/images/suite
+python -m online_env.maintenance.suite_pictures runs/oracle docs/images/suite
 """
 
 import sys
@@ -9,8 +9,8 @@ from pathlib import Path
 
 from PIL import Image
 
-from online_env.bench import records
-from online_env.bench.scores import task_name
+from ..bench import records
+from ..bench.scores import task_name
 
 SIZE = (800, 450)
 QUALITY = 45

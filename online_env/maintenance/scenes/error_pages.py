@@ -6,10 +6,10 @@ from hijack_data.plan import Effect
 
 from ...effects import Applied, perform
 from ...errors import DesktopError
+from ...recording.picture import Picture
+from ...recording.stage import RecordingStage, Top
 from ...tasks.hand import Hand
 from ...tasks.tree import TreeNode
-from ..picture import Picture
-from ..stage import RecordingStage, Top
 from . import Refused
 from .apps import browser
 from .windows import FULL
