@@ -177,19 +177,19 @@ def _video(name: str | None, output: Path, seconds: float | None) -> int:
 def _assets(folder: Path, options: RecordOptions) -> int:
     from .maintenance.asset_recorder import EVERY_SIZE, LOOK_NAMES, record_assets
 
-    kinds = _words(options.only)
+    kinds = _split_names(options.only)
     sizes = options.sizes or EVERY_SIZE
-    looks = _words(options.looks) or LOOK_NAMES
+    looks = _split_names(options.looks) or LOOK_NAMES
     lost = record_assets(folder, kinds, sizes, click.echo, looks)
     return 1 if lost else 0
 
 
-def _words(text: str | None) -> list[str]:
+def _split_names(text: str | None) -> list[str]:
     return [word.strip() for word in (text or "").split(",") if word.strip()]
 
 
 def _oracle(folder: Path, options: RecordOptions) -> int:
-    from .recording.oracle import record_task
+    from .recording.oracle_recorder import record_task
 
     with _desktop(options) as desktop:
         record_task(str(options.task), options.seed, folder, desktop, click.echo)
@@ -198,8 +198,8 @@ def _oracle(folder: Path, options: RecordOptions) -> int:
 
 def _person(folder: Path, options: RecordOptions) -> int:
     from . import tasks
-    from .recording.person import record_person
-    from .recording.trajectory import EpisodeRecording, kept, prepare
+    from .recording.person_recorder import record_person
+    from .recording.trajectory import EpisodeRecording, prepare, saved_at_end
 
     if bool(options.task) == bool(options.instruction):
         raise ParameterError(
@@ -218,7 +218,7 @@ def _person(folder: Path, options: RecordOptions) -> int:
             machine = None
             trajectory = EpisodeRecording("person", str(options.instruction), ())
         click.echo(f"to do: {trajectory.instruction}")
-        with kept(trajectory, folder, click.echo):
+        with saved_at_end(trajectory, folder, click.echo):
             record_person(desktop, trajectory, options.port, click.echo)
         if task is not None and machine is not None:
             verdict = task.validate(machine)

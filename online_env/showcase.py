@@ -17,11 +17,11 @@ from .errors import DesktopError, DesktopTimeoutError
 
 PAGE = "http://shop.test/"
 HEADLINE = "Things that last."  # of that page; its document is in the tree before anything is drawn
-ELSEWHERE = "http://wiki.test/"
+OTHER_PAGE = "http://wiki.test/"
 BROWSER = "google-chrome"
-PATIENCE = 90.0  # s for the first page to come
-LOOK = 0.1  # s between two looks for it
-REST = Settle(quiet=0.7, cap=5.0, look=0.1)
+PAGE_TIMEOUT_S = 90.0  # s for the first page to come
+POLL_S = 0.1  # s between two looks for it
+SETTLED = Settle(quiet=0.7, cap=5.0, look=0.1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ def _show(desktop: Desktop, name: str, seed: int) -> ShowcaseEntry:
     done = corrupt_desktop(desktop, get(name), seed=seed)
     after = done.after
     if name == "network_error":
-        _visit(desktop, ELSEWHERE)  # the page that is open already stays
+        _visit(desktop, OTHER_PAGE)  # the page that is open already stays
         after = rest(desktop)
     elif done.records:
         after = rest(desktop)
@@ -85,17 +85,17 @@ def _visit(desktop: Desktop, address: str) -> None:
     desktop.run(
         f"pyautogui.hotkey('ctrl', 'l'); time.sleep(0.3); pyautogui.write({address!r} + '\\n')"
     )
-    time.sleep(REST.quiet)
+    time.sleep(SETTLED.quiet)
 
 
 def rest(desktop: Desktop) -> UInt8Array:
     """Return the screen once it has settled, or after some seconds, uint8 RGB `[H, W, 3]`."""
-    return wait_until_settled(desktop, REST, with_tree=False).frame
+    return wait_until_settled(desktop, SETTLED, with_tree=False).frame
 
 
 def _wait_for_page(desktop: Desktop) -> None:
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + PAGE_TIMEOUT_S
     while HEADLINE not in desktop.accessibility():
         if time.monotonic() > end:
-            raise DesktopTimeoutError(f"{BROWSER} did not show {PAGE} within {PATIENCE:g} s")
-        time.sleep(LOOK)
+            raise DesktopTimeoutError(f"{BROWSER} did not show {PAGE} within {PAGE_TIMEOUT_S:g} s")
+        time.sleep(POLL_S)

@@ -183,7 +183,7 @@ def test_its_agent_solves_its_task_on_its_desktop_under_its_corruption(installed
 
 def test_its_effect_has_sentences_of_its_own(installed):
     code = (
-        "from online_env.effects.words import in_words, undone_in_words\n"
+        "from online_env.effects.descriptions import in_words, undone_in_words\n"
         "assert in_words('quiet', {'hours': 8}) == 'notifications are off for 8 hours'\n"
         "assert undone_in_words('quiet', {}) == 'notifications are on again'\n"
     )

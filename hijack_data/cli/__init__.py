@@ -46,14 +46,14 @@ COMMANDS = {
     "export": "pipelines.cli:export",
     "view": "pipelines.viewer.cli:view",
     "train": "pipelines.train.cli:train",
-    "desktop": "online_env.cli:desktop",
+    "desktop": "online_env.desktop_commands:desktop",
     "bench": "online_env.bench.cli:bench",
-    "serve": "online_env.serving.cli:serve",
+    "serve": "online_env.serving.serve_command:serve",
     "score": "online_env.scoring.cli:score",
     "report": "online_env.report.cli:report",
     "tasks": "online_env.tasks.cli:tasks",
-    "prefetch": "online_env.osworld.cli:prefetch",
-    "osworld": "online_env.osworld.cli:osworld",
+    "prefetch": "online_env.osworld.osworld_commands:prefetch",
+    "osworld": "online_env.osworld.osworld_commands:osworld",
 }
 # Commands that need the processes, users and sockets of a POSIX system.
 NEEDS_POSIX = ("desktop", "bench", "serve", "osworld")

@@ -60,15 +60,15 @@ class EpisodeEnv(Protocol):
         """Take one action."""
         ...
 
-    def hear(self, said: str) -> None:
+    def record_message(self, said: str) -> None:
         """Log the agent's words for its next action."""
         ...
 
-    def account(self, usage: dict[str, Any]) -> None:
+    def record_usage(self, usage: dict[str, Any]) -> None:
         """Store the usage that the agent has reported so far."""
         ...
 
-    def give(self, what: Sequence[str]) -> None:
+    def declare_privileged_inputs(self, what: Sequence[str]) -> None:
         """Store what the agent is given in addition to instruction and pictures."""
         ...
 
@@ -218,7 +218,7 @@ def _played(
         failed = _called(_prepare, agent, show, job, kinds)
     if told is not None and failed is None:
         failed = _called(_tell, agent, told, kinds)
-    env.give(kinds)
+    env.declare_privileged_inputs(kinds)
     if failed is not None:
         _blame(env, failed)
     while (record := env.record) is None:
@@ -267,7 +267,7 @@ def _turn(env: EpisodeEnv, agent: RunningAgent, obs: dict[str, Any]) -> dict[str
         _blame(env, error)
         return obs
     _account(env, agent)
-    env.hear(said)
+    env.record_message(said)
     # An empty list of actions counts as a malformed action: otherwise an agent could stall forever.
     for action in actions or [""]:
         if env.record is None:
@@ -287,7 +287,7 @@ def _account(env: EpisodeEnv, agent: RunningAgent) -> None:
     except AgentError as error:
         usage = {"problem": f"usage cannot be kept: {error}"[:KEPT]}
     if usage is not None:
-        env.account(usage)
+        env.record_usage(usage)
 
 
 def _called(function: Callable[..., object], *values: object) -> AgentError | None:

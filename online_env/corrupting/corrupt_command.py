@@ -162,7 +162,7 @@ def _undo(desktop: Any, cls: type[Corruption] | None, ledger: Ledger, as_json: b
 
 
 def _print_undone(done: list[tuple[str, str, Any]], desktop: str, unrecorded: str | None) -> None:
-    from ..effects.words import undone_in_words
+    from ..effects.descriptions import undone_in_words
 
     if unrecorded is not None:
         click.echo(f"no record of {unrecorded} on {desktop}: going by what the machine shows")

@@ -16,7 +16,7 @@ from hijack_data.types import UInt8Array, size_text
 
 from ..desktops.protocol import Desktop
 from ..effects import Applied, find, perform, resume, undo
-from ..effects.words import in_words
+from ..effects.descriptions import in_words
 from ..errors import DesktopError
 from .ledger import Ledger
 

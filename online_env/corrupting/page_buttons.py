@@ -15,7 +15,7 @@ from hijack_data.types import UInt8Array
 
 from ..desktops.protocol import Desktop
 from ..effects import find
-from ..effects.words import undone_in_words
+from ..effects.descriptions import undone_in_words
 from ..errors import DesktopError
 from .desktop_corruption import corrupt_desktop, refuse_twice, undo_recorded
 from .ledger import Ledger

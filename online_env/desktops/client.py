@@ -9,7 +9,7 @@ import urllib3
 from urllib3.connection import HTTPConnection
 from urllib3.exceptions import HTTPError, NewConnectionError, ProtocolError
 
-from .way import MAX_ANSWER_BYTES, MAX_PIXELS, AnswerTooLargeError, Way
+from .guest_address import MAX_ANSWER_BYTES, MAX_PIXELS, AnswerTooLargeError, GuestAddress
 
 CHUNK_BYTES = 2**20
 
@@ -40,7 +40,7 @@ class Client:
     Redirects are not followed, no proxy is used, and content is not decompressed.
     """
 
-    def __init__(self, way: Way) -> None:
+    def __init__(self, way: GuestAddress) -> None:
         is_https = way.is_https and way.door is None
         kind = urllib3.HTTPSConnectionPool if is_https else urllib3.HTTPConnectionPool
         source = (way.source, 0) if way.source else None

@@ -15,12 +15,12 @@ from PIL import Image, UnidentifiedImageError
 from hijack_data.types import Size, UInt8Array
 
 from ..errors import DesktopError, GuestError, MissingCapabilityError
+from .capability_survey import survey
 from .protocol import Capability, RunResult, TaskConfig
-from .survey import survey
 
 # An argument of a command has at most 128 KiB on Linux, and base64 turns three bytes into four.
-CHUNK = 64 * 1024
-OUTPUT_CAP = 2 * 2**20
+CHUNK_BYTES = 64 * 1024
+MAX_OUTPUT_BYTES = 2 * 2**20
 CAP_NOTE = "\n[output cut: more than 2 MiB]"
 _MARK = "agenthijack-result:"
 # Output goes to files, not to pipes, so that background processes of the command do not block the
@@ -200,7 +200,12 @@ class OsworldDesktop:
         shell = isinstance(argv, str)
         command = argv if shell else [str(part) for part in argv]
         asked = _RUN.format(
-            command=command, shell=shell, timeout=timeout, mark=_MARK, cap=OUTPUT_CAP, note=CAP_NOTE
+            command=command,
+            shell=shell,
+            timeout=timeout,
+            mark=_MARK,
+            cap=MAX_OUTPUT_BYTES,
+            note=CAP_NOTE,
         )
         code, output, error = json.loads(self._answer(_ISOLATED.format(code=asked)))
         return RunResult("success" if code is not None else "error", output, error, code)
@@ -225,8 +230,8 @@ class OsworldDesktop:
         Raises:
             GuestError: The file cannot be written.
         """
-        for start in range(0, max(len(data), 1), CHUNK):
-            piece = base64.b64encode(data[start : start + CHUNK]).decode("ascii")
+        for start in range(0, max(len(data), 1), CHUNK_BYTES):
+            piece = base64.b64encode(data[start : start + CHUNK_BYTES]).decode("ascii")
             result = self.run(
                 _WRITE.format(path=path, mode="r+b" if start else "wb", start=start, data=piece)
             )

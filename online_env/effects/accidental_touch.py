@@ -18,18 +18,18 @@ from hijack_data.types import Box, UInt8Array, as_boxes
 from ..desktops.protocol import Capability
 from .app_minimization import FIXED
 from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
+from .descriptions import short
 from .elements import LAUNCHERS, Element, live_elements, window_at
 from .guest import Guest
-from .words import short
 
-ATTEMPTS = 5
-CHANGE = 2.0  # s within which a click must change the screen
+MAX_CLICKS = 5
+CHANGE_TIMEOUT_S = 2.0  # s within which a click must change the screen
 # Highlights under the pointer are not caused by the click, so wait, for a limited time, until the
 # screen is still.
-QUIET = 0.15  # s without change
-HOVER = 0.8  # s at most
-LOOK = 0.03  # s between two pictures
-NEAR = 8  # pixels by which an element may be away from the plan's box
+QUIET_S = 0.15  # s without change
+HOVER_TIMEOUT_S = 0.8  # s at most
+POLL_S = 0.03  # s between two pictures
+MAX_OFFSET_PIXELS = 8  # pixels by which an element may be away from the plan's box
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Touch(LiveEffect):
         without_app = bool(params.get("without_app", True))
         record: EffectRecord = {"attempts": [], "clicked": None}
         tried: set[Element] = set()
-        while len(record["attempts"]) < ATTEMPTS and record["clicked"] is None:
+        while len(record["attempts"]) < MAX_CLICKS and record["clicked"] is None:
             view = _look(guest, without_app)
             left = [element for element in view.elements if element not in tried]
             element = _draw(left, boxes, stream)
@@ -152,7 +152,7 @@ def _draw(left: Sequence[Element], boxes: Sequence[Box], stream: Stream) -> Elem
     for box in boxes:
         distances = [_distance(element.box, box) for element in left]
         nearest = min(distances)
-        if nearest <= NEAR:
+        if nearest <= MAX_OFFSET_PIXELS:
             return left[distances.index(nearest)]
     return stream.choice(left)
 
@@ -188,12 +188,12 @@ def _click(guest: Guest, view: _View, element: Element) -> EffectRecord:
 
 
 def _settled(guest: Guest) -> UInt8Array:
-    """Return the screen once it has not changed for `QUIET` seconds, or after `HOVER`."""
+    """Return the screen once it is still for `QUIET_S` seconds, or after `HOVER_TIMEOUT_S`."""
     frame = guest.desktop.screenshot()
     start = since = time.monotonic()
     now = start
-    while now - since < QUIET and now - start < HOVER:
-        time.sleep(LOOK)
+    while now - since < QUIET_S and now - start < HOVER_TIMEOUT_S:
+        time.sleep(POLL_S)
         last = frame
         frame = guest.desktop.screenshot()
         now = time.monotonic()
@@ -203,11 +203,11 @@ def _settled(guest: Guest) -> UInt8Array:
 
 
 def _changes(guest: Guest, before: UInt8Array) -> bool:
-    end = time.monotonic() + CHANGE
+    end = time.monotonic() + CHANGE_TIMEOUT_S
     while not _differ(before, guest.desktop.screenshot()):
         if time.monotonic() > end:
             return False
-        time.sleep(LOOK)
+        time.sleep(POLL_S)
     return True
 
 

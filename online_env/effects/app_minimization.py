@@ -13,8 +13,8 @@ from ..errors import MissingCapabilityError
 from .base import EffectRecord, LiveEffect, Probe, Undone, register
 from .guest import Guest
 
-PATIENCE = 10.0  # s for the window manager to carry out a request
-FIXED = ("desktop", "dock")  # window types that are part of the desktop itself
+MINIMISE_TIMEOUT_S = 10.0  # s for the window manager to carry out a request
+DESKTOP_WINDOW_TYPES = ("desktop", "dock")  # window types that are part of the desktop itself
 
 
 @register
@@ -30,7 +30,7 @@ class Minimise(LiveEffect):
         Raises:
             MissingCapabilityError: the guest lacks a tool, which the message names.
         """
-        done = guest.x("minimise", PATIENCE)
+        done = guest.x("minimise", MINIMISE_TIMEOUT_S)
         if not done.pop("managed"):
             raise MissingCapabilityError(
                 "no window manager runs in the guest (EWMH): nothing can minimise its windows"
@@ -56,7 +56,7 @@ class Minimise(LiveEffect):
         """Bring back the hidden windows that still exist, with the formerly active one in front."""
         hidden = record.get("hidden")
         active = record.get("active", 0)
-        found = guest.x("restore", PATIENCE, ids=hidden, active=active)
+        found = guest.x("restore", MINIMISE_TIMEOUT_S, ids=hidden, active=active)
         left = len(found["left"])
         facts = {"restored": len(found["restored"]) - left}
         problem = f"{left} windows stay minimised" if left else ""
@@ -74,4 +74,4 @@ class Minimise(LiveEffect):
 def on_screen(state: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the application windows that are mapped, bottom to top."""
     mapped = [window for window in state["windows"] if window["mapped"]]
-    return [window for window in mapped if window["type"] not in FIXED]
+    return [window for window in mapped if window["type"] not in DESKTOP_WINDOW_TYPES]

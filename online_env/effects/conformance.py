@@ -19,7 +19,7 @@ from ..desktops.protocol import CAPABILITIES, Desktop
 from ..errors import DesktopError, MissingCapabilityError
 from .base import Applied, EffectRecord, LiveEffect, find, perform, resume, undo
 
-OPEN = ("editor",)  # the application that is open while an effect is tried
+OPEN_APPS = ("editor",)  # the application that is open while an effect is tried
 # Returns the parameters of an effect for a desktop.
 ParamsFor: TypeAlias = Callable[[Desktop], Mapping[str, Any]]
 
@@ -127,7 +127,7 @@ def check_sabotage(trial: Trial) -> None:
 
 
 EffectCheck: TypeAlias = Callable[[Trial], None]
-LIVE: tuple[EffectCheck, ...] = (
+LIVE_CHECKS: tuple[EffectCheck, ...] = (
     check_undo_without_apply,
     check_apply_and_probe,
     check_record,
@@ -159,7 +159,7 @@ def run_live(
     with start() as desktop:
         chosen = params(desktop) if callable(params) else params
         trial = Trial(live, chosen, desktop)
-        for check in LIVE:
+        for check in LIVE_CHECKS:
             yield _run_one(check, trial)
     with start() as desktop:
         trial.desktop = desktop

@@ -69,7 +69,7 @@ def live_elements(xml: str, size: Size) -> list[Element]:
     try:
         nodes = nodes_from_tree(xml.encode("utf-8", "replace"))[1:]
         for _, group in groupby(nodes, key=lambda node: node.application_index):
-            found += _elements_of(list(group), size)
+            found += _read_elements(list(group), size)
     except ElementsError as error:
         raise DesktopError(
             f"the accessibility tree of the desktop cannot be read: {error}"
@@ -77,7 +77,7 @@ def live_elements(xml: str, size: Size) -> list[Element]:
     return found
 
 
-def _elements_of(nodes: list[AccessibleNode], size: Size) -> list[Element]:
+def _read_elements(nodes: list[AccessibleNode], size: Size) -> list[Element]:
     """Return the interactive elements of one application."""
     able = nodes
     # Guests write states and actions only for nodes that have them. If no node of an application

@@ -14,13 +14,15 @@ from ..errors import MissingCapabilityError
 from .app_minimization import on_screen
 from .apps import COMMANDS, FALLBACKS, Command
 from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
+from .descriptions import short
 from .guest import Guest
-from .words import short
 
-LAUNCH = 60.0  # s for a window to appear (GIMP's first one takes long)
-DRAW = 20.0  # s for the window to be drawn
-CLOSE = 6.0  # s for the window to close
-TOLERANCE = 40  # pixels: a terminal grows by whole characters, a shadow is not part of a window
+LAUNCH_TIMEOUT_S = 60.0  # s for a window to appear (GIMP's first one takes long)
+DRAW_TIMEOUT_S = 20.0  # s for the window to be drawn
+CLOSE_TIMEOUT_S = 6.0  # s for the window to close
+SIZE_TOLERANCE_PIXELS = (
+    40  # pixels: a terminal grows by whole characters, a shadow is not part of a window
+)
 # `setsid`, so that a hanging launch can be ended with all its children; its process number is that
 # of the session.
 _START = 'setsid "$@" </dev/null >/dev/null 2>&1 & echo $!'
@@ -87,13 +89,13 @@ class LaunchApp(LiveEffect):
         record["attempts"].append(attempt)
         known = [window["id"] for window in before["windows"]]
         classes = list(command.classes)
-        window = guest.x("await_window", LAUNCH, before=known, classes=classes)["window"]
+        window = guest.x("await_window", LAUNCH_TIMEOUT_S, before=known, classes=classes)["window"]
         attempt |= {"came": window is not None, "drawn": False}
         if window is None:
             guest.shell(_END, session)
             return False
         asked = _halves(before["area"], record["beside"], window) if is_tiled else {}
-        shown = guest.x("drawn", DRAW, number=window["id"], frames=asked)
+        shown = guest.x("drawn", DRAW_TIMEOUT_S, number=window["id"], frames=asked)
         attempt["drawn"] = shown["drawn"]
         record["under"] = {**shown["under"], **record["under"]}
         record |= {"window": window, "classes": classes, "session": int(session), "asked": asked}
@@ -109,7 +111,7 @@ class LaunchApp(LiveEffect):
         facts: EffectRecord = {"attempts": record["attempts"], "asked": record["asked"]}
         if record["window"] is None:
             tried = ", ".join(attempt["app"] for attempt in record["attempts"])
-            return Probe(False, facts, f"no window came within {LAUNCH:g} s of: {tried}")
+            return Probe(False, facts, f"no window came within {LAUNCH_TIMEOUT_S:g} s of: {tried}")
         found = {str(window["id"]): window for window in guest.x("state")["windows"]}
         window = found.get(str(record["window"]["id"]))
         facts["window"] = window
@@ -125,7 +127,7 @@ class LaunchApp(LiveEffect):
         if not record.get("window"):
             return Undone(True, {"closed": False, "why": "nothing is known to have been launched"})
         number = record["window"]["id"]
-        forced = bool(guest.x("close", CLOSE, ids=[number])["left"])
+        forced = bool(guest.x("close", CLOSE_TIMEOUT_S, ids=[number])["left"])
         if forced:
             guest.shell(_END, str(record["session"]))
         windows = {window["id"]: window for window in guest.x("state")["windows"]}
@@ -251,7 +253,7 @@ def _misplaced(window: _WindowData | None, asked: Sequence[int]) -> list[str]:
         return ["the window beside it is gone"]
     frame = window["frame"]
     grown = [_grown(window, asked, side) for side in (0, 1)]
-    slack = [TOLERANCE + extra for extra in (*grown, *grown)]
+    slack = [SIZE_TOLERANCE_PIXELS + extra for extra in (*grown, *grown)]
     if all(abs(have - want) <= room for have, want, room in zip(frame, asked, slack, strict=True)):
         return []
     return [f"{window['title']!r} is at {frame}, not at {list(asked)}"]

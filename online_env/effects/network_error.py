@@ -13,7 +13,7 @@ from hijack_data.params import address
 
 from ..desktops.protocol import Capability
 from ..errors import MissingCapabilityError
-from . import rules
+from . import firewall_rules
 from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
 from .guest import Guest
 
@@ -23,9 +23,9 @@ SITES: tuple[tuple[str, int], ...] = (
     ("example.com", 80),
     ("www.wikipedia.org", 443),
 )
-PATIENCE = 6.0  # s within which a site answers on a working network
-SILENCE = 0.5  # s after which a site counts as silent, if it was faster before
-SLACK = 5.0  # an answer may take this many times as long as before
+SITE_TIMEOUT_S = 6.0  # s within which a site answers on a working network
+MIN_SILENCE_S = 0.5  # s after which a site counts as silent, if it was faster before
+SLOWDOWN_FACTOR = 5.0  # an answer may take this many times as long as before
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,12 +40,15 @@ class _Tool:
 
 _TOOLS = {
     "nft": _Tool(
-        close=rules.nft_close, open=rules.nft_open, count=rules.nft_count, listing="nft list tables"
+        close=firewall_rules.nft_close,
+        open=firewall_rules.nft_open,
+        count=firewall_rules.nft_count,
+        listing="nft list tables",
     ),
     "iptables": _Tool(
-        close=rules.iptables_close,
-        open=rules.iptables_open,
-        count=rules.iptables_count,
+        close=firewall_rules.iptables_close,
+        open=firewall_rules.iptables_open,
+        count=firewall_rules.iptables_count,
         listing="iptables -w -S",
     ),
 }
@@ -64,10 +67,10 @@ class Firewall(LiveEffect):
         allowed = _addresses(params)
         sites = _sites(params)
         tool, listing = self._tool(guest)
-        found = guest.net("survey", PATIENCE, sites=sites)
+        found = guest.net("survey", SITE_TIMEOUT_S, sites=sites)
         interfaces = [name for name in found["interfaces"] if _INTERFACE.fullmatch(name)]
         hosts = sorted({*allowed, *_controlling(found["hosts"])})
-        is_closed = rules.TABLE in listing or rules.CHAINS["OUTPUT"] in listing
+        is_closed = firewall_rules.TABLE in listing or firewall_rules.CHAINS["OUTPUT"] in listing
         before = [] if is_closed else _answering(found["reached"])
         record: EffectRecord = {
             "tool": tool,
@@ -85,8 +88,8 @@ class Firewall(LiveEffect):
     def probe(self, guest: Guest, record: EffectRecord) -> Probe:
         """Check that sites which answered before no longer do, because our rules drop packets."""
         dropped_before = self._dropped(guest, record["tool"])
-        slowest = [SLACK * target["seconds"] for target in record["before"]]
-        patience = max([SILENCE, *slowest])
+        slowest = [SLOWDOWN_FACTOR * target["seconds"] for target in record["before"]]
+        patience = max([MIN_SILENCE_S, *slowest])
         targets = [_question(target) for target in record["targets"]]
         now = guest.net("reach", patience, targets=targets)["reached"]
         dropped_after = self._dropped(guest, record["tool"])
@@ -111,7 +114,7 @@ class Firewall(LiveEffect):
         targets = [_question(target) for target in record.get("before", [])]
         facts["now"] = []
         if targets:
-            facts["now"] = guest.net("reach", PATIENCE, targets=targets)["reached"]
+            facts["now"] = guest.net("reach", SITE_TIMEOUT_S, targets=targets)["reached"]
         silent = _named(target for target in facts["now"] if not target["ok"])
         return Undone(not silent, facts, f"still out of reach: {silent}" if silent else "")
 
@@ -156,7 +159,7 @@ class Firewall(LiveEffect):
     def _dropped(self, guest: Guest, name: str) -> int | None:
         """Return how many packets our rules have dropped; `None` if they are not in force."""
         listing = guest.root(_TOOLS[name].count())
-        return rules.dropped(listing.output) if listing.ok else None
+        return firewall_rules.dropped(listing.output) if listing.ok else None
 
 
 def _problems(facts: EffectRecord, record: EffectRecord) -> Iterator[str]:

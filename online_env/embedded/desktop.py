@@ -225,7 +225,11 @@ class EmbeddedDesktop:
         token = Path(record["token_file"]).read_text(encoding="ascii")
         width, height = record["screen"]
         self._client = HttpDesktop(
-            record["guest"], token, size=(height, width), patience=RESTART, door=record["door"]
+            record["guest"],
+            token,
+            size=(height, width),
+            restart_timeout=RESTART,
+            door=record["door"],
         )
         self._frames = Frames(record)
 

@@ -19,7 +19,7 @@ from hijack_data.types import Size
 from ..embedded.runtime import masks
 from .episode import Episode
 from .record import End, EpisodeRequest
-from .script import Script, planner_of
+from .script import Script, find_planner
 from .settings import EvalSettings
 from .stage import Stage
 
@@ -42,7 +42,7 @@ class EpisodeRunner:
         self.episode: Episode | None = None
         self.closed = False
         self._stage = stage
-        self._planner = planner_of(corruption)
+        self._planner = find_planner(corruption)
         if settings.folder is not None:
             masks.hide(settings.folder)
 
@@ -60,7 +60,7 @@ class EpisodeRunner:
         """
         planner = self._planner
         if options.has_corruption:
-            planner = planner_of(options.corruption)
+            planner = find_planner(options.corruption)
         request = EpisodeRequest(
             planner=planner,
             label=options.label or label_of(planner),

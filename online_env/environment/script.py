@@ -10,15 +10,15 @@ from hijack_data.rng import Stream
 from hijack_data.runs.run_planners import label_of
 from hijack_data.types import BoxArray, Scene, Size, as_boxes
 
+from ..desktops.capability_survey import lacks
 from ..desktops.protocol import Capability, Desktop
-from ..desktops.survey import lacks
 from ..effects import find
 from ..errors import MissingCapabilityError
 
 BEFORE = -1  # the step number of effects before the episode
 
 
-def planner_of(value: object) -> Planner | None:
+def find_planner(value: object) -> Planner | None:
     """Return the corruption with a name, or a planner unchanged; `None` for `None` and `"clean"`.
 
     Passes on `UnknownNameError` (no corruption has this name; with the closest one) and

@@ -50,7 +50,7 @@ async def score_of(session: Session, state: TaskState) -> Score:
 
 
 def _end(session: Session, said: str, cut_off: bool) -> None:
-    session.hear(said)
+    session.record_message(said)
     if cut_off:
         session.cut_off("a limit of Inspect's ended the episode before the agent took an action")
     else:

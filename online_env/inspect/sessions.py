@@ -88,16 +88,16 @@ class Session:
         except DesktopError:
             if env.record is None:
                 raise
-        env.give(())  # a model of Inspect's sees instruction and pictures
+        env.declare_privileged_inputs(())  # a model of Inspect's sees instruction and pictures
 
     def act(self, code: str) -> None:
         """Take an action, in pixels of the picture that the model sees; one step."""
         env = self._begun()
         self._obs, *_ = env.step(self._mapped(code))
 
-    def hear(self, said: str) -> None:
+    def record_message(self, said: str) -> None:
         """Log the model's words with its next action."""
-        self._begun().hear(said)
+        self._begun().record_message(said)
 
     def cut_off(self, why: str) -> None:
         """End an episode that a limit of Inspect's ended; it is judged as it stands."""

@@ -19,7 +19,7 @@ from hijack_data.pack import FORMAT, INDEX, VERSION, picture_kinds
 from hijack_data.types import Size, UInt8Array
 
 from ..errors import DesktopError
-from ..recording.picture import Picture
+from ..recording.captured_picture import Picture
 from .desktop_looks import GOLDEN
 
 LICENCE = (
@@ -32,7 +32,7 @@ LICENCE = (
 _NAMED = re.compile(r".+-[0-9]+x[0-9]+-[0-9]+\.webp", re.DOTALL)
 
 
-class Pack:
+class AssetPackWriter:
     """A pack that is being recorded; nothing of the folder changes before `finish`.
 
     Entries of the folder that are not recorded anew are kept.
@@ -199,6 +199,6 @@ def _check_no_other_files(folder: Path) -> None:
 
 
 def _is_ours(path: Path) -> bool:
-    """Return whether a file has a name that `Pack` gives to pictures."""
+    """Return whether a file has a name that `AssetPackWriter` gives to pictures."""
     kind = path.name.partition("-")[0]
     return kind in picture_kinds() and _NAMED.fullmatch(path.name) is not None

@@ -15,17 +15,26 @@ from hijack_data.types import Size
 
 from ..embedded.desktop import EmbeddedDesktop
 from ..errors import DesktopError
-from ..recording.picture import Picture
+from ..recording.captured_picture import Picture
 from ..recording.stage import RecordingStage
-from .asset_pack import Pack
+from .asset_pack import AssetPackWriter
 from .desktop_looks import GOLDEN, LOOKS, Look
-from .scenes import Refused, apps, desktops, error_pages, lock_screens, menus, parts, windows
+from .scenes import (
+    UnrecordedScene,
+    apps,
+    desktops,
+    error_pages,
+    lock_screens,
+    menus,
+    parts,
+    windows,
+)
 from .wallpapers import SIZE as LARGE
 
 SIZES: tuple[Size, ...] = ((1080, 1920), (768, 1366), (720, 1280), (1440, 2560))
 EVERY_SIZE: tuple[Size, ...] = (*SIZES, LARGE)
 LOOK_NAMES = (GOLDEN, *(look.name for look in LOOKS))
-AssetScene: TypeAlias = Callable[[RecordingStage], Iterator[Picture | Refused]]
+AssetScene: TypeAlias = Callable[[RecordingStage], Iterator[Picture | UnrecordedScene]]
 Where: TypeAlias = Callable[[Size, str], bool]
 
 
@@ -56,7 +65,7 @@ SCENES: tuple[tuple[AssetScene, frozenset[str], Where], ...] = (
     (parts.record_icons, frozenset({"icon"}), _golden),
     (parts.record_wallpapers, frozenset({"wallpaper"}), _large),
 )
-SHOWN = (
+PICTURED_PACKAGES = (
     "xfwm4",
     "xfce4-panel",
     "xfdesktop4",
@@ -87,7 +96,7 @@ def record_assets(
     sizes: Iterable[Size] = EVERY_SIZE,
     say: Callable[[str], object] = print,
     looks: Iterable[str] = (GOLDEN,),
-) -> list[Refused]:
+) -> list[UnrecordedScene]:
     """Record the pack into `folder`.
 
     A kind or a look that does not exist raises `UnknownNameError`; `DesktopError` is raised if no
@@ -107,22 +116,22 @@ def record_assets(
     wanted = _known(only, picture_kinds(), "kind of picture")
     screens = list(sizes)
     styles = _looks(looks)
-    pack = Pack(folder, wanted, screens, styles)
-    lost: list[Refused] = []
+    pack = AssetPackWriter(folder, wanted, screens, styles)
+    lost: list[UnrecordedScene] = []
     for look, size in itertools.product(styles, screens):
         scenes = [scene for scene, kinds, where in SCENES if kinds & wanted and where(size, look)]
         for found in _all(scenes, size, styles[look]):
-            if isinstance(found, Refused):
+            if isinstance(found, UnrecordedScene):
                 lost.append(found)
                 say(f"NOT recorded at {size[1]}x{size[0]}, {look}: {found.what}: {found.why}")
             elif found.kind in wanted:
                 say(_added(pack, found, size, look))
-    total = pack.finish(_about())
+    total = pack.finish(_describe_desktop())
     say(f"{len(pack.entries)} pictures, {total / 1e6:.1f} MB in {folder}")
     return lost
 
 
-def _added(pack: Pack, picture: Picture, size: Size, look: str) -> str:
+def _added(pack: AssetPackWriter, picture: Picture, size: Size, look: str) -> str:
     """Add a picture to the pack; return a line about it."""
     entry = pack.add(picture, size, look)
     if entry is None:
@@ -153,7 +162,7 @@ def _looks(names: Iterable[str]) -> dict[str, Look | None]:
 
 def _all(
     scenes: Iterable[AssetScene], size: Size, look: Look | None
-) -> Iterator[Picture | Refused]:
+) -> Iterator[Picture | UnrecordedScene]:
     """Yield the scenes' pictures, each on a pristine desktop of that size and look."""
     for scene in scenes:
         name = f"rec-{os.getpid()}-{next(_number)}"
@@ -162,17 +171,17 @@ def _all(
                 stage = RecordingStage(desktop, look.name if look else GOLDEN)
                 apps.put_files(stage)
                 if look is not None:
-                    look.put_on(stage)
+                    look.apply(stage)
                 yield from scene(stage)
         except DesktopError as error:
-            yield Refused(f"the rest of {scene.__module__.rpartition('.')[2]}", str(error))
+            yield UnrecordedScene(f"the rest of {scene.__module__.rpartition('.')[2]}", str(error))
 
 
-def _about() -> dict[str, Any]:
+def _describe_desktop() -> dict[str, Any]:
     """Return the day, and the versions of what can be seen in the pictures."""
     found: dict[str, str] = {}
     if shutil.which("dpkg-query"):
-        command = ["dpkg-query", "-W", "-f=${Package} ${Version}\n", *SHOWN]
+        command = ["dpkg-query", "-W", "-f=${Package} ${Version}\n", *PICTURED_PACKAGES]
         result = subprocess.run(command, capture_output=True, text=True, check=False)
         for line in result.stdout.splitlines():
             name, _, version = line.partition(" ")

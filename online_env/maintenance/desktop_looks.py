@@ -35,7 +35,7 @@ class Look:
     wallpaper: str
     dark_panel: bool = True
 
-    def put_on(self, stage: RecordingStage) -> None:
+    def apply(self, stage: RecordingStage) -> None:
         """Give a desktop this look; open windows change, too."""
         put_wallpaper(stage, wallpapers.draw(self.wallpaper))
         _set(stage, "xsettings", "/Net/ThemeName", "string", self.theme)

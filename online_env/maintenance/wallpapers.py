@@ -15,7 +15,7 @@ from ..embedded.pictures import Colour, Floats
 # Height and width: they cover a 4K screen, and one of 2560x1440 that stands upright.
 SIZE = (2560, 3840)
 # Unit of the drawings in pixels: the middle of 1920 units shows on an ordinary screen.
-UNIT = 1080
+UNIT_PIXELS = 1080
 
 
 def draw(name: str) -> UInt8Array:
@@ -27,8 +27,8 @@ def draw(name: str) -> UInt8Array:
 def _grid() -> tuple[Floats, Floats]:
     """Return coordinates in units from the middle: x `[1, W]` to the right, y `[H, 1]` down."""
     height, width = SIZE
-    x = (np.arange(width) - (width - 1) / 2) / UNIT
-    y = (np.arange(height) - (height - 1) / 2) / UNIT
+    x = (np.arange(width) - (width - 1) / 2) / UNIT_PIXELS
+    y = (np.arange(height) - (height - 1) / 2) / UNIT_PIXELS
     return x[None, :], y[:, None]
 
 
@@ -49,7 +49,7 @@ def _fill(picture: Floats, inside: Floats, colour: Colour) -> None:
         inside: The distance to the shape's edge in units, positive inside.
         colour: RGB.
     """
-    cover = np.clip(inside * UNIT + 0.5, 0, 1)
+    cover = np.clip(inside * UNIT_PIXELS + 0.5, 0, 1)
     cover = np.broadcast_to(cover, SIZE)[..., None]
     picture += cover * (np.array(colour, float) - picture)
 
@@ -130,8 +130,8 @@ def _contours() -> Floats:
     slanted = 0.7 * np.sin(3.3 * x * 0.8 + 2.9 * y + 1.1)
     height = across + down + slanted
     picture = _plain((236, 240, 238), (222, 230, 228))
-    to_right = np.gradient(height, 1 / UNIT, axis=1)
-    downwards = np.gradient(height, 1 / UNIT, axis=0)
+    to_right = np.gradient(height, 1 / UNIT_PIXELS, axis=1)
+    downwards = np.gradient(height, 1 / UNIT_PIXELS, axis=0)
     steep = np.hypot(to_right, downwards) + 1e-3
     nearest = np.abs(((height * 3.5) % 1) - 0.5)
     off = nearest / (3.5 * steep)

@@ -28,7 +28,7 @@ spec.loader.exec_module(package)
 from agenthijack_bridge.worker import main
 main()
 """
-TIMEOUTS = {
+TIMEOUTS_S = {
     "start": 120.0,
     "check": 60.0,
     "reset": 900.0,
@@ -36,7 +36,7 @@ TIMEOUTS = {
     "evaluate": 600.0,
     "controller": 200.0,
 }
-TAIL = 2000
+LOG_TAIL_BYTES = 2000
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class OsworldEnv:
     is raised if the process does not start.
 
     Args:
-        python: The interpreter of OSWorld's environment (`venv.python_of`).
+        python: The interpreter of OSWorld's environment (`venv.find_python`).
         fresh: Returns the address of a pristine guest; called once now and once for every reset
             but the first.
         settings: How the environment is made.
@@ -215,7 +215,7 @@ class OsworldEnv:
         self._calls += 1
         number = self._calls
         self._send({"call": name, "number": number, "arguments": arguments})
-        deadline = time.monotonic() + TIMEOUTS[name]
+        deadline = time.monotonic() + TIMEOUTS_S[name]
         while True:
             answer = self._receive(name, deadline)
             if answer.get("ask") == "revert":
@@ -252,7 +252,7 @@ class OsworldEnv:
             if left <= 0 or not select.select([stream], [], [], left)[0]:
                 self.close()
                 raise DesktopTimeoutError(
-                    f"OSWorld's {name} took over {TIMEOUTS[name]:.0f} s; see {self._log}"
+                    f"OSWorld's {name} took over {TIMEOUTS_S[name]:.0f} s; see {self._log}"
                 )
             block = os.read(stream.fileno(), 1 << 20)
             if not block:
@@ -263,7 +263,7 @@ class OsworldEnv:
 
     def _ended(self) -> OsworldError:
         self.close()
-        text = self._log.read_bytes()[-TAIL:].decode("utf-8", "replace")
+        text = self._log.read_bytes()[-LOG_TAIL_BYTES:].decode("utf-8", "replace")
         tail = " | ".join(text.strip().splitlines()[-3:])
         code = self._process.returncode
         return OsworldError(f"OSWorld's process ended with exit code {code}; {self._log}: {tail}")

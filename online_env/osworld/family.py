@@ -11,7 +11,7 @@ from typing import Any
 from hijack_data.types import Size
 
 from ..tasks.base import Task
-from . import table
+from . import task_table
 from .tasks import load
 
 
@@ -36,7 +36,7 @@ class OsworldFamily:
     def write_table(self, folder: Path, out: Path, clean: bool) -> str:
         """Write one row for each task of a folder and each corruption; return what was written."""
         tasks = load(folder)
-        count = table.write(tasks, out, clean)
+        count = task_table.write(tasks, out, clean)
         return f"{out}: {count} rows, {len(tasks)} tasks, revision {tasks.revision}"
 
     def check_runnable(self, tasks: Iterable[type[Task]], files: Path | None) -> None:

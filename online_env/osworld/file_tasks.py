@@ -24,13 +24,13 @@ from ..tasks.base import Task
 from ..tasks.hand import Hand
 from ..tasks.machine import Machine
 from . import history, venv
+from .cache_files import list_cache_files
 from .env import OsworldEnv
 from .player import Player
 from .run import checker, embedded_env
 from .solutions import SOLUTIONS
 from .stage import OsworldStage
 from .tasks import OsworldTask, load_file
-from .wanted import wanted
 
 
 class OsworldFileTask(Task):
@@ -84,17 +84,17 @@ class OsworldFileTask(Task):
         solution = SOLUTIONS.get(self.name)
         if solution is None or solution.how != "windows":
             raise DesktopError(f"no script solves OSWorld's task {self.name} through windows")
-        solution.play(Player(_HandEnv(hand)))
+        solution.play(Player(_OracleEnv(hand)))
 
 
-class _HandEnv:
+class _OracleEnv:
     """The part of OSWorld's environment that a script needs, by the hand of an agent."""
 
     def __init__(self, hand: Hand) -> None:
         self._hand = hand
 
     @property
-    def controller(self) -> "_HandEnv":
+    def controller(self) -> "_OracleEnv":
         """Itself: it has the tree."""
         return self
 
@@ -159,7 +159,7 @@ def check_runnable(
     absent = {
         task.id: file.path
         for task in listed
-        for file in wanted(task)
+        for file in list_cache_files(task)
         if not history.is_made(task) and not (files is not None and (files / file.path).is_file())
     }
     if absent:

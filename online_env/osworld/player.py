@@ -11,7 +11,7 @@ from hijack_data.types import Point
 
 from .errors import OsworldError
 
-PAUSE = 0.3
+PAUSE_S = 0.3
 _VISITS = 2
 
 
@@ -38,7 +38,7 @@ class Player:
     def __init__(self, env: PlayedEnv) -> None:
         self._env = env
 
-    def do(self, code: str, pause: float = PAUSE) -> None:
+    def do(self, code: str, pause: float = PAUSE_S) -> None:
         """Run pyautogui code as one action of the agent."""
         self._env.step(code, pause)
 
@@ -49,7 +49,7 @@ class Player:
         """
         self.do(f"import subprocess; subprocess.run({command!r}, shell=True)")
 
-    def press(self, *keys: str, pause: float = PAUSE) -> None:
+    def press(self, *keys: str, pause: float = PAUSE_S) -> None:
         """Press keys together."""
         names = ", ".join(map(repr, keys))
         self.do(f"pyautogui.hotkey({names})", pause)
@@ -111,7 +111,7 @@ class Player:
             if time.monotonic() > deadline:
                 what = f"{role or 'element'} {name!r}"
                 raise PlayError(f"no {what} on the screen within {timeout:.0f} s")
-            time.sleep(PAUSE)
+            time.sleep(PAUSE_S)
 
     def _matching(self, name: str, role: str) -> list[Point]:
         text = self._env.controller.get_accessibility_tree()

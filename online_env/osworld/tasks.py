@@ -15,8 +15,8 @@ from hijack_data.errors import ConfigError, ParameterError
 
 _Task = dict[str, Any]
 # Digests of whole sets, as `load` computes them.
-KNOWN = {"55ea33168597": "osworld-verified", "7acd17614676": "agenthijack-fork"}
-DIGITS = 12
+KNOWN_REVISIONS = {"55ea33168597": "osworld-verified", "7acd17614676": "agenthijack-fork"}
+DIGEST_CHARS = 12
 
 
 @dataclass(frozen=True)
@@ -74,10 +74,10 @@ class TaskSet:
         Raises:
             ParameterError: One fits no task, or several.
         """
-        chosen = {self._id_of(wanted) for wanted in ids}
+        chosen = {self._find_id(wanted) for wanted in ids}
         return TaskSet(self.revision, tuple(task for task in self.tasks if task.id in chosen))
 
-    def _id_of(self, wanted: str) -> str:
+    def _find_id(self, wanted: str) -> str:
         found = [task.id for task in self.tasks if task.id.startswith(wanted)] if wanted else []
         if len(found) == 1:
             return found[0]
@@ -115,8 +115,8 @@ def load(folder: Path) -> TaskSet:
     problems.extend(_doubles(tasks))
     if problems:
         raise ConfigError(problems)
-    digest = hasher.hexdigest()[:DIGITS]
-    revision = Revision(KNOWN.get(digest, "unknown"), digest)
+    digest = hasher.hexdigest()[:DIGEST_CHARS]
+    revision = Revision(KNOWN_REVISIONS.get(digest, "unknown"), digest)
     return TaskSet(revision, tuple(tasks))
 
 

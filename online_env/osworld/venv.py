@@ -36,7 +36,7 @@ class VenvReport:
     fresh: bool
 
 
-def python_of(folder: Path) -> Path:
+def find_python(folder: Path) -> Path:
     """Return the interpreter of an environment made by `make`.
 
     Raises:
@@ -49,7 +49,7 @@ def python_of(folder: Path) -> Path:
     return python
 
 
-def tier_of(folder: Path) -> str | None:
+def installed_tier(folder: Path) -> str | None:
     """Return the tier installed in `folder`, or `None` if there is none or it is incomplete."""
     try:
         record = json.loads((folder / STAMP).read_text(encoding="utf-8"))
@@ -74,7 +74,7 @@ def make(folder: Path = DEFAULT, tier: str = "tiny", python: str = sys.executabl
         OsworldError: pip fails, or the folder cannot be written.
     """
     requirements = _requirements(tier)
-    if tier_of(folder) == tier:
+    if installed_tier(folder) == tier:
         return VenvReport(folder, tier, size_mb(folder), False)
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -17,19 +17,19 @@ from ..effects.elements import LAUNCHERS, live_elements
 from ..effects.guest import Guest, isolated
 from ..embedded.guest import inside
 from ..errors import DesktopError, DesktopTimeoutError
-from .picture import ClickTarget, Picture
+from .captured_picture import ClickTarget, Picture
 
 PASSWORD = "password"
-QUIET = 0.7  # s without change after which a screen counts as settled
-BLINK = 800  # pixels that a text cursor may change meanwhile
-PATIENCE = 60.0  # s to wait for that
-BACK = 10.0  # s within which a window that went away comes back
-LOOK = 0.1  # s between two looks
+QUIET_S = 0.7  # s without change after which a screen counts as settled
+CURSOR_PIXELS = 800  # pixels that a text cursor may change meanwhile
+SETTLE_TIMEOUT_S = 60.0  # s to wait for that
+REMAP_TIMEOUT_S = 10.0  # s within which a window that went away comes back
+POLL_S = 0.1  # s between two looks
 TOOL = inside.source("xlook")
 
 
 @dataclass(frozen=True)
-class Top:
+class TopWindow:
     """A window directly below the root.
 
     Args:
@@ -85,16 +85,16 @@ class RecordingStage:
             raise DesktopError(f"xlook {operation} failed in the guest: {problem}")
         return json.loads(result.output)
 
-    def tops(self) -> list[Top]:
+    def top_windows(self) -> list[TopWindow]:
         """Return the windows that can be seen, bottom to top."""
-        tops: list[Top] = []
+        tops: list[TopWindow] = []
         for data in self.look("tops")["tops"]:
             box: Box = tuple(data["box"])
             if _overlap(box, self.screen):
-                tops.append(Top(data["id"], data["client"], data["class"], box, data["free"]))
+                tops.append(TopWindow(data["id"], data["client"], data["class"], box, data["free"]))
         return tops
 
-    def open(self, *argv: str, named: str, patience: float = 60.0) -> Top:
+    def open(self, *argv: str, named: str, patience: float = 60.0) -> TopWindow:
         """Start an application and wait until its window has settled.
 
         Args:
@@ -102,7 +102,7 @@ class RecordingStage:
             named: A part of the window's class.
             patience: Seconds to wait for the window.
         """
-        before = {top.key for top in self.tops()}
+        before = {top.key for top in self.top_windows()}
         launch(self.desktop, *argv)
         what = f"window of {argv[0]}"
         return self.new(
@@ -110,8 +110,8 @@ class RecordingStage:
         )
 
     def new(
-        self, before: set[int], fits: Callable[[Top], bool], what: str, patience: float = 15.0
-    ) -> Top:
+        self, before: set[int], fits: Callable[[TopWindow], bool], what: str, patience: float = 15.0
+    ) -> TopWindow:
         """Wait for a new window, and until the screen has settled.
 
         Args:
@@ -132,12 +132,12 @@ class RecordingStage:
                     return max(fresh, key=lambda top: _area(top.box))
             if time.monotonic() > end:
                 raise DesktopTimeoutError(f"no {what} came within {patience:g} s")
-            time.sleep(LOOK)
+            time.sleep(POLL_S)
 
-    def _fresh(self, before: set[int], fits: Callable[[Top], bool]) -> list[Top]:
-        return [top for top in self.tops() if top.key not in before and fits(top)]
+    def _fresh(self, before: set[int], fits: Callable[[TopWindow], bool]) -> list[TopWindow]:
+        return [top for top in self.top_windows() if top.key not in before and fits(top)]
 
-    def top(self, number: int) -> Top:
+    def top(self, number: int) -> TopWindow:
         """Return the present state of a window.
 
         Some windows disappear briefly when they get another size; it waits for them.
@@ -145,22 +145,22 @@ class RecordingStage:
         Raises:
             DesktopError: The window is gone.
         """
-        end = time.monotonic() + BACK
+        end = time.monotonic() + REMAP_TIMEOUT_S
         while True:
-            for top in self.tops():
+            for top in self.top_windows():
                 if number in (top.id, top.client):
                     return top
             if time.monotonic() > end:
                 raise DesktopError(f"window {number:#x} is not on the screen any more")
-            time.sleep(LOOK)
+            time.sleep(POLL_S)
 
-    def place(self, top: Top, box: Sequence[int]) -> Top:
+    def place(self, top: TopWindow, box: Sequence[int]) -> TopWindow:
         """Move and resize a window; return it at the place that it really took."""
         self.guest.x("place", frames={str(top.client): list(box)})
         self.settled()
         return self.top(top.key)
 
-    def maximise(self, top: Top) -> Top:
+    def maximise(self, top: TopWindow) -> TopWindow:
         """Maximise a window."""
         self.guest.x("maximise", number=top.client)
         self.settled()
@@ -171,7 +171,7 @@ class RecordingStage:
         x1, y1, x2, y2 = self.guest.x("state")["area"]
         return x1, y1, x2, y2
 
-    def close(self, top: Top) -> None:
+    def close(self, top: TopWindow) -> None:
         """Close a window and the dialogs before it."""
         self.guest.x("close", 6.0, ids=[top.client])
 
@@ -199,7 +199,7 @@ class RecordingStage:
         x, y = point or (width * 3 // 4, height - 1)
         self.run(f"pyautogui.moveTo({x}, {y})")
 
-    def settled(self, patience: float = PATIENCE) -> UInt8Array:
+    def settled(self, patience: float = SETTLE_TIMEOUT_S) -> UInt8Array:
         """Return the screen once nothing but a text cursor changes, uint8 RGB `[H, W, 3]`.
 
         Raises:
@@ -208,19 +208,19 @@ class RecordingStage:
         frame = self.desktop.screenshot()
         since = time.monotonic()
         end = since + patience
-        while time.monotonic() - since < QUIET:
+        while time.monotonic() - since < QUIET_S:
             if time.monotonic() > end:
                 raise DesktopTimeoutError(f"the screen did not settle within {patience:g} s")
-            time.sleep(LOOK)
+            time.sleep(POLL_S)
             now = self.desktop.screenshot()
             changed = (now != frame).any(axis=2)
-            if int(changed.sum()) > BLINK:
+            if int(changed.sum()) > CURSOR_PIXELS:
                 frame = now
                 since = time.monotonic()
         return self.desktop.screenshot()
 
     def targets(
-        self, box: Box, owner: Callable[[Top | None], bool], xml: str | None = None
+        self, box: Box, owner: Callable[[TopWindow | None], bool], xml: str | None = None
     ) -> list[ClickTarget]:
         """Return the interactive elements in a box, by their centres.
 
@@ -229,7 +229,7 @@ class RecordingStage:
             owner: Whether the window at an element's centre is one of those that are meant.
             xml: The accessibility tree; it is read if omitted.
         """
-        tops = self.tops()
+        tops = self.top_windows()
         tree = xml or self.desktop.accessibility()
         found: list[ClickTarget] = []
         for element in live_elements(tree, self.desktop.size):
@@ -246,7 +246,7 @@ class RecordingStage:
             self.screen, lambda top: top is not None and top.name.split(".")[0] in LAUNCHERS
         )
 
-    def cut(self, kind: str, app: str, top: Top, made_by: str, **more: Any) -> Picture:
+    def cut(self, kind: str, app: str, top: TopWindow, made_by: str, **more: Any) -> Picture:
         """Return a picture of one window, with its own elements as targets.
 
         Args:
@@ -275,8 +275,8 @@ class RecordingStage:
         """Return whether a window goes away within `patience` seconds."""
         return bool(self.look("gone", number=number, patience=patience)["gone"])
 
-    def _check_uncovered(self, top: Top, box: Box) -> None:
-        tops = self.tops()
+    def _check_uncovered(self, top: TopWindow, box: Box) -> None:
+        tops = self.top_windows()
         numbers = [other.id for other in tops]
         if top.id not in numbers:
             raise DesktopError(f"the window {top.name} went away before its picture was taken")
@@ -294,7 +294,7 @@ def click(kind: str, target: ClickTarget) -> dict[str, Any]:
     return {"type": kind, "x": (x1 + x2) // 2, "y": (y1 + y2) // 2, "target_box": list(target.box)}
 
 
-def code_of(action: Mapping[str, Any]) -> str:
+def write_code(action: Mapping[str, Any]) -> str:
     """Return the pyautogui code of an action of the pack."""
     keys = tuple(action["keys"]) if action.get("keys") else None
     return write_pyautogui(
@@ -302,7 +302,7 @@ def code_of(action: Mapping[str, Any]) -> str:
     )
 
 
-def at_point(tops: Sequence[Top], point: Point) -> Top | None:
+def at_point(tops: Sequence[TopWindow], point: Point) -> TopWindow | None:
     """Return the topmost window at a point."""
     for top in reversed(tops):
         if _inside(point, top.box):

@@ -19,7 +19,7 @@ from hijack_data.types import Action, Box, Size, UInt8Array
 
 from ..effects.elements import LAUNCHERS
 from ..tasks.tree import TreeNode, nodes
-from .stage import RecordingStage, Top, at_point
+from .stage import RecordingStage, TopWindow, at_point
 
 RECORDS = "trajectories.jsonl"
 IMAGES = "images"
@@ -50,7 +50,7 @@ def visible_boxes(stage: RecordingStage, xml: str) -> tuple[Box, ...]:
         stage: The desktop, whose windows may cover elements.
         xml: Its accessibility tree.
     """
-    tops = stage.tops()
+    tops = stage.top_windows()
     found = nodes(xml)
     # Other applications do not report which of their elements are enabled.
     reporting = {node.app for node in found if ENABLED in node.states}
@@ -82,7 +82,7 @@ def _on_screen(node: TreeNode, size: Size) -> Box | None:
     return x1, y1, x2, y2
 
 
-def _is_visible(app: str, top: Top | None) -> bool:
+def _is_visible(app: str, top: TopWindow | None) -> bool:
     """Return whether an application's element shows, if `top` is the window at its centre.
 
     It does not if only the desktop or a panel is there: then its window is minimised.
@@ -131,13 +131,13 @@ class EpisodeRecording:
                 "action_code": code,
                 "elements": [list(box) for box in view.boxes],
             }
-            target = target_of(action, view.boxes)
+            target = find_target(action, view.boxes)
             if target is not None:
                 row["target_box"] = list(target)
             yield row
 
 
-def target_of(action: Action, boxes: Sequence[Box]) -> Box | None:
+def find_target(action: Action, boxes: Sequence[Box]) -> Box | None:
     """Return the smallest of the boxes that contain the action's point."""
     if action.x is None or action.y is None:
         return None
@@ -173,7 +173,7 @@ def prepare(folder: Path) -> None:
 
 
 @contextlib.contextmanager
-def kept(
+def saved_at_end(
     trajectory: EpisodeRecording, folder: Path, say: Callable[[str], object]
 ) -> Iterator[None]:
     """Save what is recorded in the block, also where an error ends it.

@@ -16,7 +16,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 REQUEST_TIMEOUT_S = 20.0  # from the first byte that is awaited to the end of the request
-MAX_BODY = 2**20  # bytes
+MAX_BODY_BYTES = 2**20  # bytes
 MAX_DEPTH = 64  # of lists and objects in a frame
 SPARE_CONNECTIONS = 64  # for clients that have no session: health, metrics, refused ones
 
@@ -104,7 +104,7 @@ class RequestLimits:
     async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
         declared = dict(scope["headers"]).get(b"content-length", b"0")
         body = bytearray()
-        is_too_large = not declared.isdigit() or int(declared) > MAX_BODY
+        is_too_large = not declared.isdigit() or int(declared) > MAX_BODY_BYTES
         more = not is_too_large
         while more:
             message = await receive()
@@ -112,10 +112,10 @@ class RequestLimits:
                 return
             body += message.get("body", b"")
             more = message.get("more_body", False)
-            if len(body) > MAX_BODY:
+            if len(body) > MAX_BODY_BYTES:
                 is_too_large, more = True, False
         if is_too_large:
-            text = f"the body of a request may have at most {MAX_BODY} bytes\n"
+            text = f"the body of a request may have at most {MAX_BODY_BYTES} bytes\n"
             await PlainTextResponse(text, 413, {"Connection": "close"})(scope, receive, send)
             return
         first: list[Message] = [{"type": "http.request", "body": bytes(body), "more_body": False}]

@@ -9,13 +9,13 @@ from collections.abc import Generator
 from dataclasses import dataclass, field
 
 from ..environment import CorruptedEnv, EvalSettings
-from .drawing import EpisodeChoice, EpisodeDraws, sides
+from .episode_draws import EpisodeChoice, EpisodeDraws, sides
 from .metrics import ServerMetrics
 from .pool import DesktopPool, DesktopSeat
 
-LOOKS = 4  # checks for silent clients per lease
-OFTEN = 0.2  # least seconds between two checks
-ENDING = 30.0  # seconds that a running reset or step may take when the server stops
+REAPER_POLLS_PER_LEASE = 4  # checks for silent clients per lease
+MIN_POLL_S = 0.2  # least seconds between two checks
+SHUTDOWN_TIMEOUT_S = 30.0  # seconds that a running reset or step may take when the server stops
 
 _log = logging.getLogger(__name__)
 
@@ -38,7 +38,7 @@ class DesktopLease:
     lock: threading.RLock = field(default_factory=threading.RLock)
 
     @contextlib.contextmanager
-    def in_use(self) -> Generator[None]:
+    def locked(self) -> Generator[None]:
         """Lock the desktop for the block; the client counts as silent from its end."""
         with self.lock:
             try:
@@ -99,7 +99,7 @@ class DesktopService:
         with self._lock:
             leases = list(self._leases)
         for lease in leases:
-            if lease.lock.acquire(timeout=ENDING):
+            if lease.lock.acquire(timeout=SHUTDOWN_TIMEOUT_S):
                 lease.lock.release()
         self.pool.close()
         if self._reaper.is_alive():
@@ -180,7 +180,7 @@ class DesktopService:
 
     def _reap(self) -> None:
         """Take back the desktops of silent clients."""
-        pause = max(OFTEN, self.lease / LOOKS)
+        pause = max(MIN_POLL_S, self.lease / REAPER_POLLS_PER_LEASE)
         while not self._ending.wait(pause):
             with self._lock:
                 leases = list(self._leases)

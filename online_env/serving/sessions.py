@@ -13,11 +13,11 @@ from hijack_data.types import Size, UInt8Array
 from ..agents.adapters.reading import PYAUTOGUI, codes_of
 from ..environment import CorruptedEnv
 from ..errors import DesktopError, MissingCapabilityError
-from .drawing import EpisodeChoice
+from .episode_draws import EpisodeChoice
 from .errors import DesktopLostError, LeaseExpiredError, ServerBusyError
 from .service import DesktopLease, DesktopService
 
-TRIES = 2  # the most desktops that a reset tries
+MAX_DESKTOPS_PER_RESET = 2  # the most desktops that a reset tries
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,7 +125,7 @@ class DesktopSession:
             return replace(view, reward=0.0)
         if lease is None:
             raise HijackError("the last episode is gone: call reset")
-        with lease.in_use():
+        with lease.locked():
             if lease.ended:
                 self._forget()
                 raise LeaseExpiredError(
@@ -151,11 +151,11 @@ class DesktopSession:
         choice = service.draws.choose(
             session=self._number or 1, seed=seed, task=task, corruption=corruption, slot=slot
         )
-        self._leave()
-        for left in reversed(range(TRIES)):
+        self._interrupt()
+        for left in reversed(range(MAX_DESKTOPS_PER_RESET)):
             lease = service.lend()
             self._lease = lease
-            with lease.in_use():
+            with lease.locked():
                 try:
                     self._check_open()  # it may have been closed while this waited in line
                     return self._begin(lease, choice)
@@ -241,7 +241,7 @@ class DesktopSession:
             problem=problem,
         )
 
-    def _leave(self) -> None:
+    def _interrupt(self) -> None:
         """Give up the current episode, if there is one."""
         lease = self._lease
         self._forget()

@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from PIL import Image
 
 import hijack_data as hj
-from online_env import cli
+from online_env import desktop_commands
 from online_env.embedded import registry, view
 from online_env.embedded.desktop import EmbeddedDesktop
 
@@ -76,7 +76,9 @@ def test_view_starts_a_desktop_where_none_runs(embedded_machine, monkeypatch):
 
     monkeypatch.setattr(registry, "running", list)  # other tests have theirs
     monkeypatch.setattr(view, "serve", look)
-    done = CliRunner().invoke(cli.desktop, ["view", "--port", "7777"], catch_exceptions=False)
+    done = CliRunner().invoke(
+        desktop_commands.desktop, ["view", "--port", "7777"], catch_exceptions=False
+    )
     assert "no desktop runs: starting one" in done.output
     [(name, *seen)] = shown
     assert seen == [(1080, 1920, 3), 7777, False, 9]

@@ -44,7 +44,7 @@ with EmbeddedDesktop.attach("rootless") as desktop:
 print("proved")
 """
 VERSION = "import sys; print(sys.version_info[:2])"
-READABLE = "import hijack_data.cli, numpy, online_env.cli"
+READABLE = "import hijack_data.cli, numpy, online_env.desktop_commands"
 
 
 class User:

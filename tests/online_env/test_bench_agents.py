@@ -219,10 +219,10 @@ class Env:
             self.record = {"status": "ok", "score": 0.5, "said": self.said}
         return self.obs(), 0.0, False, False, {}
 
-    def hear(self, said):
+    def record_message(self, said):
         self.said = said
 
-    def give(self, what):
+    def declare_privileged_inputs(self, what):
         self.given = list(what)
 
     def abandon(self, why, traceback=()):

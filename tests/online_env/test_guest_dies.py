@@ -13,7 +13,7 @@ from PIL import Image
 pytest.importorskip("urllib3", reason="needs the extra [online]")
 
 from online_env.desktops import client
-from online_env.desktops.connection import TRIES, GuestConnection
+from online_env.desktops.connection import MAX_TRIES, GuestConnection
 from online_env.desktops.http import HttpDesktop
 from online_env.desktops.osworld import OsworldDesktop
 from online_env.errors import GuestError, MissingCapabilityError
@@ -64,7 +64,7 @@ def test_an_answer_that_breaks_off_is_asked_for_again_and_never_taken_for_whole(
     with guest(half, half, OK) as server:
         reply = GuestConnection(server.url, None, 20.0).ask("GET", "/screenshot")
     assert (reply.status, bytes(reply.body)) == (200, b"{}")
-    assert server.asked == ["GET /screenshot"] * TRIES
+    assert server.asked == ["GET /screenshot"] * MAX_TRIES
 
 
 def test_what_changes_the_guest_is_sent_once():
@@ -105,7 +105,9 @@ def test_a_guest_that_is_started_again_is_waited_for():
     server = threading.Thread(target=serve)
     server.start()
     begun.set()
-    reply = GuestConnection(f"http://127.0.0.1:{port}", None, 20.0, patience=30.0).ask("POST", "/x")
+    reply = GuestConnection(f"http://127.0.0.1:{port}", None, 20.0, restart_timeout=30.0).ask(
+        "POST", "/x"
+    )
     server.join()
     assert reply.status == 200
 

@@ -145,7 +145,11 @@ def test_a_region_of_another_form_keeps_its_form(session):
 
 def test_what_is_called_before_the_episode_says_so(made):
     one = Session(BENCH, "model", None)
-    for call in (lambda: one.act("DONE"), lambda: one.hear("x"), lambda: one.cut_off("x")):
+    for call in (
+        lambda: one.act("DONE"),
+        lambda: one.record_message("x"),
+        lambda: one.cut_off("x"),
+    ):
         with pytest.raises(HijackError, match=r"^the episode has not begun: call begin first$"):
             call()
     assert one.record is None

@@ -17,9 +17,9 @@ from online_env import tasks
 from online_env.bench.config import Bench, load_bench, override
 from online_env.bench.workers import load_references, references
 from online_env.errors import DesktopError, MissingPackageError
+from online_env.osworld.cache_files import list_cache_files
 from online_env.osworld.file_tasks import OsworldFileTask, check_runnable, task_class
 from online_env.osworld.tasks import OsworldTask
-from online_env.osworld.wanted import wanted
 from online_env.tasks.hand import GiveUpError
 
 from support import needs
@@ -201,7 +201,7 @@ def test_missing_files_are_named_before_a_run(folder: Path, tmp_path: Path, oswo
     with pytest.raises(ConfigError, match="1 tasks need files that are not in a cache"):
         check_runnable(listed, None, osworld_venv)
     cache = tmp_path / "cache"
-    ((place,),) = [[file.path for file in wanted(listed[0])]]
+    ((place,),) = [[file.path for file in list_cache_files(listed[0])]]
     (cache / place).parent.mkdir(parents=True)
     (cache / place).write_text("x")
     check_runnable(listed, cache, osworld_venv)

@@ -17,8 +17,8 @@ from online_env import record_command as command
 from online_env.errors import DesktopError
 from online_env.maintenance import asset_recorder as assets
 from online_env.record_command import RecordOptions
-from online_env.recording.actions import ActionRecognizer
-from online_env.recording.picture import ClickTarget, Picture
+from online_env.recording.action_recognizer import ActionRecognizer
+from online_env.recording.captured_picture import ClickTarget, Picture
 from online_env.recording.trajectory import EpisodeRecording, RecordedView, prepare, save
 
 SIZE = (1080, 1920)
@@ -224,5 +224,5 @@ def test_a_video_needs_a_file_in_a_folder_that_exists(tmp_path):
 
 
 def test_words_of_an_option_are_parted_by_commas():
-    assert command._words(" menu, ,icon,") == ["menu", "icon"]
-    assert command._words(None) == command._words(" , ") == []
+    assert command._split_names(" menu, ,icon,") == ["menu", "icon"]
+    assert command._split_names(None) == command._split_names(" , ") == []

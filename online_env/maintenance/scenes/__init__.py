@@ -7,11 +7,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from ...errors import DesktopError
-from ...recording.picture import Picture
+from ...recording.captured_picture import Picture
 
 
 @dataclass(frozen=True)
-class Refused:
+class UnrecordedScene:
     """Something that could not be recorded, and why."""
 
     what: str
@@ -19,8 +19,8 @@ class Refused:
 
     @classmethod
     def instead(
-        cls, what: str, pictures: "Iterable[Picture | Refused]"
-    ) -> "Iterator[Picture | Refused]":
+        cls, what: str, pictures: "Iterable[Picture | UnrecordedScene]"
+    ) -> "Iterator[Picture | UnrecordedScene]":
         """Yield the pictures; if the desktop fails, yield what is lost instead of raising."""
         try:
             yield from pictures

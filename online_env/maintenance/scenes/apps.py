@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 from hijack_data.drawing.text import load_font
 
 from ...desktops.commands import home
-from ...recording.stage import RecordingStage, Top
+from ...recording.stage import RecordingStage, TopWindow
 from ..wallpapers import draw
 
 NOTE = """Harbour walk, Saturday
@@ -191,7 +191,7 @@ class App:
         """The program that must be installed."""
         return self.argv[0]
 
-    def open(self, stage: RecordingStage) -> Top:
+    def open(self, stage: RecordingStage) -> TopWindow:
         """Start it; return its window once all of it is drawn."""
         folder = home(stage.desktop)
         for command in self.before:
@@ -239,7 +239,7 @@ APPS: tuple[App, ...] = (
 )
 
 # Recorded in other looks than the golden one, where they are installed.
-MORE: tuple[App, ...] = (
+MORE_APPS: tuple[App, ...] = (
     App("ristretto", ("ristretto", "~/Pictures/dunes.png"), "ristretto", "a picture"),
     App("evince", ("evince", "~/Downloads/timetable.pdf"), "evince", "a page"),
     App("xfce4-settings-manager", ("xfce4-settings-manager",), "settings", "all settings"),

@@ -9,11 +9,11 @@ from hijack_data.plan import Effect
 
 from ...effects import perform
 from ...errors import DesktopError
-from ...recording.picture import ClickTarget, Picture
-from ...recording.stage import RecordingStage, Top, click, code_of
-from . import Refused
+from ...recording.captured_picture import ClickTarget, Picture
+from ...recording.stage import RecordingStage, TopWindow, click, write_code
+from . import UnrecordedScene
 from .apps import APPS, App, browser, installed
-from .windows import FULL
+from .windows import FULL_WIDTH
 
 PANEL = "xfce4-panel"
 _BY_NAME = {app.name: app for app in APPS}
@@ -27,21 +27,21 @@ OPEN = (
     ("thunar", "libreoffice_calc"),
     ("mousepad", "thunar"),
 )
-FEW = 2  # how many of these are recorded on other than the usual screen
+MAX_SMALL_SCREEN_APPS = 2  # how many of these are recorded on other than the usual screen
 
 
-def record(stage: RecordingStage) -> Iterator[Picture | Refused]:
+def record(stage: RecordingStage) -> Iterator[Picture | UnrecordedScene]:
     """Yield the desktop after one to three windows were minimised."""
-    chosen = OPEN if stage.screen[2] == FULL else OPEN[:FEW]
+    chosen = OPEN if stage.screen[2] == FULL_WIDTH else OPEN[:MAX_SMALL_SCREEN_APPS]
     for names in chosen:
         apps = installed(stage, tuple(_BY_NAME[name] for name in names))
         if len(apps) == len(names):
             what = f"desktop with {', '.join(names)} minimised"
-            yield from Refused.instead(what, _pictures(stage, apps))
+            yield from UnrecordedScene.instead(what, _pictures(stage, apps))
 
 
 def _pictures(stage: RecordingStage, apps: Sequence[App]) -> Iterator[Picture]:
-    opened: list[Top] = []
+    opened: list[TopWindow] = []
     try:
         for app in apps:
             opened.append(app.open(stage))  # noqa: PERF401  (those that did open are closed)
@@ -58,7 +58,7 @@ def _pictures(stage: RecordingStage, apps: Sequence[App]) -> Iterator[Picture]:
             stage.close(top)
 
 
-def _picture(stage: RecordingStage, apps: Sequence[App], opened: Sequence[Top]) -> Picture:
+def _picture(stage: RecordingStage, apps: Sequence[App], opened: Sequence[TopWindow]) -> Picture:
     titles = {w["id"]: w["title"] for w in stage.guest.x("state")["windows"]}
     height, width = stage.desktop.size
     stage.park((width * 5 // 8, height // 2))
@@ -75,12 +75,14 @@ def _picture(stage: RecordingStage, apps: Sequence[App], opened: Sequence[Top]) 
     return picture
 
 
-def _comes_back(stage: RecordingStage, picture: Picture, top: Top, button: ClickTarget) -> None:
+def _comes_back(
+    stage: RecordingStage, picture: Picture, top: TopWindow, button: ClickTarget
+) -> None:
     if picture.recover is None:
         raise DesktopError("the picture of a minimised window has no click that brings it back")
-    stage.run(code_of(picture.recover))
+    stage.run(write_code(picture.recover))
     stage.settled()
-    if not any(other.client == top.client for other in stage.tops()):
+    if not any(other.client == top.client for other in stage.top_windows()):
         raise DesktopError(
             f"a click on the panel's button {button.name!r} does not bring its window back"
         )

@@ -6,24 +6,24 @@ from hijack_data.plan import Effect
 
 from ...effects import Applied, perform
 from ...errors import DesktopError
-from ...recording.picture import Picture
-from ...recording.stage import RecordingStage, Top
+from ...recording.captured_picture import Picture
+from ...recording.stage import RecordingStage, TopWindow
 from ...tasks.hand import Hand
 from ...tasks.tree import TreeNode
-from . import Refused
+from . import UnrecordedScene
 from .apps import browser
-from .windows import FULL
+from .windows import FULL_WIDTH
 
 HOME = "http://search.test/"
 # A name that must be looked up, which fails at once, and an address (RFC 5737): the browser gives
 # up after two minutes.
 PAGES = ("http://news.test/", "http://192.0.2.7/")
-PATIENCE = 240.0
+PAGE_TIMEOUT_S = 240.0
 ROLES = ("document-web", "document-frame")
 CODES = ("ERR_", "DNS_PROBE_FINISHED")  # what the browser writes below its explanation
 
 
-def record(stage: RecordingStage) -> Iterator[Picture | Refused]:
+def record(stage: RecordingStage) -> Iterator[Picture | UnrecordedScene]:
     """Yield each page, maximised and at half a screen, with and without the browser's bars."""
     top = browser(HOME).open(stage)
     try:
@@ -32,14 +32,16 @@ def record(stage: RecordingStage) -> Iterator[Picture | Refused]:
         try:
             for address in PAGES:
                 pages = _pages(stage, top, address, offline)
-                yield from Refused.instead(f"error page of {address}", pages)
+                yield from UnrecordedScene.instead(f"error page of {address}", pages)
         finally:
             offline.undo()
     finally:
         stage.close(top)
 
 
-def _pages(stage: RecordingStage, top: Top, address: str, offline: Applied) -> Iterator[Picture]:
+def _pages(
+    stage: RecordingStage, top: TopWindow, address: str, offline: Applied
+) -> Iterator[Picture]:
     probe = offline.probe()
     if not probe.ok:
         raise DesktopError(f"the network is not cut off: {probe.problem}")
@@ -53,7 +55,7 @@ def _pages(stage: RecordingStage, top: Top, address: str, offline: Applied) -> I
     whole = stage.cut("error_page", "chromium", top, f"{made}; maximised")
     yield whole
     yield _view(stage, whole)
-    if stage.screen[2] == FULL:
+    if stage.screen[2] == FULL_WIDTH:
         yield _panel(stage, whole)
 
     x1, y1, x2, y2 = stage.area()
@@ -66,7 +68,7 @@ def _pages(stage: RecordingStage, top: Top, address: str, offline: Applied) -> I
 
 def _await_error(stage: RecordingStage, host: str) -> str:
     """Wait until the browser has given up on `host`; return its error code."""
-    hand = Hand(stage.desktop, PATIENCE)
+    hand = Hand(stage.desktop, PAGE_TIMEOUT_S)
     hand.wait(f"page of {host}", lambda node: node.role in ROLES and node.name == host)
 
     def has_code(node: TreeNode) -> bool:

@@ -9,10 +9,10 @@ from hijack_data.types import Box, UInt8Array
 
 from ...effects import perform
 from ...errors import DesktopError
-from ...recording.picture import ClickTarget, Picture
-from ...recording.stage import PASSWORD, RecordingStage, code_of, spot
-from . import Refused
-from .windows import FULL
+from ...recording.captured_picture import ClickTarget, Picture
+from ...recording.stage import PASSWORD, RecordingStage, spot, write_code
+from . import UnrecordedScene
+from .windows import FULL_WIDTH
 
 NAME = "mate-screensaver"
 # The dialog is not in the accessibility tree, so its parts are found with the pointer: a button
@@ -21,9 +21,9 @@ BUTTONS = (("Leave Message", (0.11, 0.89)), ("Cancel", (0.40, 0.89)), ("Unlock",
 ENTRY = ("Password", (0.45, 0.66))
 
 
-def record(stage: RecordingStage) -> Iterator[Picture | Refused]:
+def record(stage: RecordingStage) -> Iterator[Picture | UnrecordedScene]:
     """Yield the dialog as it comes when a key wakes it."""
-    yield from Refused.instead("lock screen", _pictures(stage))
+    yield from UnrecordedScene.instead("lock screen", _pictures(stage))
 
 
 def _pictures(stage: RecordingStage) -> Iterator[Picture]:
@@ -36,7 +36,7 @@ def _pictures(stage: RecordingStage) -> Iterator[Picture]:
         dialog = _dialog(stage)
         picture = _lock_screen(stage, dialog)
         yield picture
-        if stage.screen[2] == FULL:
+        if stage.screen[2] == FULL_WIDTH:
             made = f"{picture.made_by}; the dialog alone"
             yield picture.part("lock_dialog", dialog, made_by=made)
     finally:
@@ -56,14 +56,14 @@ def _lock_screen(stage: RecordingStage, dialog: Box) -> Picture:
     made = "effect lock; a key woke the dialog"
     picture = stage.whole("lock_screen", "", made, targets, recover=action)
     locker = _locker(stage)
-    stage.run(code_of(action))
+    stage.run(write_code(action))
     if not stage.gone(locker, 6.0):
         raise DesktopError("the password does not unlock the session")
     return picture
 
 
 def _locker(stage: RecordingStage) -> int:
-    found = [top.id for top in stage.tops() if NAME in top.name.lower()]
+    found = [top.id for top in stage.top_windows() if NAME in top.name.lower()]
     if not found:
         raise DesktopError("no window of the locker is on the screen")
     return found[-1]

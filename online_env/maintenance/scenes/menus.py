@@ -13,18 +13,18 @@ from hijack_data.types import Box
 from ...desktops.commands import end
 from ...effects.elements import LAUNCHERS
 from ...errors import DesktopError
-from ...recording.picture import ClickTarget, Picture
-from ...recording.stage import RecordingStage, Top, click, code_of, spot
+from ...recording.captured_picture import ClickTarget, Picture
+from ...recording.stage import RecordingStage, TopWindow, click, spot, write_code
 from ...tasks.hand import Hand
 from ...tasks.tree import TreeNode, nodes
-from . import Refused
+from . import UnrecordedScene
 from .apps import APPS, App, browser, installed
 
-PLACE = (160, 60, 1460, 900)  # of the window in which the click lands
-LEAST = (60, 44)  # width and height; anything smaller is a tooltip
-PATIENCE = 8.0  # s until the tree has what a click opened
+CLICKED_WINDOW_BOX = (160, 60, 1460, 900)  # of the window in which the click lands
+MIN_MENU_SIZE = (60, 44)  # width and height; anything smaller is a tooltip
+OPEN_TIMEOUT_S = 8.0  # s until the tree has what a click opened
 ITEMS = ("menu-item", "check-menu-item", "radio-menu-item", "menu")
-LEAVE = ("Cancel", "Close", "_Cancel", "_Close", "Done", "Got it")
+CANCEL_NAMES = ("Cancel", "Close", "_Cancel", "_Close", "Done", "Got it")
 BUTTONS = ("push-button", "button")
 ESCAPE = {"type": "hotkey", "keys": ["esc"]}
 
@@ -111,7 +111,7 @@ BUBBLES = {"chromium": (Click("Not secure"), Click("Bookmark this tab"), Click("
 BUBBLE_ROLES = ("alert", "dialog")
 
 
-def record(stage: RecordingStage) -> Iterator[Picture | Refused]:
+def record(stage: RecordingStage) -> Iterator[Picture | UnrecordedScene]:
     """Yield what opens on a click in each application, last in the panel and the bare desktop."""
     known = {app.name: app for app in APPS}
     known["chromium"] = browser("http://wiki.test/wiki/Lighthouse")
@@ -119,15 +119,17 @@ def record(stage: RecordingStage) -> Iterator[Picture | Refused]:
     there = {app.name: app for app in installed(stage, wanted)}
     for name, rows in CLICKS.items():
         if name in there:
-            yield from Refused.instead(f"menus of {name}", _in_app(stage, there[name], rows))
+            yield from UnrecordedScene.instead(
+                f"menus of {name}", _in_app(stage, there[name], rows)
+            )
         elif not name:
             yield from _each(stage, "desktop", None, rows)
 
 
 def _in_app(
     stage: RecordingStage, app: App, rows: Sequence[Sequence[Click]]
-) -> Iterator[Picture | Refused]:
-    top = stage.place(app.open(stage), PLACE)
+) -> Iterator[Picture | UnrecordedScene]:
+    top = stage.place(app.open(stage), CLICKED_WINDOW_BOX)
     try:
         yield from _each(stage, app.name, top, rows)
     finally:
@@ -136,29 +138,33 @@ def _in_app(
 
 
 def _each(
-    stage: RecordingStage, app: str, top: Top | None, rows: Sequence[Sequence[Click]]
-) -> Iterator[Picture | Refused]:
+    stage: RecordingStage, app: str, top: TopWindow | None, rows: Sequence[Sequence[Click]]
+) -> Iterator[Picture | UnrecordedScene]:
     for clicks in rows:
-        before = {other.key for other in stage.tops()}
-        yield from Refused.instead(_words(app, clicks), _picture(stage, app, top, clicks))
+        before = {other.key for other in stage.top_windows()}
+        yield from UnrecordedScene.instead(
+            _split_names(app, clicks), _picture(stage, app, top, clicks)
+        )
         _clear(stage, before)
     if top is None:
         return
     for wanted in BUBBLES.get(app, ()):
-        yield from Refused.instead(_words(app, [wanted]), _bubble(stage, app, top, wanted))
+        yield from UnrecordedScene.instead(
+            _split_names(app, [wanted]), _bubble(stage, app, top, wanted)
+        )
 
 
 def _picture(
-    stage: RecordingStage, app: str, top: Top | None, clicks: Sequence[Click]
+    stage: RecordingStage, app: str, top: TopWindow | None, clicks: Sequence[Click]
 ) -> Iterator[Picture]:
     stage.park()
     stage.settled()
     action: dict[str, Any] = {}
-    opened: Top | None = None
+    opened: TopWindow | None = None
     for number, wanted in enumerate(clicks):
-        before = {other.key for other in stage.tops()}
+        before = {other.key for other in stage.top_windows()}
         action = _aim(stage, wanted, opened or top)
-        stage.run(code_of(action))
+        stage.run(write_code(action))
         what = f"window after the click on {wanted.name or wanted.at}"
         opened = stage.new(before, _large, what, 20.0 if number else 15.0)
         stage.park()
@@ -167,7 +173,7 @@ def _picture(
     if top is not None and opened.name.partition(".")[0] in LAUNCHERS:
         raise DesktopError(f"the click went past the window and opened one of {opened.name}")
     number = opened.id
-    picture = stage.cut("menu", app, stage.top(opened.key), _words(app, clicks))
+    picture = stage.cut("menu", app, stage.top(opened.key), _split_names(app, clicks))
     yield replace(
         picture,
         kind=_kind(opened, picture.targets),
@@ -176,7 +182,7 @@ def _picture(
     )
 
 
-def _kind(opened: Top, targets: Sequence[ClickTarget]) -> str:
+def _kind(opened: TopWindow, targets: Sequence[ClickTarget]) -> str:
     """Return `menu` for a window of its own that has items, or no buttons; otherwise `dialog`."""
     if not opened.free:
         return "dialog"
@@ -186,7 +192,7 @@ def _kind(opened: Top, targets: Sequence[ClickTarget]) -> str:
     return "menu"
 
 
-def _bubble(stage: RecordingStage, app: str, top: Top, wanted: Click) -> Iterator[Picture]:
+def _bubble(stage: RecordingStage, app: str, top: TopWindow, wanted: Click) -> Iterator[Picture]:
     """Yield what opens inside the window: the node of the tree that was not there before.
 
     Raises:
@@ -196,15 +202,15 @@ def _bubble(stage: RecordingStage, app: str, top: Top, wanted: Click) -> Iterato
     stage.settled()
     before = {node.box for node in nodes(stage.desktop.accessibility())}
     action = _aim(stage, wanted, top)
-    stage.run(code_of(action))
+    stage.run(write_code(action))
     stage.park()
 
     def opened(node: TreeNode) -> bool:
         return node.role in BUBBLE_ROLES and node.box is not None and node.box not in before
 
-    hand = Hand(stage.desktop, PATIENCE)
+    hand = Hand(stage.desktop, OPEN_TIMEOUT_S)
     box = hand.wait(f"bubble after the click on {wanted.name}", opened).box
-    whole = stage.cut("dialog", app, stage.top(top.key), _words(app, [wanted]))
+    whole = stage.cut("dialog", app, stage.top(top.key), _split_names(app, [wanted]))
     if box is None:
         raise DesktopError(f"the tree gives no box for what {wanted.name} opened")
     picture = whole.part("dialog", box, opened_by=action)
@@ -220,7 +226,7 @@ def _no_bubble(stage: RecordingStage, box: Box) -> bool:
     return not any(node.box == box and node.role in BUBBLE_ROLES for node in found)
 
 
-def _aim(stage: RecordingStage, wanted: Click, on: Top | None) -> dict[str, Any]:
+def _aim(stage: RecordingStage, wanted: Click, on: TopWindow | None) -> dict[str, Any]:
     """Return the click as an action, on a window, or on the desktop and its panel.
 
     Raises:
@@ -231,10 +237,10 @@ def _aim(stage: RecordingStage, wanted: Click, on: Top | None) -> dict[str, Any]
         x, y = spot(surface, wanted.at)
         return {"type": wanted.kind, "x": x, "y": y}
 
-    def owner(other: Top | None) -> bool:
+    def owner(other: TopWindow | None) -> bool:
         return on is None or (other is not None and other.key == on.key)
 
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + OPEN_TIMEOUT_S
     while True:
         found = stage.targets(surface, owner)
         for target in found:
@@ -255,11 +261,11 @@ def _leave(
     Raises:
         DesktopError: Nothing closes it.
     """
-    buttons = [t for name in LEAVE for t in targets if t.name == name and t.role in BUTTONS]
+    buttons = [t for name in CANCEL_NAMES for t in targets if t.name == name and t.role in BUTTONS]
     actions = [click("click", button) for button in buttons[:1]]
     actions.append(ESCAPE)
     for action in actions:
-        stage.run(code_of(action))
+        stage.run(write_code(action))
         if gone():
             return action
     raise DesktopError("neither its button nor Escape closes it")
@@ -268,20 +274,20 @@ def _leave(
 def _clear(stage: RecordingStage, before: set[int]) -> None:
     """Close whatever is left, so that the next click finds the application as it was."""
     for _ in range(3):
-        left = [top for top in stage.tops() if top.key not in before and _large(top)]
+        left = [top for top in stage.top_windows() if top.key not in before and _large(top)]
         if not left:
             return
-        stage.run(code_of(ESCAPE))
+        stage.run(write_code(ESCAPE))
         if left[-1].client:
             stage.close(left[-1])
 
 
-def _large(top: Top) -> bool:
+def _large(top: TopWindow) -> bool:
     x1, y1, x2, y2 = top.box
-    return x2 - x1 >= LEAST[0] and y2 - y1 >= LEAST[1]
+    return x2 - x1 >= MIN_MENU_SIZE[0] and y2 - y1 >= MIN_MENU_SIZE[1]
 
 
-def _words(app: str, clicks: Sequence[Click]) -> str:
+def _split_names(app: str, clicks: Sequence[Click]) -> str:
     places = {"chromium": "the page", "desktop": "the desktop"}
     place = places.get(app, "the window")
     parts = [f"{wanted.kind.replace('_', ' ')} on {wanted.name or place}" for wanted in clicks]

@@ -7,22 +7,22 @@ import numpy as np
 from hijack_data.types import Box, UInt8Array
 
 from ...errors import DesktopError
-from ...recording.picture import ClickTarget, Picture
+from ...recording.captured_picture import ClickTarget, Picture
 from ...recording.stage import RecordingStage
 from .. import wallpapers
 from ..desktop_looks import hide_icons, put_wallpaper
-from . import Refused
+from . import UnrecordedScene
 
 # Pixels around an icon's box in the tree that its label's shadow may reach.
 SHADOW = 4
 
 
-def record_wallpapers(stage: RecordingStage) -> Iterator[Picture | Refused]:
+def record_wallpapers(stage: RecordingStage) -> Iterator[Picture | UnrecordedScene]:
     """Yield each wallpaper; the desktop must show it as drawn, except below its panel."""
     hide_icons(stage)
     stage.park()
     for name in wallpapers.NAMES:
-        yield from Refused.instead(f"wallpaper {name}", _wallpaper(stage, name))
+        yield from UnrecordedScene.instead(f"wallpaper {name}", _wallpaper(stage, name))
 
 
 def _wallpaper(stage: RecordingStage, name: str) -> Iterator[Picture]:
@@ -36,9 +36,9 @@ def _wallpaper(stage: RecordingStage, name: str) -> Iterator[Picture]:
     yield Picture("wallpaper", name, stage.screen, drawn, made)
 
 
-def record_icons(stage: RecordingStage) -> Iterator[Picture | Refused]:
+def record_icons(stage: RecordingStage) -> Iterator[Picture | UnrecordedScene]:
     """Yield the desktop's icons with their labels; the wallpaper behind them is transparent."""
-    yield from Refused.instead("icons of the desktop", _icons(stage))
+    yield from UnrecordedScene.instead("icons of the desktop", _icons(stage))
 
 
 def _icons(stage: RecordingStage) -> Iterator[Picture]:

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator
 
-from ...recording.picture import Picture
+from ...recording.captured_picture import Picture
 from ...recording.stage import RecordingStage
 from ..desktop_looks import GOLDEN
-from . import Refused
-from .apps import APPS, MORE, App, browser, installed
+from . import UnrecordedScene
+from .apps import APPS, MORE_APPS, App, browser, installed
 
 SITES = (
     "http://shop.test/",
@@ -15,26 +15,32 @@ SITES = (
     "http://docs.test/",
 )
 # Applications that are recorded on every size of screen.
-OFTEN = ("geany", "mousepad", "thunar", "xfce4-terminal", "chromium")
-LOOSE = ((1120, 760), (860, 620), (640, 460))  # width and height of windows that are not tiled
+COMMON_APPS = ("geany", "mousepad", "thunar", "xfce4-terminal", "chromium")
+LOOSE_SIZES = (
+    (1120, 760),
+    (860, 620),
+    (640, 460),
+)  # width and height of windows that are not tiled
 # In other looks windows are small or narrow, for screens that are.
-SMALL = ((760, 560), (520, 380), (420, 560), (620, 300))
-FULL = 1920  # width of the screen on which everything is recorded; others get tiled windows only
+SMALL_SIZES = ((760, 560), (520, 380), (420, 560), (620, 300))
+FULL_WIDTH = (
+    1920  # width of the screen on which everything is recorded; others get tiled windows only
+)
 
 
-def record(stage: RecordingStage) -> Iterator[Picture | Refused]:
+def record(stage: RecordingStage) -> Iterator[Picture | UnrecordedScene]:
     """Yield every application at half the screen, and on a large screen in loose windows, too."""
     for app in installed(stage, _apps(stage)):
         what = f"window of {app.name} ({app.shows})"
-        yield from Refused.instead(what, _pictures(stage, app))
+        yield from UnrecordedScene.instead(what, _pictures(stage, app))
 
 
 def _apps(stage: RecordingStage) -> tuple[App, ...]:
     if _other_look(stage):
-        return *APPS, *MORE
+        return *APPS, *MORE_APPS
     if _is_full(stage):
         return *APPS, *(browser(site) for site in SITES)
-    return tuple(app for app in APPS if app.name in OFTEN)
+    return tuple(app for app in APPS if app.name in COMMON_APPS)
 
 
 def _pictures(stage: RecordingStage, app: App) -> Iterator[Picture]:
@@ -60,11 +66,11 @@ def _pictures(stage: RecordingStage, app: App) -> Iterator[Picture]:
 def _loose_sizes(stage: RecordingStage) -> tuple[tuple[int, int], ...]:
     if not _is_full(stage):
         return ()
-    return SMALL if _other_look(stage) else LOOSE
+    return SMALL_SIZES if _other_look(stage) else LOOSE_SIZES
 
 
 def _is_full(stage: RecordingStage) -> bool:
-    return stage.screen[2] == FULL
+    return stage.screen[2] == FULL_WIDTH
 
 
 def _other_look(stage: RecordingStage) -> bool:

@@ -17,25 +17,25 @@ HISTORY_URL = (
     "44ee5668-ecd5-4366-a6ce-c1c9b8d4e938/history_empty.sqlite?download=true"
 )
 HISTORY_NAME = "history_new.sqlite"
-LONGEST = 255  # bytes of a name in a folder
+MAX_NAME_BYTES = 255  # bytes of a name in a folder
 
 
 @dataclass(frozen=True)
-class Wanted:
+class CacheFile:
     """One file: where it comes from and its path in the cache, `<task>/<name>`."""
 
     url: str
     path: str
 
 
-def wanted(task: OsworldTask) -> list[Wanted]:
+def list_cache_files(task: OsworldTask) -> list[CacheFile]:
     """Return the files of a task, each once.
 
     Raises:
         ConfigError: An address or a name is bad; the message names its field.
     """
     problems: list[str] = []
-    found: dict[Wanted, None] = {}
+    found: dict[CacheFile, None] = {}
     for url, name, field in _pairs(task):
         place = f"{task.path}: {field}"
         if not _can_be_asked_for(url):
@@ -45,7 +45,7 @@ def wanted(task: OsworldTask) -> list[Wanted]:
             rule = "the file's name must stay in the task's folder"
             problems.append(f"{place}: {rule}, got {name!r}")
         else:
-            found[Wanted(url, f"{task.id}/{name}")] = None
+            found[CacheFile(url, f"{task.id}/{name}")] = None
     if not _plain(task.id) or "/" in task.id:
         problems.append(f"{task.path}: id: must do as the name of a folder, got {task.id!r}")
     if problems:
@@ -63,7 +63,7 @@ def _plain(name: object) -> bool:
     if not isinstance(name, str) or not name or "\0" in name or "\\" in name:
         return False
     path = PurePosixPath(name)
-    if has_half(name) or any(len(part.encode()) > LONGEST for part in path.parts):
+    if has_half(name) or any(len(part.encode()) > MAX_NAME_BYTES for part in path.parts):
         return False
     return not path.is_absolute() and ".." not in path.parts and bool(path.parts)
 
@@ -77,12 +77,12 @@ def _pairs(task: OsworldTask) -> Iterator[tuple[Any, Any, str]]:
     }
     for field, listed in steps.items():
         for place, step in enumerate(listed):
-            yield from _of_step(step, f"{field}[{place}]")
+            yield from _step_files(step, f"{field}[{place}]")
     for key in ("result", "expected"):
-        yield from _of_getters(evaluator.get(key), f"evaluator.{key}")
+        yield from _getter_files(evaluator.get(key), f"evaluator.{key}")
 
 
-def _of_step(step: dict[str, Any], field: str) -> Iterator[tuple[Any, Any, str]]:
+def _step_files(step: dict[str, Any], field: str) -> Iterator[tuple[Any, Any, str]]:
     if step["type"] == "update_browse_history":
         yield HISTORY_URL, HISTORY_NAME, field
     if step["type"] != "download":
@@ -98,20 +98,20 @@ def _of_step(step: dict[str, Any], field: str) -> Iterator[tuple[Any, Any, str]]
         yield url, name, f"{field}.parameters.files[{place}]"
 
 
-def _of_getters(value: Any, field: str) -> Iterator[tuple[Any, Any, str]]:
+def _getter_files(value: Any, field: str) -> Iterator[tuple[Any, Any, str]]:
     if isinstance(value, list):
         for place, item in enumerate(cast("list[Any]", value)):
-            yield from _of_getters(item, f"{field}[{place}]")
+            yield from _getter_files(item, f"{field}[{place}]")
     elif isinstance(value, dict):
         getter = cast("dict[str, Any]", value)
         if getter.get("type") == "cloud_file":
-            yield from _of_cloud_file(getter, field)
+            yield from _cloud_files(getter, field)
             return
         for key, item in getter.items():
-            yield from _of_getters(item, f"{field}.{key}")
+            yield from _getter_files(item, f"{field}.{key}")
 
 
-def _of_cloud_file(getter: dict[str, Any], field: str) -> Iterator[tuple[Any, Any, str]]:
+def _cloud_files(getter: dict[str, Any], field: str) -> Iterator[tuple[Any, Any, str]]:
     urls: Any = getter.get("path")
     names: Any = getter.get("dest")
     if not getter.get("multi", False):

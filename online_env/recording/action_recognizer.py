@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
-NEAR = 5  # pixels by which a hand may tremble during a click
-AGAIN = 0.6  # s between the clicks of a double click
-TOGETHER = 2.0  # s between letters of one text, turns of one scroll
+CLICK_TREMOR_PIXELS = 5  # pixels by which a hand may tremble during a click
+DOUBLE_CLICK_S = 0.6  # s between the clicks of a double click
+MERGE_TIMEOUT_S = 2.0  # s between letters of one text, turns of one scroll
 MODIFIERS = ("ctrl", "shift", "alt", "win")
 _CLICKS = {
     ("left", 1): "click",
@@ -102,7 +102,7 @@ class ActionRecognizer(Generic[View]):
     def _down(self, event: Mapping[str, Any]) -> None:
         place = (event["x"], event["y"])
         button = event.get("button", "left")
-        fields = self._continued("press", AGAIN)
+        fields = self._continued("press", DOUBLE_CLICK_S)
         if fields and _is_another_click(fields, button, place):
             fields["clicks"] += 1
         else:
@@ -120,14 +120,14 @@ class ActionRecognizer(Generic[View]):
     def _scroll(self, event: Mapping[str, Any]) -> None:
         place = (event["x"], event["y"])
         amount = event["amount"]
-        fields = self._continued("scroll", TOGETHER)
+        fields = self._continued("scroll", MERGE_TIMEOUT_S)
         if fields and fields["place"] == place and (fields["amount"] > 0) == (amount > 0):
             fields["amount"] += amount
         else:
             self._begin("scroll", place=place, amount=amount)
 
     def _type(self, event: Mapping[str, Any]) -> None:
-        fields = self._continued("type", TOGETHER)
+        fields = self._continued("type", MERGE_TIMEOUT_S)
         if fields:
             fields["text"] += event["text"]
         else:
@@ -158,7 +158,7 @@ def _is_another_click(fields: Mapping[str, Any], button: str, place: tuple[int, 
 
 
 def _near(one: tuple[int, int], other: tuple[int, int]) -> bool:
-    return max(abs(one[0] - other[0]), abs(one[1] - other[1])) <= NEAR
+    return max(abs(one[0] - other[0]), abs(one[1] - other[1])) <= CLICK_TREMOR_PIXELS
 
 
 def _code(action: _OpenAction[Any]) -> str:

@@ -21,7 +21,7 @@ from ..environment.runner import checked_seed
 from ..tasks import sets
 from .errors import HeldOutTaskError
 
-GROUPS = 10_000  # number of groups whose rollouts are counted
+MAX_COUNTED_GROUPS = 10_000  # number of groups whose rollouts are counted
 TRAINING = "training"
 HELD_OUT = "held_out"
 _SEED = "serve-seed-v1"
@@ -176,7 +176,7 @@ class EpisodeDraws:
         with self._lock:
             slot = self._slots.pop((task, seed), -1) + 1
             self._slots[task, seed] = slot
-            if len(self._slots) > GROUPS:
+            if len(self._slots) > MAX_COUNTED_GROUPS:
                 self._slots.popitem(last=False)
             return slot
 

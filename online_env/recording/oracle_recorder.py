@@ -16,7 +16,7 @@ from .stage import RecordingStage
 from .trajectory import EpisodeRecording, RecordedView, prepare, save
 
 
-class Watched:
+class RecordingDesktop:
     """A desktop that records each `run`; everything else is passed on.
 
     Args:
@@ -64,7 +64,7 @@ def record_task(
     prepare(folder)
     machine = tasks.Machine(desktop, SiteState(desktop.record["sites"]))
     trajectory = EpisodeRecording(task.id, task.instruction, task.apps)
-    watched = Watched(desktop, trajectory)
+    watched = RecordingDesktop(desktop, trajectory)
     task.setup(machine)
     task.oracle(tasks.Hand(cast("Desktop", watched)))
     watched.done()

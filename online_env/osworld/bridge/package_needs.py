@@ -27,11 +27,11 @@ class Imported:
     root: str
 
 
-OURS = ("desktop_env", __name__.partition(".")[0])
+OWN_PACKAGES = ("desktop_env", __name__.partition(".")[0])
 
 
 @functools.cache
-def packages_of(function: Any) -> frozenset[str]:
+def imported_packages(function: Any) -> frozenset[str]:
     """Return the missing packages that a function refers to.
 
     Functions of `desktop_env` that it names are followed.
@@ -59,7 +59,7 @@ def _ours(value: object) -> bool:
     if not isinstance(value, types.FunctionType | type):
         return False
     module = str(getattr(value, "__module__", ""))
-    return module.partition(".")[0] in OURS
+    return module.partition(".")[0] in OWN_PACKAGES
 
 
 def _referred(item: Any) -> Iterator[Any]:
@@ -104,7 +104,7 @@ def _imported(name: str, level: int, wanted: tuple[str, ...], names: _Names) -> 
     package = str(names.get("__package__") or "")
     full = importlib.util.resolve_name("." * level + name, package)
     root = full.partition(".")[0]
-    if root not in OURS:
+    if root not in OWN_PACKAGES:
         yield Imported(root)
         return
     module = sys.modules.get(full)
@@ -146,6 +146,6 @@ def problems(task: _Names, metrics: Any, getters: Any, setup: Any) -> list[str]:
         if function is None:
             found[f"no {name} in this desktop_env"] = None
             continue
-        for root in sorted(packages_of(function)):
+        for root in sorted(imported_packages(function)):
             found[f"{name} needs the package {root!r}"] = None
     return list(found)

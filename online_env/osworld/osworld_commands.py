@@ -9,7 +9,7 @@ from hijack_data.cli.options import WholeSummaries
 from hijack_data.errors import ParameterError
 from hijack_data.files import write_atomic
 
-from . import table, venv
+from . import task_table, venv
 
 
 def _venv_option(text: str):
@@ -60,10 +60,12 @@ def prefetch(
     interruption.
     """
     from . import prefetch as module
-    from .wanted import wanted
+    from .cache_files import list_cache_files
 
-    chosen = table.read(source)
-    files = [item for task in (chosen.only(only) if only else chosen) for item in wanted(task)]
+    chosen = task_table.read(source)
+    files = [
+        item for task in (chosen.only(only) if only else chosen) for item in list_cache_files(task)
+    ]
     if list_:
         rows = [{"path": item.path, "url": item.url} for item in files]
         click.echo(
@@ -174,7 +176,7 @@ def selftest(
     from . import selftest as module
 
     groups = module.read_groups(feasibility) if feasibility else {}
-    chosen = module.choose(table.read(source), groups, only)
+    chosen = module.choose(task_table.read(source), groups, only)
 
     def keep(row: module.SelfTestRow, results: module.Results) -> None:
         click.echo(
@@ -182,7 +184,7 @@ def selftest(
         )
         write_atomic(out, json.dumps(results.as_json(), indent=1) + "\n")
 
-    results = run.on_embedded(chosen, groups, folder, cache or out.parent / "cache", keep)
+    results = run.run_selftest(chosen, groups, folder, cache or out.parent / "cache", keep)
     if markdown:
         write_atomic(markdown, results.as_markdown())
     click.echo(results.summary())
@@ -211,11 +213,11 @@ def needs(source: Path, folder: Path, json_: bool, working: bool) -> int:
             f"--working: {source} is a table; hijack bench plays tasks by the files in OSWorld's"
             " folder, so name that"
         )
-    chosen = table.read(source)
+    chosen = task_table.read(source)
     with checker(folder) as check:
-        found = module.needs_of_all(chosen, check)
+        found = module.list_all_needs(chosen, check)
     if working:
-        works = {one.id for one in found if one.tested == module.WORKS}
+        works = {one.id for one in found if one.tested == module.RUNS_HERE}
         click.echo(",".join(str(task.path) for task in chosen if task.id in works))
         return 0
     if json_:

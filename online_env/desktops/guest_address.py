@@ -15,7 +15,7 @@ class AnswerTooLargeError(OSError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Way:
+class GuestAddress:
     """The address at which a guest's server is reached.
 
     Attributes:

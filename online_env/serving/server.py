@@ -20,22 +20,22 @@ from ..embedded.runtime import masks
 from ..environment import EvalSettings
 from ..environment.script import Script
 from ..tasks import find_family
-from .drawing import HELD_OUT, TRAINING, EpisodeDraws, sides
+from .episode_draws import HELD_OUT, TRAINING, EpisodeDraws, sides
 from .errors import HeldOutTaskError
 from .pool import DesktopPool, stage_on
 from .service import DesktopService
 
 TOKEN = "AGENTHIJACK_SERVE_TOKEN"
-SHORTEST = 16  # least characters of a token
-MESSAGE = 2**20  # most bytes of a message from a client
-PING = 20.0  # seconds between two pings
-PONG = 120.0  # seconds within which a client must answer a ping
-GRACE = 10  # seconds that sessions have to end when the server stops
+MIN_TOKEN_CHARS = 16  # least characters of a token
+MAX_MESSAGE_BYTES = 2**20  # most bytes of a message from a client
+PING_INTERVAL_S = 20.0  # seconds between two pings
+PING_TIMEOUT_S = 120.0  # seconds within which a client must answer a ping
+SHUTDOWN_GRACE_S = 10  # seconds that sessions have to end when the server stops
 # malloc.h
 MMAP_THRESHOLD = -3
 ARENA_MAX = -8
-PICTURE = 2**19  # allocations of at least this many bytes get a mapping of their own
-ARENAS = 2
+MMAP_MIN_BYTES = 2**19  # allocations of at least this many bytes get a mapping of their own
+MAX_ARENAS = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +55,7 @@ class ServeOptions:
         seed: Of all draws.
         sessions: How many clients may be connected; by default 4 for each desktop.
         line: How many of them may wait for a desktop; by default 2 for each desktop.
-        patience: Seconds that they wait at most.
+        wait_timeout: Seconds that they wait at most.
         lease: Seconds of silence after which a client loses its desktop.
         log: The folder for the episodes; `None` writes none.
     """
@@ -71,7 +71,7 @@ class ServeOptions:
     seed: int = 0
     sessions: int | None = None
     line: int | None = None
-    patience: float = 45.0
+    wait_timeout: float = 45.0
     lease: float = 600.0
     log: Path | None = None
 
@@ -98,7 +98,7 @@ class ServeOptions:
         )
 
 
-def adjusted(bench: Bench, max_steps: int | None, size: str | None) -> Bench:
+def override_limits(bench: Bench, max_steps: int | None, size: str | None) -> Bench:
     """Return a benchmark with the values of the command line.
 
     Args:
@@ -112,7 +112,7 @@ def adjusted(bench: Bench, max_steps: int | None, size: str | None) -> Bench:
     if max_steps is not None:
         bench = replace(bench, max_steps=max_steps)
     if size is not None:
-        bench = replace(bench, size=_size_of(size))
+        bench = replace(bench, size=_parse_size(size))
     return bench
 
 
@@ -138,7 +138,7 @@ def make_service(options: ServeOptions) -> DesktopService:
         lambda: stage_on(provider(bench.size)),
         count=desktops,
         line=2 * desktops if options.line is None else options.line,
-        patience=options.patience,
+        wait_timeout=options.wait_timeout,
     )
     settings = EvalSettings(
         max_steps=bench.max_steps, recovery=bench.recovery, log=options.log, agent="client"
@@ -173,18 +173,18 @@ def serve(options: ServeOptions, say: Callable[[str], object]) -> None:
             f"{options.host} can be reached from other machines, which needs a token: set"
             f" {TOKEN}, or give --token-file"
         )
-    _give_memory_back()
+    _return_freed_memory()
     service = make_service(options)
     sessions = options.sessions or 4 * options.desktops
     app = make_app(service, sessions=sessions, token=options.token)
-    with _bound(options.host, options.port) as listener:
-        signal.signal(signal.SIGTERM, _leave)
+    with _bind(options.host, options.port) as listener:
+        signal.signal(signal.SIGTERM, _interrupt)
         try:
             service.start()
             check_desktops(service)
             web_server = make_web_server(app, sessions)
             listener.listen()  # from here on, early clients wait
-            say(_about(options, service, listener.getsockname()[1]))
+            say(_describe(options, service, listener.getsockname()[1]))
             web_server.run(sockets=[listener])
         except KeyboardInterrupt:
             pass
@@ -211,12 +211,12 @@ def make_web_server(app: Any, sessions: int) -> Any:
         http=bounded_protocol(sessions + SPARE_CONNECTIONS),
         log_level="warning",
         access_log=False,
-        ws_max_size=MESSAGE,
-        ws_ping_interval=PING,
-        ws_ping_timeout=PONG,
+        ws_max_size=MAX_MESSAGE_BYTES,
+        ws_ping_interval=PING_INTERVAL_S,
+        ws_ping_timeout=PING_TIMEOUT_S,
         # Compressing a PNG again does not make it smaller, and takes longer than sending it.
         ws_per_message_deflate=False,
-        timeout_graceful_shutdown=GRACE,
+        timeout_graceful_shutdown=SHUTDOWN_GRACE_S,
     )
     return uvicorn.Server(config)
 
@@ -242,15 +242,20 @@ def read_token(file: Path | None) -> str | None:
             raise ParameterError(f"--token-file {file}: others may read it; chmod 600 {file}")
     if token is None:
         return None
-    if len(token) < SHORTEST or not token.isascii() or not token.isprintable() or " " in token:
+    if (
+        len(token) < MIN_TOKEN_CHARS
+        or not token.isascii()
+        or not token.isprintable()
+        or " " in token
+    ):
         raise ParameterError(
-            f"{where}: a token is at least {SHORTEST} printable characters without spaces, such"
-            " as: openssl rand -hex 32"
+            f"{where}: a token is at least {MIN_TOKEN_CHARS} printable characters without spaces,"
+            " such as: openssl rand -hex 32"
         )
     return token
 
 
-def _size_of(text: str) -> Size:
+def _parse_size(text: str) -> Size:
     found = re.fullmatch(r"([0-9]{3,4})[xX]([0-9]{3,4})", text)
     if found is None:
         raise ParameterError(f"--size must be WIDTHxHEIGHT, such as 1280x720, got {text!r:.80}")
@@ -258,7 +263,7 @@ def _size_of(text: str) -> Size:
     return height, width
 
 
-def _about(options: ServeOptions, service: DesktopService, port: int) -> str:
+def _describe(options: ServeOptions, service: DesktopService, port: int) -> str:
     draws = service.draws
     host = f"[{options.host}]" if ":" in options.host else options.host
     left = len(draws.held_out)
@@ -271,18 +276,18 @@ def _about(options: ServeOptions, service: DesktopService, port: int) -> str:
     )
 
 
-def _give_memory_back() -> None:
+def _return_freed_memory() -> None:
     """Let glibc return the memory of every picture to the system as soon as it is free.
 
     Otherwise it keeps freed memory for each of the threads that come and go with the sessions.
     """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)  # other C libraries have none
     if mallopt is not None:
-        mallopt(MMAP_THRESHOLD, PICTURE)
-        mallopt(ARENA_MAX, ARENAS)
+        mallopt(MMAP_THRESHOLD, MMAP_MIN_BYTES)
+        mallopt(ARENA_MAX, MAX_ARENAS)
 
 
-def _bound(host: str, port: int) -> socket.socket:
+def _bind(host: str, port: int) -> socket.socket:
     """Return a socket at an address; nobody is answered yet.
 
     Raises:
@@ -303,6 +308,6 @@ def _bound(host: str, port: int) -> socket.socket:
     return listener
 
 
-def _leave(*_: object) -> NoReturn:
+def _interrupt(*_: object) -> NoReturn:
     """End the server as Ctrl-C does."""
     raise KeyboardInterrupt

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any, TypeAlias, cast
 from urllib.parse import urlsplit
 
+from .cache_files import list_cache_files
 from .tasks import OsworldTask, TaskSet
-from .wanted import wanted
 
 TESTED = Path(__file__).with_name("selftest.json")
-WORKS = "works"
+RUNS_HERE = "works"
 PackageCheck: TypeAlias = Callable[[Mapping[str, Any]], list[str]]
 FILES, PACKAGES = "files", "packages"
 # How each need is met; what has no command cannot be met here.
@@ -32,10 +32,10 @@ _ACCOUNT_STEPS = frozenset({"googledrive", "login"})
 _HISTORY_STEPS = frozenset({"update_browse_history"})
 _PROGRAMS = {"code": "VS Code", "nautilus": "GNOME's Files", "picard": "MusicBrainz Picard"}
 _CODE_APPS = frozenset({"vscode", "vs_code"})
-_GNOME = re.compile(r"\b(?:gsettings|dconf|nautilus|gnome[-.]|org\.gnome)")
-_INSTALLS = re.compile(r"\b(?:apt(?:-get)?|pip3?|snap|npm) install\b")
+_GNOME_COMMANDS = re.compile(r"\b(?:gsettings|dconf|nautilus|gnome[-.]|org\.gnome)")
+_INSTALL_COMMANDS = re.compile(r"\b(?:apt(?:-get)?|pip3?|snap|npm) install\b")
 _ADDRESS = re.compile(r"https?://[^\s\"'\\<>)]+")
-_HERE = re.compile(r"^(?:localhost|127\.0\.0\.1|0\.0\.0\.0)$")
+_LOOPBACK = re.compile(r"^(?:localhost|127\.0\.0\.1|0\.0\.0\.0)$")
 # Getters that read sites which their arguments do not name.
 _LIVE_GETTERS = frozenset({"gotoRecreationPage_and_get_html_content", "info_from_website"})
 
@@ -70,7 +70,7 @@ class TaskNeeds:
         return self.needs.keys() <= {FILES, PACKAGES}
 
 
-def needs_of_all(tasks: TaskSet, check: PackageCheck | None = None) -> list[TaskNeeds]:
+def list_all_needs(tasks: TaskSet, check: PackageCheck | None = None) -> list[TaskNeeds]:
     """Return what each task needs, and how its self-test ended.
 
     Args:
@@ -84,20 +84,20 @@ def needs_of_all(tasks: TaskSet, check: PackageCheck | None = None) -> list[Task
         tested = {row["id"]: row["status"] for row in data["tasks"]}
     return [
         TaskNeeds(
-            task.id, task.domain, task.feasible, needs_of(task, check), tested.get(task.id, "")
+            task.id, task.domain, task.feasible, list_needs(task, check), tested.get(task.id, "")
         )
         for task in tasks
     ]
 
 
-def needs_of(task: OsworldTask, check: PackageCheck | None = None) -> dict[str, str]:
-    """Return what a task needs, by kind; the arguments are those of `needs_of_all`.
+def list_needs(task: OsworldTask, check: PackageCheck | None = None) -> dict[str, str]:
+    """Return what a task needs, by kind; the arguments are those of `list_all_needs`.
 
     Raises:
         ConfigError: An address or a name in the task is bad.
     """
     found: dict[str, str] = {}
-    files = wanted(task)
+    files = list_cache_files(task)
     if files:
         found[FILES] = f"{len(files)} to fetch"
     missing = check(task.config) if check is not None else []
@@ -106,7 +106,9 @@ def needs_of(task: OsworldTask, check: PackageCheck | None = None) -> dict[str, 
     programs = sorted(set(_programs(task)))
     if programs:
         found["program"] = ", ".join(programs)
-    if _GNOME.search(json.dumps([task.config.get("config"), task.config.get("evaluator")])):
+    if _GNOME_COMMANDS.search(
+        json.dumps([task.config.get("config"), task.config.get("evaluator")])
+    ):
         found["gnome"] = "its settings or its file manager"
     sites = sorted(set(_sites(task, {file.url for file in files})))
     if sites:
@@ -154,12 +156,12 @@ def _sites(task: OsworldTask, fetched: set[str]) -> Iterator[str]:
         if source.get("type") in _LIVE_GETTERS:
             yield f"what {source['type']} reads"
     steps = [step for step in _steps(task) if step.get("type") not in _HISTORY_STEPS]
-    if any(_INSTALLS.search(json.dumps(step.get("parameters"))) for step in steps):
+    if any(_INSTALL_COMMANDS.search(json.dumps(step.get("parameters"))) for step in steps):
         yield "where its setup installs software from"
     text = json.dumps([task.instruction, steps, list(_sources(task))], ensure_ascii=False)
     for address in _ADDRESS.findall(text):
         host = _host(address)
-        if host and address not in fetched and not _HERE.match(host):
+        if host and address not in fetched and not _LOOPBACK.match(host):
             yield host
 
 
