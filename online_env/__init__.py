@@ -48,7 +48,7 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    held = list(globals())
-    modules = [name for name in held if f"{__name__}.{name}" in sys.modules]
-    dunders = [name for name in held if name.startswith("__")]
+    public_names = list(globals())
+    modules = [name for name in public_names if f"{__name__}.{name}" in sys.modules]
+    dunders = [name for name in public_names if name.startswith("__")]
     return sorted({*_HOMES, *modules, *dunders})

@@ -93,8 +93,8 @@ def _install_packages(profiles: tuple[str, ...]) -> None:
 
     lacking = packages.missing(packages.packages(profiles))
     if lacking:
-        how = "" if os.geteuid() == 0 else " through sudo"
-        click.echo(f"installing {len(lacking)} packages with apt-get{how}: {' '.join(lacking)}")
+        suffix = "" if os.geteuid() == 0 else " through sudo"
+        click.echo(f"installing {len(lacking)} packages with apt-get{suffix}: {' '.join(lacking)}")
     packages.install(lacking)
 
 
@@ -232,14 +232,14 @@ def list_command(as_json: bool, sweep: bool) -> None:
 
     if sweep:
         _end(registry.orphans(), quiet=as_json)
-    found = [{**record, "state": registry.state(record)} for record in registry.records()]
-    listed = {record["id"] for record in found}
+    rows = [{**record, "state": registry.state(record)} for record in registry.records()]
+    listed = {record["id"] for record in rows}
     orphans = [record for record in registry.orphans() if record["id"] not in listed]
-    found += [{**record, "state": "orphan"} for record in orphans]
+    rows += [{**record, "state": "orphan"} for record in orphans]
     if as_json:
-        click.echo(json.dumps(found, indent=1))
+        click.echo(json.dumps(rows, indent=1))
         return
-    for record in found:
+    for record in rows:
         # The clock may have been set since.
         age = f"{max(0.0, time.time() - record['created']):.0f} s" if record["created"] else "?"
         width, height = record.get("screen", (0, 0))
@@ -247,11 +247,11 @@ def list_command(as_json: bool, sweep: bool) -> None:
             f"{record['id']:12} {record['state']:9} {width}x{height}  up {age} "
             f" {record.get('guest', '')}"
         )
-    if not found:
-        others = ""
+    if not rows:
+        hint = ""
         if os.geteuid() != 0:
-            others = f" (those of root: {as_root('desktop', 'list')})"
-        click.echo(f"no desktops{others}; start one with: hijack desktop up")
+            hint = f" (those of root: {as_root('desktop', 'list')})"
+        click.echo(f"no desktops{hint}; start one with: hijack desktop up")
 
 
 @desktop.command()
@@ -263,11 +263,11 @@ def down(name: str | None, everything: bool) -> None:
     from .embedded.running import choose
 
     if everything:
-        chosen = registry.records()
-        chosen += [orphan for orphan in registry.orphans() if registry.load(orphan["id"]) is None]
+        records = registry.records()
+        records += [orphan for orphan in registry.orphans() if registry.load(orphan["id"]) is None]
     else:
-        chosen = [choose(name)]
-    _end(chosen)
+        records = [choose(name)]
+    _end(records)
 
 
 def _end(records: list[dict[str, Any]], quiet: bool = False) -> None:
@@ -300,9 +300,9 @@ def view(name: str | None, port: int) -> None:
     from .embedded.running import attach, left_running
     from .embedded.view import serve
 
-    left = left_running() if name is None else []
-    lasting = name is not None or len(left) == 1
-    with attach(name or left[0]["id"]) if lasting else _own() as present:
+    running = left_running() if name is None else []
+    lasting = name is not None or len(running) == 1
+    with attach(name or running[0]["id"]) if lasting else _own() as present:
         buttons = Buttons(present, Ledger(folder(present.id)))
         serve(present.record, port, click.echo, lasting=lasting, buttons=buttons)
 
@@ -320,7 +320,7 @@ def _own() -> Any:
     from .embedded import registry
     from .embedded.desktop import EmbeddedDesktop
 
-    others = ", ".join(record["id"] for record in registry.running())
-    said = f"starting one beside {others} (hijack desktop view NAME shows one of those)"
-    click.echo(said if others else "no desktop runs: starting one")
+    running = ", ".join(record["id"] for record in registry.running())
+    message = f"starting one beside {running} (hijack desktop view NAME shows one of those)"
+    click.echo(message if running else "no desktop runs: starting one")
     return EmbeddedDesktop.up(name=f"view-{os.getpid()}")

@@ -155,11 +155,11 @@ def run(options: RecordOptions) -> int:
     return _oracle(options.output, options)
 
 
-def _refuse(why: str, **given: object) -> None:
-    for option, value in given.items():
+def _refuse(rule: str, **values: object) -> None:
+    for option, value in values.items():
         if value:
             name = option if option.isupper() else f"--{option}"
-            raise ParameterError(f"{name} does not go with the rest: {why}")
+            raise ParameterError(f"{name} does not go with the rest: {rule}")
 
 
 def _video(name: str | None, output: Path, seconds: float | None) -> int:
@@ -180,8 +180,8 @@ def _assets(folder: Path, options: RecordOptions) -> int:
     kinds = _split_names(options.only)
     sizes = options.sizes or EVERY_SIZE
     looks = _split_names(options.looks) or LOOK_NAMES
-    lost = record_assets(folder, kinds, sizes, click.echo, looks)
-    return 1 if lost else 0
+    failures = record_assets(folder, kinds, sizes, click.echo, looks)
+    return 1 if failures else 0
 
 
 def _split_names(text: str | None) -> list[str]:
@@ -233,8 +233,8 @@ def _desktop(options: RecordOptions) -> "Iterator[EmbeddedDesktop]":
     from .embedded.desktop import EmbeddedDesktop
     from .embedded.running import attach
 
-    chosen = attach(options.name) if options.name else EmbeddedDesktop.up(size=options.size)
-    with chosen as desktop:
+    context = attach(options.name) if options.name else EmbeddedDesktop.up(size=options.size)
+    with context as desktop:
         yield desktop
 
 

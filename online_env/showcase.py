@@ -55,22 +55,22 @@ def show_nine(desktop: Desktop, seed: int = 3) -> Iterator[ShowcaseEntry]:
         yield _show(desktop, name, seed)
 
 
-def sheet(shown: list[ShowcaseEntry], width: int = 1600) -> UInt8Array:
+def sheet(entries: list[ShowcaseEntry], width: int = 1600) -> UInt8Array:
     """Return the contact sheet, uint8 RGB `[H, width, 3]`."""
-    rows = [(one.name, one.before, one.after) for one in shown]
-    captions = [one.saw if one.ok else f"FAILED: {one.saw}" for one in shown]
+    rows = [(entry.name, entry.before, entry.after) for entry in entries]
+    captions = [entry.saw if entry.ok else f"FAILED: {entry.saw}" for entry in entries]
     return contact_sheet(rows, width, captions)
 
 
 def _show(desktop: Desktop, name: str, seed: int) -> ShowcaseEntry:
-    done = corrupt_desktop(desktop, get(name), seed=seed)
-    after = done.after
+    applied = corrupt_desktop(desktop, get(name), seed=seed)
+    after = applied.after
     if name == "network_error":
         _visit(desktop, OTHER_PAGE)  # the page that is open already stays
         after = rest(desktop)
-    elif done.records:
+    elif applied.records:
         after = rest(desktop)
-    for record in reversed(done.records):
+    for record in reversed(applied.records):
         undone = resume(record, desktop).undo()
         if not undone.ok:
             raise DesktopError(f"{name} could not be taken back: {undone.problem}")
@@ -78,7 +78,7 @@ def _show(desktop: Desktop, name: str, seed: int) -> ShowcaseEntry:
         desktop.run("pyautogui.press('esc')")
         _visit(desktop, PAGE)
         _wait_for_page(desktop)
-    return ShowcaseEntry(name, done.before, after, done.ok, done.saw)
+    return ShowcaseEntry(name, applied.before, after, applied.ok, applied.saw)
 
 
 def _visit(desktop: Desktop, address: str) -> None:

@@ -60,7 +60,7 @@ class EpisodeEnv(Protocol):
         """Take one action."""
         ...
 
-    def record_message(self, said: str) -> None:
+    def record_message(self, text: str) -> None:
         """Log the agent's words for its next action."""
         ...
 
@@ -68,7 +68,7 @@ class EpisodeEnv(Protocol):
         """Store the usage that the agent has reported so far."""
         ...
 
-    def declare_privileged_inputs(self, what: Sequence[str]) -> None:
+    def declare_privileged_inputs(self, kinds: Sequence[str]) -> None:
         """Store what the agent is given in addition to instruction and pictures."""
         ...
 

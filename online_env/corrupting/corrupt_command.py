@@ -93,7 +93,7 @@ def _corrupt(
 
     spec = cls(**parse_settings(cls, options["settings"]))
     refuse_twice(desktop, spec, ledger, desktop.id)
-    done = corrupt_desktop(
+    applied = corrupt_desktop(
         desktop,
         spec,
         seed=options["seed"],
@@ -101,40 +101,42 @@ def _corrupt(
         note=lambda records: ledger.add(spec.name, records),
     )
     picture = output
-    if picture is None and not done.records:
+    if picture is None and not applied.records:
         picture = Path(f"{spec.name}.png")
     if picture is not None:
-        write_atomic(picture, encode_png(done.after))
+        write_atomic(picture, encode_png(applied.after))
     if as_json:
-        click.echo(json.dumps(_report(done, spec.name, desktop.id, picture)))
+        click.echo(json.dumps(_report(applied, spec.name, desktop.id, picture)))
     else:
-        _print(done, spec.name, desktop.id, picture)
-    return 0 if done.ok else 1
+        _print(applied, spec.name, desktop.id, picture)
+    return 0 if applied.ok else 1
 
 
-def _report(done: "AppliedPlan", name: str, desktop: str, picture: Path | None) -> dict[str, Any]:
+def _report(
+    applied: "AppliedPlan", name: str, desktop: str, picture: Path | None
+) -> dict[str, Any]:
     return {
         "corruption": name,
         "desktop": desktop,
-        "ok": done.ok,
-        "saw": done.saw,
-        "digest": done.plan.digest(),
-        "notes": done.plan.notes,
+        "ok": applied.ok,
+        "saw": applied.saw,
+        "digest": applied.plan.digest(),
+        "notes": applied.plan.notes,
         "picture": None if picture is None else str(picture),
-        "effects": done.records,
+        "effects": applied.records,
     }
 
 
-def _print(done: "AppliedPlan", name: str, desktop: str, picture: Path | None) -> None:
+def _print(applied: "AppliedPlan", name: str, desktop: str, picture: Path | None) -> None:
     from ..effects import find as find_effect
 
-    failed = "" if done.ok else "the probe is FALSE: "
-    click.echo(f"{name} on {desktop}: {failed}{done.saw}")
-    for note in done.plan.notes:
+    failed = "" if applied.ok else "the probe is FALSE: "
+    click.echo(f"{name} on {desktop}: {failed}{applied.saw}")
+    for note in applied.plan.notes:
         click.echo(f"  note: {note}")
     if picture is not None:
         click.echo(f"  what an agent sees: {picture}")
-    if any(find_effect(record["effect"]).lasting for record in done.records):
+    if any(find_effect(record["effect"]).lasting for record in applied.records):
         click.echo(f"  take it back with: hijack desktop corrupt --undo {name} --on {desktop}")
 
 
@@ -142,31 +144,33 @@ def _undo(desktop: Any, cls: type[Corruption] | None, ledger: Ledger, as_json: b
     from .desktop_corruption import undo_recorded, undo_unrecorded
 
     name = None if cls is None else cls.name
-    done = undo_recorded(desktop, name, ledger)
-    recorded = bool(done)
+    results = undo_recorded(desktop, name, ledger)
+    recorded = bool(results)
     if not recorded:
         if cls is None:
             problem = f"nothing was applied to {desktop.id} by hand"
             raise DesktopError(f"{problem}; name a corruption to clear up all the same")
-        done = undo_unrecorded(desktop, cls())
-    ok = all(undone.ok for _, _, undone in done)
+        results = undo_unrecorded(desktop, cls())
+    ok = all(undone.ok for _, _, undone in results)
     if as_json:
         rows: list[dict[str, Any]] = []
-        for label, kind, undone in done:
+        for label, kind, undone in results:
             rows.append({"corruption": label, "effect": kind, **vars(undone)})
         report = {"desktop": desktop.id, "ok": ok, "recorded": recorded, "undone": rows}
         click.echo(json.dumps(report))
     else:
-        _print_undone(done, desktop.id, None if recorded else name)
+        _print_undone(results, desktop.id, None if recorded else name)
     return 0 if ok else 1
 
 
-def _print_undone(done: list[tuple[str, str, Any]], desktop: str, unrecorded: str | None) -> None:
+def _print_undone(
+    results: list[tuple[str, str, Any]], desktop: str, unrecorded: str | None
+) -> None:
     from ..effects.descriptions import undone_in_words
 
     if unrecorded is not None:
         click.echo(f"no record of {unrecorded} on {desktop}: going by what the machine shows")
-    for label, kind, undone in done:
+    for label, kind, undone in results:
         failed = "" if undone.ok else "NOT undone: "
         words = undone_in_words(kind, undone.facts, undone.problem)
         click.echo(f"{label} on {desktop}: {failed}{words}")

@@ -59,9 +59,9 @@ class AppliedPlan:
         """Return how the picture differs from the screen."""
         height, width = self.before.shape[:2]
         if self.before.shape != self.after.shape:
-            seen = size_text((self.after.shape[0], self.after.shape[1]))
+            agent_size = size_text((self.after.shape[0], self.after.shape[1]))
             real = size_text((height, width))
-            return f"the agent sees {seen} of the screen's {real} pixels"
+            return f"the agent sees {agent_size} of the screen's {real} pixels"
         share = changed_pixels(self.before, self.after) / (height * width)
         return f"{share:.1%} of the pixels that the agent sees are changed"
 
@@ -98,18 +98,20 @@ def corrupt_desktop(
         )
     plan = spec.plan(scene, seed=seed, sample=SAMPLE, step=step)
     stream = Stream(seed, plan.corruption, SAMPLE, step or 0)
-    done: list[Applied] = []
+    applied_effects: list[Applied] = []
     try:
         for effect in plan.effects:
             applied = perform(effect, desktop, stream)
-            done.append(applied)
+            applied_effects.append(applied)
     finally:  # those before one that fails are on the desktop, too
-        if done and note is not None:
-            note([applied.record for applied in done])
-    for applied in done:
+        if applied_effects and note is not None:
+            note([applied.record for applied in applied_effects])
+    for applied in applied_effects:
         applied.probe()
-    after = desktop.screenshot() if done else before
-    return AppliedPlan(plan, before, apply(plan, after), [applied.record for applied in done])
+    after = desktop.screenshot() if applied_effects else before
+    return AppliedPlan(
+        plan, before, apply(plan, after), [applied.record for applied in applied_effects]
+    )
 
 
 def refuse_twice(desktop: Desktop, spec: Corruption, ledger: Ledger, name: str) -> None:
@@ -151,7 +153,7 @@ def undo_recorded(desktop: Desktop, name: str | None, ledger: Ledger) -> list[tu
     Returns:
         Corruption, kind of the effect and result (`effects.Undone`) each.
     """
-    done: list[tuple[str, str, Any]] = []
+    results_by_entry: list[tuple[str, str, Any]] = []
     for entry in reversed(ledger.entries()):
         if name not in (None, entry["corruption"]):
             continue
@@ -159,10 +161,10 @@ def undo_recorded(desktop: Desktop, name: str | None, ledger: Ledger) -> list[tu
         for record in reversed(entry["records"]):
             undone = resume(record, desktop).undo()
             results.append(undone)
-            done.append((entry["corruption"], record["effect"], undone))
+            results_by_entry.append((entry["corruption"], record["effect"], undone))
         if all(undone.ok for undone in results):
             ledger.drop(entry)
-    return done
+    return results_by_entry
 
 
 def undo_unrecorded(desktop: Desktop, spec: Corruption) -> list[tuple[str, str, Any]]:

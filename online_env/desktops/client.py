@@ -78,8 +78,8 @@ class Client:
             )
             content = _read(response)
         except HTTPError as error:
-            plain = _plain(error)
-            raise plain from None
+            os_error = _plain(error)
+            raise os_error from None
         names = {name.lower(): value for name, value in response.headers.items()}
         return response.status, names, content
 

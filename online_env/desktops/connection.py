@@ -157,5 +157,7 @@ class GuestConnection:
             from .client import Client  # urllib3 comes with the extra
 
             self._client = Client(self._way)
-        status, found, content = self._client.exchange(method, path, body, headers, timeout)
-        return GuestResponse(status, found, content)
+        status, response_headers, content = self._client.exchange(
+            method, path, body, headers, timeout
+        )
+        return GuestResponse(status, response_headers, content)

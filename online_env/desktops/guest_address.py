@@ -33,18 +33,18 @@ class GuestAddress:
     door: str | None
 
 
-def split_address(url: str, what: str, example: str) -> SplitResult:
-    """Return the parts of the address of a server, which leads to nothing below that.
+def split_address(url: str, owner: str, example: str) -> SplitResult:
+    """Return the parts of the address of a server; it must not have a path.
 
     Args:
         url: such as `http://10.0.0.2:5000`; `http://` may be left out.
-        what: whose address it must be, for the error.
+        owner: whose address it must be, for the error.
         example: an address that is right, for the error.
 
     Raises:
         GuestError: It is none.
     """
-    problem = GuestError(f"{url!r} is not the address of a {what}; it must be like {example}")
+    problem = GuestError(f"{url!r} is not the address of a {owner}; it must be like {example}")
     try:
         parts = urlsplit(url if "//" in url else f"http://{url}")
         port = parts.port

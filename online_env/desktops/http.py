@@ -131,10 +131,10 @@ class HttpDesktop:
     def capabilities(self) -> frozenset[Capability]:
         """Capabilities of the guest, asked once; `firewall` needs sudo, with the given password."""
         if self._capabilities is None:
-            known: set[Capability] = {"files", "apps", "accessibility"}
+            capabilities: set[Capability] = {"files", "apps", "accessibility"}
             if self.is_ours:
-                known.add("windows")
-            self._capabilities = survey(self.execute, self._password) | known
+                capabilities.add("windows")
+            self._capabilities = survey(self.execute, self._password) | capabilities
         return self._capabilities
 
     @property
@@ -328,10 +328,11 @@ class HttpDesktop:
         """Close the connection; the desktop itself keeps running."""
         self._connection.close()
 
-    def _need_ours(self, what: str) -> None:
+    def _need_ours(self, purpose: str) -> None:
         if not self.is_ours:
             raise MissingCapabilityError(
-                f"{self.url} is a plain OSWorld guest: {what} needs our guest server; use run(code)"
+                f"{self.url} is a plain OSWorld guest: {purpose} needs our guest server; use"
+                " run(code)"
             )
 
     def _get(self, path: str) -> GuestResponse:

@@ -94,15 +94,15 @@ class OsworldDesktop:
     def __init__(
         self, env: OsworldLike, password: str | None = None, capabilities: Sequence[Capability] = ()
     ) -> None:
-        needed = {"reset": env, "step": env, "evaluate": env}
+        owners = {"reset": env, "step": env, "evaluate": env}
         controller = getattr(env, "controller", None)
-        needed |= {
+        owners |= {
             "get_screenshot": controller,
             "execute_python_command": controller,
             "get_file": controller,
         }
         missing = [
-            name for name, owner in needed.items() if not callable(getattr(owner, name, None))
+            name for name, owner in owners.items() if not callable(getattr(owner, name, None))
         ]
         if missing or not hasattr(env, "action_history"):
             names = ", ".join(missing) or "action_history"
@@ -183,12 +183,12 @@ class OsworldDesktop:
         answer: Any = self.env.controller.execute_python_command(code)
         if not isinstance(answer, dict):
             raise GuestError("the guest did not run the code (no answer)")
-        known = cast("dict[str, Any]", answer)
+        fields = cast("dict[str, Any]", answer)
         return RunResult(
-            str(known.get("status", "error")),
-            str(known.get("output") or ""),
-            str(known.get("error") or ""),
-            known.get("returncode"),
+            str(fields.get("status", "error")),
+            str(fields.get("output") or ""),
+            str(fields.get("error") or ""),
+            fields.get("returncode"),
         )
 
     def execute(self, argv: Sequence[str] | str, timeout: float = 60) -> RunResult:

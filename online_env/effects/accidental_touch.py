@@ -16,7 +16,7 @@ from hijack_data.rng import Stream
 from hijack_data.types import Box, UInt8Array, as_boxes
 
 from ..desktops.protocol import Capability
-from .app_minimization import FIXED
+from .app_minimization import DESKTOP_WINDOW_TYPES
 from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
 from .descriptions import short
 from .elements import LAUNCHERS, Element, live_elements, window_at
@@ -58,14 +58,14 @@ class Touch(LiveEffect):
         boxes = _boxes(params)
         without_app = bool(params.get("without_app", True))
         record: EffectRecord = {"attempts": [], "clicked": None}
-        tried: set[Element] = set()
+        tried_elements: set[Element] = set()
         while len(record["attempts"]) < MAX_CLICKS and record["clicked"] is None:
             view = _look(guest, without_app)
-            left = [element for element in view.elements if element not in tried]
-            element = _draw(left, boxes, stream)
+            candidates = [element for element in view.elements if element not in tried_elements]
+            element = _draw(candidates, boxes, stream)
             if element is None:
                 break
-            tried.add(element)
+            tried_elements.add(element)
             attempt = _click(guest, view, element)
             record["attempts"].append(attempt)
             if attempt["changed"]:
@@ -135,36 +135,36 @@ def _can_be_clicked(element: Element, state: Mapping[str, Any], without_app: boo
         return True
     if any(w["for"] == window["id"] and "modal" in w["states"] for w in state["windows"]):
         return False
-    return window["type"] not in FIXED or element.app.lower() in LAUNCHERS
+    return window["type"] not in DESKTOP_WINDOW_TYPES or element.app.lower() in LAUNCHERS
 
 
 def _is_own_window(window: Mapping[str, Any] | None, element: Element) -> bool:
     """Return whether a window is an ordinary one of the application of an element."""
-    if window is None or window["type"] in FIXED:
+    if window is None or window["type"] in DESKTOP_WINDOW_TYPES:
         return False
     return window["class"].lower().startswith(f"{element.app.lower()}.")
 
 
-def _draw(left: Sequence[Element], boxes: Sequence[Box], stream: Stream) -> Element | None:
+def _draw(candidates: Sequence[Element], boxes: Sequence[Box], stream: Stream) -> Element | None:
     """Return the element at the first of the plan's boxes that has one, otherwise a random one."""
-    if not left:
+    if not candidates:
         return None
     for box in boxes:
-        distances = [_distance(element.box, box) for element in left]
+        distances = [_distance(element.box, box) for element in candidates]
         nearest = min(distances)
         if nearest <= MAX_OFFSET_PIXELS:
-            return left[distances.index(nearest)]
-    return stream.choice(left)
+            return candidates[distances.index(nearest)]
+    return stream.choice(candidates)
 
 
-def _distance(one: Box, other: Box) -> int:
-    return max(abs(a - b) for a, b in zip(one, other, strict=True))
+def _distance(first: Box, second: Box) -> int:
+    return max(abs(a - b) for a, b in zip(first, second, strict=True))
 
 
 def _click(guest: Guest, view: _View, element: Element) -> EffectRecord:
     x, y = element.centre
-    nothing: dict[str, Any] = {"id": 0, "frame": [], "class": "", "title": ""}
-    window = window_at(element.centre, view.state) or nothing
+    no_window: dict[str, Any] = {"id": 0, "frame": [], "class": "", "title": ""}
+    window = window_at(element.centre, view.state) or no_window
     attempt: EffectRecord = {
         "element": element.to_data(),
         "point": [x, y],
@@ -211,8 +211,8 @@ def _changes(guest: Guest, before: UInt8Array) -> bool:
     return True
 
 
-def _differ(one: UInt8Array, other: UInt8Array) -> bool:
-    return one.shape != other.shape or not np.array_equal(one, other)
+def _differ(first: UInt8Array, second: UInt8Array) -> bool:
+    return first.shape != second.shape or not np.array_equal(first, second)
 
 
 def _boxes(params: Mapping[str, Any]) -> list[Box]:

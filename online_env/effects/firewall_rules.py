@@ -60,14 +60,14 @@ def iptables_close(interfaces: Sequence[str], hosts: Sequence[str]) -> str:
 
 def _iptables_family(tool: str, interfaces: Sequence[str], hosts: Sequence[str]) -> str:
     is_6 = tool == "ip6tables"
-    mine = [host for host in hosts if (":" in host) == is_6]
+    family_hosts = [host for host in hosts if (":" in host) == is_6]
     lines: list[str] = []
     for hook, device, address in (("OUTPUT", "-o", "-d"), ("INPUT", "-i", "-s")):
         chain = CHAINS[hook]
         add = f"{tool} -w -A {chain}"
         lines.append(f"{tool} -w -N {chain}")
         lines.append(f"{add} {device} lo -j ACCEPT")
-        lines += [f"{add} {address} {host} -j ACCEPT" for host in mine]
+        lines += [f"{add} {address} {host} -j ACCEPT" for host in family_hosts]
         if is_6:
             kinds = (135, 136)  # without neighbour discovery no address is found
             lines += [f"{add} -p icmpv6 --icmpv6-type {kind} -j ACCEPT" for kind in kinds]
@@ -98,7 +98,7 @@ def iptables_count() -> str:
 
 def dropped(listing: str) -> int:
     """Return how many packets our rules have dropped, from the output of a count script."""
-    found = re.findall(
+    counts = re.findall(
         r"counter packets (\d+) bytes \d+ drop|^\s*(\d+)\s+\d+\s+DROP\b", listing, re.MULTILINE
     )
-    return sum(int(one or other) for one, other in found)
+    return sum(int(nft_count or iptables_count) for nft_count, iptables_count in counts)

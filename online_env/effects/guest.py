@@ -50,22 +50,22 @@ class Guest:
         self.password = password
         self.stream = stream
 
-    def x(self, operation: str, patience: float = 0.0, **fields: Any) -> dict[str, Any]:
+    def x(self, operation: str, timeout: float = 0.0, **fields: Any) -> dict[str, Any]:
         """Run an operation on windows or pointer (`inside/xtool.py`).
 
-        It waits for the result for at most `patience` seconds.
+        It waits for the result for at most `timeout` seconds.
         """
-        fields |= {"patience": patience} if patience else {}
-        return self._tool("xtool", operation, fields, TOOL_TIMEOUT_S + patience)
+        fields |= {"patience": timeout} if timeout else {}
+        return self._tool("xtool", operation, fields, TOOL_TIMEOUT_S + timeout)
 
     def keys(self, operation: str, **fields: Any) -> dict[str, Any]:
         """Type, or ask who holds the keyboard and the top of the screen (`inside/locktool.py`)."""
         return self._tool("locktool", operation, fields, TOOL_TIMEOUT_S)
 
-    def net(self, operation: str, patience: float = 0.0, **fields: Any) -> dict[str, Any]:
+    def net(self, operation: str, timeout: float = 0.0, **fields: Any) -> dict[str, Any]:
         """Examine the network (`inside/nettool.py`)."""
-        fields |= {"patience": patience} if patience else {}
-        return self._tool("nettool", operation, fields, TOOL_TIMEOUT_S + patience)
+        fields |= {"patience": timeout} if timeout else {}
+        return self._tool("nettool", operation, fields, TOOL_TIMEOUT_S + timeout)
 
     def shell(self, script: str, *words: str, timeout: float = TOOL_TIMEOUT_S) -> RunResult:
         """Run a shell script as the desktop's user; `words` are its `$1`, `$2` ...
@@ -173,7 +173,7 @@ def _in_namespace(namespace: Path, script: str) -> RunResult:
         raise MissingCapabilityError(f"changing the network of an embedded desktop needs {lacking}")
     argv = [program, f"--net={namespace}", "sh", "-c", script]
     try:
-        done = subprocess.run(
+        result = subprocess.run(
             argv,
             capture_output=True,
             text=True,
@@ -185,4 +185,4 @@ def _in_namespace(namespace: Path, script: str) -> RunResult:
         raise DesktopError(
             f"`{shlex.join(argv)[:200]}` did not end within {ROOT_TIMEOUT_S:g} s"
         ) from None
-    return RunResult("success", done.stdout, done.stderr, done.returncode)
+    return RunResult("success", result.stdout, result.stderr, result.returncode)

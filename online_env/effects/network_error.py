@@ -67,35 +67,35 @@ class Firewall(LiveEffect):
         allowed = _addresses(params)
         sites = _sites(params)
         tool, listing = self._tool(guest)
-        found = guest.net("survey", SITE_TIMEOUT_S, sites=sites)
-        interfaces = [name for name in found["interfaces"] if _INTERFACE.fullmatch(name)]
-        hosts = sorted({*allowed, *_controlling(found["hosts"])})
+        facts = guest.net("survey", SITE_TIMEOUT_S, sites=sites)
+        interfaces = [name for name in facts["interfaces"] if _INTERFACE.fullmatch(name)]
+        hosts = sorted({*allowed, *_controlling(facts["hosts"])})
         is_closed = firewall_rules.TABLE in listing or firewall_rules.CHAINS["OUTPUT"] in listing
-        before = [] if is_closed else _answering(found["reached"])
+        before = [] if is_closed else _answering(facts["reached"])
         record: EffectRecord = {
             "tool": tool,
             "interfaces": interfaces,
             "hosts": hosts,
             "already": is_closed,
             "before": before,
-            "targets": before or found["reached"],
+            "targets": before or facts["reached"],
         }
         if interfaces:
-            done = guest.root(_TOOLS[tool].close(interfaces, hosts))
-            record["error"] = "" if done.ok else done.error.strip()[-300:]
+            result = guest.root(_TOOLS[tool].close(interfaces, hosts))
+            record["error"] = "" if result.ok else result.error.strip()[-300:]
         return record
 
     def probe(self, guest: Guest, record: EffectRecord) -> Probe:
         """Check that sites which answered before no longer do, because our rules drop packets."""
         dropped_before = self._dropped(guest, record["tool"])
         slowest = [SLOWDOWN_FACTOR * target["seconds"] for target in record["before"]]
-        patience = max([MIN_SILENCE_S, *slowest])
+        timeout = max([MIN_SILENCE_S, *slowest])
         targets = [_question(target) for target in record["targets"]]
-        now = guest.net("reach", patience, targets=targets)["reached"]
+        reached = guest.net("reach", timeout, targets=targets)["reached"]
         dropped_after = self._dropped(guest, record["tool"])
         facts = {
             "before": record["before"],
-            "now": now,
+            "now": reached,
             "in_force": dropped_after is not None,
             "already": record["already"],
             "dropped": (dropped_after or 0) - (dropped_before or 0),
@@ -124,8 +124,8 @@ class Firewall(LiveEffect):
 
     def in_words(self, facts: Mapping[str, Any]) -> str:
         """Return which sites answered before, and how many packets were dropped."""
-        who = " and ".join(_site(target) for target in facts["before"]) or "nothing"
-        answered = f"{who} answered before and do not now"
+        sites = " and ".join(_site(target) for target in facts["before"]) or "nothing"
+        answered = f"{sites} answered before and do not now"
         if facts["already"]:
             answered = "was closed already"
         return f"{answered}; our rules dropped {facts['dropped']} packets"
@@ -141,20 +141,20 @@ class Firewall(LiveEffect):
         Raises:
             MissingCapabilityError: the guest lacks what it needs, which the message names.
         """
-        said: list[str] = []
+        errors: list[str] = []
         for name, tool in _TOOLS.items():
-            tried = guest.root(tool.listing)
-            if tried.ok:
-                return name, tried.output
-            said.append(f"{name}: {tried.error.strip()[-150:] or 'failed'}")
+            result = guest.root(tool.listing)
+            if result.ok:
+                return name, result.output
+            errors.append(f"{name}: {result.error.strip()[-150:] or 'failed'}")
         raise MissingCapabilityError(
             "the guest's firewall is out of reach: neither nft nor iptables works as root"
-            f" ({'; '.join(said)})"
+            f" ({'; '.join(errors)})"
         )
 
     def _working(self, guest: Guest) -> list[str]:
-        found = [name for name, tool in _TOOLS.items() if guest.root(tool.listing).ok]
-        return found or [self._tool(guest)[0]]
+        names = [name for name, tool in _TOOLS.items() if guest.root(tool.listing).ok]
+        return names or [self._tool(guest)[0]]
 
     def _dropped(self, guest: Guest, name: str) -> int | None:
         """Return how many packets our rules have dropped; `None` if they are not in force."""
@@ -206,9 +206,9 @@ def _addresses(params: Mapping[str, Any]) -> list[str]:
     try:
         return [address(text) for text in params.get("allow", ())]
     except (ValueError, TypeError) as error:
-        given = params.get("allow")
+        allowed = params.get("allow")
         raise EffectError(
-            f"firewall: allow must be a list of IP addresses, got {given!r:.200}: {error}"
+            f"firewall: allow must be a list of IP addresses, got {allowed!r:.200}: {error}"
         ) from None
 
 
@@ -230,10 +230,10 @@ def _controlling(hosts: Sequence[object]) -> list[str]:
 
 
 def _sites(params: Mapping[str, Any]) -> list[tuple[str, int]]:
-    given = params.get("sites", SITES)
+    values = params.get("sites", SITES)
     try:
-        return [(str(host), int(port)) for host, port in given] or list(SITES)
+        return [(str(host), int(port)) for host, port in values] or list(SITES)
     except (ValueError, TypeError):
         raise EffectError(
-            f"firewall: sites must be a list of [host, port], got {given!r:.200}"
+            f"firewall: sites must be a list of [host, port], got {values!r:.200}"
         ) from None

@@ -69,7 +69,7 @@ class LockSession(LiveEffect):
             reason = "it never was, it was unlocked, or the locker has ended"
             return Probe(False, facts, f"the session is not locked, {locker.name} says: {reason}")
         facts |= guest.keys("lock", typed=True)
-        wanted = {
+        expected = {
             "no window of the locker covers the screen": facts["covers"] or not locker.window,
             "the keyboard is free": facts["keyboard"],
             # Once the dialog shows, a locker lets the pointer go: whatever it clicks is on the
@@ -77,7 +77,7 @@ class LockSession(LiveEffect):
             "the pointer is free": facts["pointer"] or facts["covers"],
             "a typed key reached another client": not facts["typed_reaches"],
         }
-        problems = [problem for problem, fine in wanted.items() if not fine]
+        problems = [problem for problem, fine in expected.items() if not fine]
         return Probe(not problems, facts, "; ".join(problems))
 
     def undo(self, guest: Guest, record: EffectRecord) -> Undone:
@@ -106,13 +106,13 @@ class LockSession(LiveEffect):
 
     def in_words(self, facts: Mapping[str, Any]) -> str:
         """Return what the locker holds."""
-        held: list[str] = []
+        facts_held: list[str] = []
         if facts["covers"]:
-            held.append("its window covers the screen")
+            facts_held.append("its window covers the screen")
         if facts["keyboard"]:
-            held.append("it holds the keyboard")
+            facts_held.append("it holds the keyboard")
         return (
-            f"{facts['locker']} says locked, {' and '.join(held)}; a typed key reached no"
+            f"{facts['locker']} says locked, {' and '.join(facts_held)}; a typed key reached no"
             " application"
         )
 
@@ -139,15 +139,15 @@ class LockSession(LiveEffect):
             if time.monotonic() > end or not answers:
                 break
             time.sleep(0.1)
-        known = f"one of these must run there: {', '.join(BY_NAME)}"
+        lockers = f"one of these must run there: {', '.join(BY_NAME)}"
         if answers:  # the guest has what it needs, and it does not work now
             silent = ", ".join(answers)
             raise EffectError(
                 f"the guest cannot lock its session: {silent} is installed, but no locker answers;"
-                f" {known}"
+                f" {lockers}"
             )
         raise MissingCapabilityError(
-            f"the guest cannot lock its session: it has no locker; {known}"
+            f"the guest cannot lock its session: it has no locker; {lockers}"
         )
 
     def _left(self, guest: Guest, locker: Locker, by: str) -> Undone:
@@ -202,7 +202,7 @@ def _meaning(locker: Locker, answer: str) -> bool | None:
     return None
 
 
-def _wait(locker: Locker, word: str, patience: float = LOCK_TIMEOUT_S) -> str:
+def _wait(locker: Locker, word: str, timeout: float = LOCK_TIMEOUT_S) -> str:
     return _AWAIT.format(
-        times=round(patience / (2 * POLL_S)), query=locker.query, word=word, tick=POLL_S
+        times=round(timeout / (2 * POLL_S)), query=locker.query, word=word, tick=POLL_S
     )

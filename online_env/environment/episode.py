@@ -140,21 +140,21 @@ class Episode:
             self.end(End(status="error", problem=f"{type(error).__name__}: {error}"))
             raise
 
-    def record_message(self, said: str) -> None:
+    def record_message(self, text: str) -> None:
         """Log what the agent says with the action that it takes next."""
-        self._counts.said = said[:MAX_OUTPUT_CHARS]
+        self._counts.said = text[:MAX_OUTPUT_CHARS]
         if self.record is None and self.view is not None:
-            self.view.line["said"] = said[:MAX_TEXT]
-            if len(said) > MAX_TEXT:
+            self.view.line["said"] = text[:MAX_TEXT]
+            if len(text) > MAX_TEXT:
                 self.view.line[CUT] = ["said"]
 
     def record_usage(self, usage: dict[str, Any]) -> None:
         """Store the usage that the agent has reported so far."""
         self._counts.usage = usage
 
-    def declare_privileged_inputs(self, what: Sequence[str]) -> None:
+    def declare_privileged_inputs(self, kinds: Sequence[str]) -> None:
         """Store what the agent is given in addition to instruction and pictures."""
-        self._counts.given = list(what)
+        self._counts.given = list(kinds)
 
     def truncate(self) -> None:
         """Judge an episode that is ended from outside, if the agent has acted in it."""

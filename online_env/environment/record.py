@@ -162,8 +162,8 @@ def checked_score(score: object) -> float:
 
 def task_label(task: object) -> str:
     """Return the name of a task that could not be set up, for its record."""
-    known = task.get("id") if isinstance(task, dict) else getattr(task, "id", task)
-    return known if isinstance(known, str) else "unknown"
+    task_id = task.get("id") if isinstance(task, dict) else getattr(task, "id", task)
+    return task_id if isinstance(task_id, str) else "unknown"
 
 
 def since(start: float) -> float:

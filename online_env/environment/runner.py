@@ -117,16 +117,16 @@ class ResetOptions:
             UnknownNameError: An option is unknown; the message suggests the closest name.
             ParameterTypeError: `label` or `attempt` is of the wrong type.
         """
-        given = options or {}
-        for key in given:
+        values = options or {}
+        for key in values:
             if key not in _OPTIONS:
                 raise UnknownNameError(f"reset has no option {key!r}{suggest(key, _OPTIONS)}")
         return cls(
-            task=given.get("task"),
-            corruption=given.get("corruption"),
-            has_corruption="corruption" in given,
-            label=_checked_label(given.get("label")),
-            attempt=_checked_attempt(given.get("attempt")),
+            task=values.get("task"),
+            corruption=values.get("corruption"),
+            has_corruption="corruption" in values,
+            label=_checked_label(values.get("label")),
+            attempt=_checked_attempt(values.get("attempt")),
         )
 
 

@@ -104,8 +104,10 @@ class Script:
 
     def _check_capabilities(self, plans: list[Plan], desktop: Desktop) -> None:
         kinds = {effect.kind for plan in plans for effect in plan.effects}
-        needed: set[Capability] = {one for kind in kinds for one in find(kind).needs}
-        missing = sorted(needed - desktop.capabilities)
+        capabilities: set[Capability] = {
+            capability for kind in kinds for capability in find(kind).needs
+        }
+        missing = sorted(capabilities - desktop.capabilities)
         if missing:
             raise MissingCapabilityError(
                 f"{label_of(self.planner)} needs {', '.join(missing)}, {lacks(desktop, missing)}"

@@ -111,5 +111,5 @@ class _Watch:
         self.tree_seconds += time.monotonic() - start
 
 
-def _equal(one: UInt8Array, other: UInt8Array) -> bool:
-    return one.shape == other.shape and np.array_equal(one, other)
+def _equal(first: UInt8Array, second: UInt8Array) -> bool:
+    return first.shape == second.shape and np.array_equal(first, second)

@@ -147,20 +147,22 @@ class SmallTasks(TaskHolder):
         Raises:
             ParameterTypeError: `task` is neither a name nor a task.
         """
-        wanted: object = self._default if task is None else task
-        if isinstance(wanted, str):
-            wanted = tasks.get(wanted, seed)
-        if not isinstance(wanted, Task):
-            known = some_of(tasks.names())
-            raise ParameterTypeError(f"a task is a name ({known}) or a Task, got {wanted!r:.80}")
+        chosen_task: object = self._default if task is None else task
+        if isinstance(chosen_task, str):
+            chosen_task = tasks.get(chosen_task, seed)
+        if not isinstance(chosen_task, Task):
+            task_names = some_of(tasks.names())
+            raise ParameterTypeError(
+                f"a task is a name ({task_names}) or a Task, got {chosen_task!r:.80}"
+            )
         self._task = None
         self._desktop.reset()
         self._machine = Machine(self._desktop, self.sites)
-        wanted.setup(self._machine)
-        self._task = wanted
-        apps = tuple(normalize_app(app) for app in wanted.apps)
-        infeasible = bool(wanted.infeasible)
-        return Setting(wanted.id, wanted.instruction, apps, infeasible, wanted.seed)
+        chosen_task.setup(self._machine)
+        self._task = chosen_task
+        apps = tuple(normalize_app(app) for app in chosen_task.apps)
+        infeasible = bool(chosen_task.infeasible)
+        return Setting(chosen_task.id, chosen_task.instruction, apps, infeasible, chosen_task.seed)
 
     def evaluate(self, history: Sequence[str]) -> Verdict:
         """Judge the task by files and by the data stored by applications and sites."""

@@ -112,10 +112,10 @@ class AssetPackWriter:
             write_atomic(self.folder / file, data)
         entries = sorted(self.entries, key=lambda entry: entry["id"])
         write_atomic(self.folder / INDEX, _index(entries, desktop))
-        named = {entry["file"] for entry in entries}
+        files = {entry["file"] for entry in entries}
         total = (self.folder / INDEX).stat().st_size
         for path in self.folder.glob("*.webp"):
-            if path.name in named:
+            if path.name in files:
                 total += path.stat().st_size
             elif _is_ours(path):
                 path.unlink()
@@ -125,9 +125,9 @@ class AssetPackWriter:
         x1, y1, x2, y2 = picture.box
         parts = (picture.kind, picture.app, f"{x2 - x1}x{y2 - y1}")
         stem = "-".join(part for part in parts if part)
-        taken = {entry["id"] for entry in self.entries}
+        ids = {entry["id"] for entry in self.entries}
         number = 1
-        while f"{stem}-{number}" in taken:
+        while f"{stem}-{number}" in ids:
             number += 1
         return f"{stem}-{number}"
 

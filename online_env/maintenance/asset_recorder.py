@@ -113,22 +113,26 @@ def record_assets(
     Returns:
         What could not be recorded.
     """
-    wanted = _known(only, picture_kinds(), "kind of picture")
+    kinds_wanted = _known(only, picture_kinds(), "kind of picture")
     screens = list(sizes)
     styles = _looks(looks)
-    pack = AssetPackWriter(folder, wanted, screens, styles)
-    lost: list[UnrecordedScene] = []
+    pack = AssetPackWriter(folder, kinds_wanted, screens, styles)
+    failures: list[UnrecordedScene] = []
     for look, size in itertools.product(styles, screens):
-        scenes = [scene for scene, kinds, where in SCENES if kinds & wanted and where(size, look)]
-        for found in _all(scenes, size, styles[look]):
-            if isinstance(found, UnrecordedScene):
-                lost.append(found)
-                say(f"NOT recorded at {size[1]}x{size[0]}, {look}: {found.what}: {found.why}")
-            elif found.kind in wanted:
-                say(_added(pack, found, size, look))
+        scenes = [
+            scene
+            for scene, kinds, is_recorded in SCENES
+            if kinds & kinds_wanted and is_recorded(size, look)
+        ]
+        for picture in _all(scenes, size, styles[look]):
+            if isinstance(picture, UnrecordedScene):
+                failures.append(picture)
+                say(f"NOT recorded at {size[1]}x{size[0]}, {look}: {picture.what}: {picture.why}")
+            elif picture.kind in kinds_wanted:
+                say(_added(pack, picture, size, look))
     total = pack.finish(_describe_desktop())
     say(f"{len(pack.entries)} pictures, {total / 1e6:.1f} MB in {folder}")
-    return lost
+    return failures
 
 
 def _added(pack: AssetPackWriter, picture: Picture, size: Size, look: str) -> str:
@@ -139,25 +143,25 @@ def _added(pack: AssetPackWriter, picture: Picture, size: Size, look: str) -> st
     return f"{entry['id']}: {picture.made_by}"
 
 
-def _known(names: Iterable[str], there: Sequence[str], what: str) -> set[str]:
-    """Return the names, or all of `there` if none is given.
+def _known(names: Iterable[str], choices: Sequence[str], noun: str) -> set[str]:
+    """Return the names, or all of `choices` if none is given.
 
     Raises:
         UnknownNameError: A name is not one of them.
     """
-    chosen = set(names) or set(there)
-    for name in chosen:
-        if name not in there:
-            raise UnknownNameError(f"no {what} {name!r}{suggest(name, there)}")
-    return chosen
+    selection = set(names) or set(choices)
+    for name in selection:
+        if name not in choices:
+            raise UnknownNameError(f"no {noun} {name!r}{suggest(name, choices)}")
+    return selection
 
 
 def _looks(names: Iterable[str]) -> dict[str, Look | None]:
     """Return the looks of these names in the table's order; `None` is the golden home as it is."""
-    chosen = _known(names, LOOK_NAMES, "look")
+    selection = _known(names, LOOK_NAMES, "look")
     looks: dict[str, Look | None] = {GOLDEN: None}
     looks |= {look.name: look for look in LOOKS}
-    return {name: look for name, look in looks.items() if name in chosen}
+    return {name: look for name, look in looks.items() if name in selection}
 
 
 def _all(
@@ -179,12 +183,12 @@ def _all(
 
 def _describe_desktop() -> dict[str, Any]:
     """Return the day, and the versions of what can be seen in the pictures."""
-    found: dict[str, str] = {}
+    versions: dict[str, str] = {}
     if shutil.which("dpkg-query"):
         command = ["dpkg-query", "-W", "-f=${Package} ${Version}\n", *PICTURED_PACKAGES]
         result = subprocess.run(command, capture_output=True, text=True, check=False)
         for line in result.stdout.splitlines():
             name, _, version = line.partition(" ")
             if version:
-                found[name] = version
-    return {"date": time.strftime("%Y-%m-%d", time.gmtime()), "packages": found}
+                versions[name] = version
+    return {"date": time.strftime("%Y-%m-%d", time.gmtime()), "packages": versions}

@@ -20,8 +20,8 @@ UNIT_PIXELS = 1080
 
 def draw(name: str) -> UInt8Array:
     """Draw a wallpaper of `NAMES`: uint8 RGB `[2560, 3840, 3]`, the same bytes every time."""
-    drawn = _DRAW[name]()
-    return np.clip(drawn + 0.5, 0, 255).astype(np.uint8)
+    levels = _DRAW[name]()
+    return np.clip(levels + 0.5, 0, 255).astype(np.uint8)
 
 
 def _grid() -> tuple[Floats, Floats]:

@@ -35,7 +35,7 @@ def list_cache_files(task: OsworldTask) -> list[CacheFile]:
         ConfigError: An address or a name is bad; the message names its field.
     """
     problems: list[str] = []
-    found: dict[CacheFile, None] = {}
+    files: dict[CacheFile, None] = {}
     for url, name, field in _pairs(task):
         place = f"{task.path}: {field}"
         if not _can_be_asked_for(url):
@@ -45,12 +45,12 @@ def list_cache_files(task: OsworldTask) -> list[CacheFile]:
             rule = "the file's name must stay in the task's folder"
             problems.append(f"{place}: {rule}, got {name!r}")
         else:
-            found[CacheFile(url, f"{task.id}/{name}")] = None
+            files[CacheFile(url, f"{task.id}/{name}")] = None
     if not _plain(task.id) or "/" in task.id:
         problems.append(f"{task.path}: id: must do as the name of a folder, got {task.id!r}")
     if problems:
         raise ConfigError(problems)
-    return list(found)
+    return list(files)
 
 
 def _can_be_asked_for(url: object) -> TypeGuard[str]:

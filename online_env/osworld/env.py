@@ -248,8 +248,8 @@ class OsworldEnv:
     def _receive(self, name: str, deadline: float) -> dict[str, Any]:
         stream = cast(Any, self._process.stdout)
         while b"\n" not in self._buffer:
-            left = deadline - time.monotonic()
-            if left <= 0 or not select.select([stream], [], [], left)[0]:
+            seconds_left = deadline - time.monotonic()
+            if seconds_left <= 0 or not select.select([stream], [], [], seconds_left)[0]:
                 self.close()
                 raise DesktopTimeoutError(
                     f"OSWorld's {name} took over {TIMEOUTS_S[name]:.0f} s; see {self._log}"

@@ -173,7 +173,7 @@ def check_runnable(
 
 
 def _lines(reasons: Mapping[str, str]) -> list[str]:
-    return [f"{task[:8]}: {why}" for task, why in reasons.items()]
+    return [f"{task[:8]}: {reason}" for task, reason in reasons.items()]
 
 
 class OsworldTasks(TaskHolder, OsworldStage):
@@ -207,15 +207,17 @@ class OsworldTasks(TaskHolder, OsworldStage):
             ParameterTypeError: `task` is not the name of a task of OSWorld.
             DesktopError: A step of the setup failed.
         """
-        chosen = tasks.get(task, seed) if isinstance(task, str) else task
-        if not isinstance(chosen, OsworldFileTask):
+        file_task = tasks.get(task, seed) if isinstance(task, str) else task
+        if not isinstance(file_task, OsworldFileTask):
             raise ParameterTypeError(f"a task of OSWorld is wanted, got {task!r:.80}")
         self._task = None
-        self._provide(chosen.file)
-        setting = super().reset(chosen.file, seed)
+        self._provide(file_task.file)
+        setting = super().reset(file_task.file, seed)
         if self.setup_errors:
-            raise DesktopError(f"OSWorld's setup of {chosen.name} failed: {self.setup_errors[0]}")
-        self._task = chosen
+            raise DesktopError(
+                f"OSWorld's setup of {file_task.name} failed: {self.setup_errors[0]}"
+            )
+        self._task = file_task
         return setting
 
     def _provide(self, task: OsworldTask) -> None:

@@ -62,9 +62,9 @@ def prefetch(
     from . import prefetch as module
     from .cache_files import list_cache_files
 
-    chosen = task_table.read(source)
+    tasks = task_table.read(source)
     files = [
-        item for task in (chosen.only(only) if only else chosen) for item in list_cache_files(task)
+        item for task in (tasks.only(only) if only else tasks) for item in list_cache_files(task)
     ]
     if list_:
         rows = [{"path": item.path, "url": item.url} for item in files]
@@ -75,15 +75,16 @@ def prefetch(
         )
         return 0
     if check_:
-        wrong = module.check(out)
+        damaged = module.check(out)
         _say(
             json_,
-            {"wrong": wrong},
-            [f"{path}: {why}" for path, why in wrong.items()] or ["all files are as recorded"],
+            {"wrong": damaged},
+            [f"{path}: {problem}" for path, problem in damaged.items()]
+            or ["all files are as recorded"],
         )
-        return 1 if wrong else 0
+        return 1 if damaged else 0
     report = module.prefetch(files, out, tell=_meter(json_))
-    lines = [f"failed: {path}: {why}" for path, why in report.failed.items()]
+    lines = [f"failed: {path}: {problem}" for path, problem in report.failed.items()]
     lines.append(
         f"{len(report.fetched)} fetched ({report.bytes / 1e6:.1f} MB), {len(report.kept)} were"
         f" there, {len(report.failed)} failed"
@@ -120,10 +121,10 @@ def setup(tier: str, folder: Path) -> None:
 
     A second call finds it and installs nothing.
     """
-    made = venv.make(folder, tier)
+    report = venv.make(folder, tier)
     click.echo(
-        f"{made.folder}: {made.tier}, {made.megabytes:.0f} MB"
-        + ("" if made.fresh else " (was there)")
+        f"{report.folder}: {report.tier}, {report.megabytes:.0f} MB"
+        + ("" if report.fresh else " (was there)")
     )
 
 
@@ -176,7 +177,7 @@ def selftest(
     from . import selftest as module
 
     groups = module.read_groups(feasibility) if feasibility else {}
-    chosen = module.choose(task_table.read(source), groups, only)
+    tasks = module.choose(task_table.read(source), groups, only)
 
     def keep(row: module.SelfTestRow, results: module.Results) -> None:
         click.echo(
@@ -184,7 +185,7 @@ def selftest(
         )
         write_atomic(out, json.dumps(results.as_json(), indent=1) + "\n")
 
-    results = run.run_selftest(chosen, groups, folder, cache or out.parent / "cache", keep)
+    results = run.run_selftest(tasks, groups, folder, cache or out.parent / "cache", keep)
     if markdown:
         write_atomic(markdown, results.as_markdown())
     click.echo(results.summary())
@@ -205,7 +206,7 @@ def needs(source: Path, folder: Path, json_: bool, working: bool) -> int:
 
     Tasks are read, not run: files, packages, programs, sites and accounts that they name.
     """
-    from . import needs as module
+    from . import task_needs as module
     from .run import checker
 
     if working and source.is_file():
@@ -213,24 +214,29 @@ def needs(source: Path, folder: Path, json_: bool, working: bool) -> int:
             f"--working: {source} is a table; hijack bench plays tasks by the files in OSWorld's"
             " folder, so name that"
         )
-    chosen = task_table.read(source)
+    tasks = task_table.read(source)
     with checker(folder) as check:
-        found = module.list_all_needs(chosen, check)
+        needs_by_task = module.list_all_needs(tasks, check)
     if working:
-        works = {one.id for one in found if one.tested == module.RUNS_HERE}
-        click.echo(",".join(str(task.path) for task in chosen if task.id in works))
+        works = {
+            task_needs.id for task_needs in needs_by_task if task_needs.tested == module.RUNS_HERE
+        }
+        click.echo(",".join(str(task.path) for task in tasks if task.id in works))
         return 0
     if json_:
-        rows = [{**vars(one), "can_be_met": one.can_be_met} for one in found]
-        click.echo(json.dumps({"revision": str(chosen.revision), "tasks": rows}, indent=1))
+        rows = [
+            {**vars(task_needs), "can_be_met": task_needs.can_be_met}
+            for task_needs in needs_by_task
+        ]
+        click.echo(json.dumps({"revision": str(tasks.revision), "tasks": rows}, indent=1))
         return 0
     lines = [
         f"{count:4}  {kinds:20}  {remedy}".rstrip()
-        for kinds, count, remedy in module.summary(found)
+        for kinds, count, remedy in module.summary(needs_by_task)
     ]
     if check is None:
         lines.append(f"packages were not looked at: {folder} is not there; hijack osworld setup")
-    click.echo("\n".join([str(chosen.revision), *lines]))
+    click.echo("\n".join([str(tasks.revision), *lines]))
     return 0
 
 
@@ -239,8 +245,8 @@ def _say(as_json: bool, value: object, lines: list[str]) -> None:
 
 
 def _meter(quiet: bool):
-    def tell(done: int, total: int, path: str) -> None:
-        if not quiet and (done == total or done % 20 == 0):
-            click.echo(f"{done} of {total} files ({path})", err=True)
+    def tell(count: int, total: int, path: str) -> None:
+        if not quiet and (count == total or count % 20 == 0):
+            click.echo(f"{count} of {total} files ({path})", err=True)
 
     return tell

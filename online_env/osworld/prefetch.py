@@ -29,7 +29,7 @@ from .cache_files import CacheFile
 try:
     import httpx
 except ModuleNotFoundError as _error:
-    raise extra.explained(_error, "fetching files") from None
+    raise extra.import_error(_error, "fetching files") from None
 
 MANIFEST = "manifest.json"
 PARTS_FOLDER = ".parts"
@@ -117,15 +117,15 @@ def _locked(cache: Path) -> Lock:
 
 def check(cache: Path) -> dict[str, str]:
     """Hash every file of the manifest again; return the wrong ones as `{path: reason}`."""
-    wrong: dict[str, str] = {}
+    damaged: dict[str, str] = {}
     for path, entry in read_manifest(cache).items():
         if not (cache / path).is_file():
-            wrong[path] = "missing"
+            damaged[path] = "missing"
             continue
-        found = sha256(cache / path)
-        if found != entry["sha256"]:
-            wrong[path] = f"SHA-256 is {found}, the manifest says {entry['sha256']}"
-    return wrong
+        digest = sha256(cache / path)
+        if digest != entry["sha256"]:
+            damaged[path] = f"SHA-256 is {digest}, the manifest says {entry['sha256']}"
+    return damaged
 
 
 def read_manifest(cache: Path) -> dict[str, Any]:

@@ -236,19 +236,19 @@ def read_groups(path: Path) -> Groups:
         raise ConfigError([f"{path}: must hold {{group: [[domain, id], ...]}} ({error})"]) from None
 
 
-def choose(tasks: TaskSet, groups: Groups, wanted: Iterable[str]) -> TaskSet:
-    """Return the tasks that `wanted` names, or all if it is empty.
+def choose(tasks: TaskSet, groups: Groups, names: Iterable[str]) -> TaskSet:
+    """Return the tasks that `names` lists, or all if it is empty.
 
     Args:
         tasks: The task set.
         groups: Groups of tasks.
-        wanted: Names of groups, ids, or beginnings of ids.
+        names: Names of groups, ids, or beginnings of ids.
 
     Raises:
         ConfigError: A name is neither.
     """
     ids: list[str] = []
-    for name in wanted:
+    for name in names:
         if name in groups:
             ids += [task.id for task in tasks if task.id in groups[name]]
         elif any(task.id.startswith(name) for task in tasks):

@@ -96,26 +96,26 @@ def list_needs(task: OsworldTask, check: PackageCheck | None = None) -> dict[str
     Raises:
         ConfigError: An address or a name in the task is bad.
     """
-    found: dict[str, str] = {}
+    needs: dict[str, str] = {}
     files = list_cache_files(task)
     if files:
-        found[FILES] = f"{len(files)} to fetch"
+        needs[FILES] = f"{len(files)} to fetch"
     missing = check(task.config) if check is not None else []
     if missing:
-        found[PACKAGES] = "; ".join(missing)
+        needs[PACKAGES] = "; ".join(missing)
     programs = sorted(set(_programs(task)))
     if programs:
-        found["program"] = ", ".join(programs)
+        needs["program"] = ", ".join(programs)
     if _GNOME_COMMANDS.search(
         json.dumps([task.config.get("config"), task.config.get("evaluator")])
     ):
-        found["gnome"] = "its settings or its file manager"
+        needs["gnome"] = "its settings or its file manager"
     sites = sorted(set(_sites(task, {file.url for file in files})))
     if sites:
-        found["web"] = ", ".join(sites)
+        needs["web"] = ", ".join(sites)
     if any(step.get("type") in _ACCOUNT_STEPS for step in _steps(task)):
-        found["account"] = "Google Drive, or a login"
-    return found
+        needs["account"] = "Google Drive, or a login"
+    return needs
 
 
 def _steps(task: OsworldTask) -> Iterator[Mapping[str, Any]]:
@@ -173,27 +173,27 @@ def _host(address: str) -> str:
         return ""
 
 
-def summary(found: Iterable[TaskNeeds]) -> list[tuple[str, int, str]]:
+def summary(needs: Iterable[TaskNeeds]) -> list[tuple[str, int, str]]:
     """Return rows of what is needed, how many tasks need that, and what brings it.
 
     Tasks that were tested are counted by how that ended, the others by their needs; of those that
     cannot be met, by the first.
     """
-    found = list(found)
-    tested = Counter(one.tested for one in found if one.tested)
+    needs = list(needs)
+    tested = Counter(task.tested for task in needs if task.tested)
     rows = [(f"self-test: {status}", count, "") for status, count in tested.most_common()]
-    others = Counter(_deciding(one) for one in found if not one.tested)
-    met = {FILES, PACKAGES}
-    ordered = sorted(others.items(), key=lambda row: (not met.issuperset(row[0]), -row[1]))
+    untested = Counter(_deciding(task) for task in needs if not task.tested)
+    met_kinds = {FILES, PACKAGES}
+    ordered = sorted(untested.items(), key=lambda row: (not met_kinds.issuperset(row[0]), -row[1]))
     rows += [(" + ".join(kinds) or "nothing", count, _remedy(kinds)) for kinds, count in ordered]
     return rows
 
 
-def _deciding(one: TaskNeeds) -> tuple[str, ...]:
+def _deciding(row: TaskNeeds) -> tuple[str, ...]:
     """Return the needs that can be met, or else the first one that cannot."""
-    if one.can_be_met:
-        return one.kinds
-    return next((kind,) for kind in one.kinds if kind not in (FILES, PACKAGES))
+    if row.can_be_met:
+        return row.kinds
+    return next((kind,) for kind in row.kinds if kind not in (FILES, PACKAGES))
 
 
 def _remedy(kinds: tuple[str, ...]) -> str:

@@ -72,11 +72,15 @@ def _read_rows(path: Path) -> TaskSet:
     tasks: dict[str, OsworldTask] = {}
     revisions: set[str] = set()
     for number, line in enumerate(_lines(path), 1):
-        row, wrong = _row(line)
-        if not wrong and row["task_id"] in tasks and tasks[row["task_id"]].config != row["task"]:
-            wrong = [f"task: is not the one of an earlier row of {row['task_id']}"]
-        problems.extend(f"{path}:{number}: {text}" for text in wrong)
-        if not wrong:
+        row, row_problems = _row(line)
+        if (
+            not row_problems
+            and row["task_id"] in tasks
+            and tasks[row["task_id"]].config != row["task"]
+        ):
+            row_problems = [f"task: is not the one of an earlier row of {row['task_id']}"]
+        problems.extend(f"{path}:{number}: {text}" for text in row_problems)
+        if not row_problems:
             revisions.add(row["revision"])
             tasks[row["task_id"]] = OsworldTask(row["task_id"], row["domain"], row["task"], path)
     if not problems and len(revisions) != 1:
@@ -110,7 +114,7 @@ def _row(line: str) -> tuple[dict[str, Any], list[str]]:
     row = cast("dict[str, Any]", value)
     names = ("task_id", "domain", "revision")
     fields = [name for name in names if not isinstance(row.get(name), str)]
-    wrong = [f"{name}: must be a text, got {row.get(name)!r}" for name in fields]
-    if not wrong:
-        wrong = [f"task.{text}" for text in mistakes(row.get("task"), row["task_id"])]
-    return row, wrong
+    problems = [f"{name}: must be a text, got {row.get(name)!r}" for name in fields]
+    if not problems:
+        problems = [f"task.{text}" for text in mistakes(row.get("task"), row["task_id"])]
+    return row, problems

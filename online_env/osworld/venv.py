@@ -93,8 +93,8 @@ def make(folder: Path = DEFAULT, tier: str = "tiny", python: str = sys.executabl
 def _install(folder: Path, tier: str, python: str) -> None:
     if not (folder / "bin" / "python").exists():
         _call([python, "-m", "venv", str(folder)])
-    own = str(folder / "bin" / "python")
-    pip = [own, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    interpreter = str(folder / "bin" / "python")
+    pip = [interpreter, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     _call([*pip, "--no-deps", PACKAGE])
     _call([*pip, "-r", str(HERE / f"requirements-{tier}.txt")])
 
@@ -120,8 +120,8 @@ def _requirements(tier: str) -> str:
 
 
 def _call(command: list[str]) -> None:
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        tail = " | ".join((done.stderr or done.stdout).strip().splitlines()[-5:])
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    if result.returncode != 0:
+        tail = " | ".join((result.stderr or result.stdout).strip().splitlines()[-5:])
         line = " ".join(command)
-        raise OsworldError(f"`{line}` failed with exit code {done.returncode}: {tail}")
+        raise OsworldError(f"`{line}` failed with exit code {result.returncode}: {tail}")

@@ -89,12 +89,12 @@ class ActionRecognizer(Generic[View]):
         view = self._look()
         self._present = _OpenAction(kind, view, self._clock(), tuple(self._held), fields)
 
-    def _continued(self, kind: str, patience: float) -> "dict[str, Any] | None":
+    def _continued(self, kind: str, max_pause: float) -> "dict[str, Any] | None":
         """Return the fields of the present action if this event still belongs to it."""
         action = self._present
         if action is None or action.kind != kind:
             return None
-        if self._clock() - action.at > patience or action.held != tuple(self._held):
+        if self._clock() - action.at > max_pause or action.held != tuple(self._held):
             return None
         action.at = self._clock()
         return action.fields
@@ -145,8 +145,8 @@ class ActionRecognizer(Generic[View]):
 
     def _key_up(self, event: Mapping[str, Any]) -> None:
         key = event["key"]
-        used = self._held.pop(key, True)
-        if key == "win" and not used:
+        was_used = self._held.pop(key, True)
+        if key == "win" and not was_used:
             self._key(event)  # alone it opens a menu; the other modifiers do nothing alone
 
 
@@ -157,8 +157,8 @@ def _is_another_click(fields: Mapping[str, Any], button: str, place: tuple[int, 
     return _near(place, fields["start"])
 
 
-def _near(one: tuple[int, int], other: tuple[int, int]) -> bool:
-    return max(abs(one[0] - other[0]), abs(one[1] - other[1])) <= CLICK_TREMOR_PIXELS
+def _near(first: tuple[int, int], second: tuple[int, int]) -> bool:
+    return max(abs(first[0] - second[0]), abs(first[1] - second[1])) <= CLICK_TREMOR_PIXELS
 
 
 def _code(action: _OpenAction[Any]) -> str:

@@ -51,11 +51,11 @@ def visible_boxes(stage: RecordingStage, xml: str) -> tuple[Box, ...]:
         xml: Its accessibility tree.
     """
     tops = stage.top_windows()
-    found = nodes(xml)
+    elements = nodes(xml)
     # Other applications do not report which of their elements are enabled.
-    reporting = {node.app for node in found if ENABLED in node.states}
+    reporting = {node.app for node in elements if ENABLED in node.states}
     boxes: dict[Box, None] = {}
-    for node in found:
+    for node in elements:
         box = _on_screen(node, stage.desktop.size)
         if box is None or not _interactive(node.role):
             continue
@@ -145,13 +145,13 @@ def find_target(action: Action, boxes: Sequence[Box]) -> Box | None:
     return min(hit, key=_area, default=None)
 
 
-def free_name(folder: Path, wanted: str) -> str:
-    """Return `wanted`, or `wanted-2`, `wanted-3` ... if that name is taken in the folder."""
-    taken = {json.loads(line)["trajectory_id"] for line in _lines(folder)}
-    name = wanted
+def free_name(folder: Path, stem: str) -> str:
+    """Return `stem`, or `stem-2`, `stem-3` ... if that name is taken in the folder."""
+    names = {json.loads(line)["trajectory_id"] for line in _lines(folder)}
+    name = stem
     number = 2
-    while name in taken:
-        name = f"{wanted}-{number}"
+    while name in names:
+        name = f"{stem}-{number}"
         number += 1
     return name
 

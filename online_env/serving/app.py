@@ -101,11 +101,11 @@ class AccessGuard:
         if scope["type"] not in ("http", "websocket") or scope.get("path") == HEALTH:
             await self._app(scope, receive, send)
             return
-        why = self._refusal(scope["headers"])
-        if not why:
+        refusal = self._refusal(scope["headers"])
+        if not refusal:
             await self._app(scope, receive, send)
             return
-        answer = PlainTextResponse(f"{why}\n", 403 if self._expected is None else 401)
+        answer = PlainTextResponse(f"{refusal}\n", 403 if self._expected is None else 401)
         if scope["type"] == "http":
             await answer(scope, receive, send)
         else:
@@ -113,13 +113,13 @@ class AccessGuard:
 
     def _refusal(self, headers: Iterable[tuple[bytes, bytes]]) -> str:
         """Return why a request is refused; empty if it is allowed."""
-        found = dict(headers)
+        values = dict(headers)
         if self._expected is not None:
-            given = found.get(b"authorization", b"")
-            if hmac.compare_digest(given, self._expected):
+            authorization = values.get(b"authorization", b"")
+            if hmac.compare_digest(authorization, self._expected):
                 return ""
             return "the token is missing or wrong: send the header Authorization: Bearer TOKEN"
-        if b"origin" in found or not is_loopback(_read_host(found.get(b"host", b""))):
+        if b"origin" in values or not is_loopback(_read_host(values.get(b"host", b""))):
             return "without a token, only programs of this machine are answered, and no web page"
         return ""
 

@@ -121,24 +121,29 @@ class EpisodeDraws:
         with self._lock:
             self._resets += 1
             number = self._resets
-        whole = checked_seed(seed)
-        is_drawn = whole is None
-        if whole is None:
-            whole = Stream(self._seed, _SEED, number).integer(0, 2**32 - 1)
-        name = self._task(task, whole)
+        checked = checked_seed(seed)
+        is_drawn = checked is None
+        if checked is None:
+            checked = Stream(self._seed, _SEED, number).integer(0, 2**32 - 1)
+        name = self._task(task, checked)
         place = _checked_slot(slot)
         if place is None:
-            place = 0 if is_drawn else self._next_slot(name, whole)
+            place = 0 if is_drawn else self._next_slot(name, checked)
         if corruption is not None:
             label = self._label(corruption)
             return EpisodeChoice(
-                task=name, seed=whole, slot=place, label=label, planner=self.planners[label], key=""
+                task=name,
+                seed=checked,
+                slot=place,
+                label=label,
+                planner=self.planners[label],
+                key="",
             )
         worker = session if self._sampler.per == "worker" else place
-        draw = self._sampler.draw(step=0, group=f"{name} s{whole}", slot=worker)
+        draw = self._sampler.draw(step=0, group=f"{name} s{checked}", slot=worker)
         return EpisodeChoice(
             task=name,
-            seed=whole,
+            seed=checked,
             slot=place,
             # The sampler knows corruptions by their own names, the configuration may give others.
             label=self._labels.get(id(draw.planner), str(draw.label)),

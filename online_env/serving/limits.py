@@ -105,15 +105,15 @@ class RequestLimits:
         declared = dict(scope["headers"]).get(b"content-length", b"0")
         body = bytearray()
         is_too_large = not declared.isdigit() or int(declared) > MAX_BODY_BYTES
-        more = not is_too_large
-        while more:
+        is_incomplete = not is_too_large
+        while is_incomplete:
             message = await receive()
             if message["type"] == "http.disconnect":
                 return
             body += message.get("body", b"")
-            more = message.get("more_body", False)
+            is_incomplete = message.get("more_body", False)
             if len(body) > MAX_BODY_BYTES:
-                is_too_large, more = True, False
+                is_too_large, is_incomplete = True, False
         if is_too_large:
             text = f"the body of a request may have at most {MAX_BODY_BYTES} bytes\n"
             await PlainTextResponse(text, 413, {"Connection": "close"})(scope, receive, send)

@@ -120,13 +120,13 @@ class DesktopEnvironment(Environment[DesktopAction, DesktopObservation, DesktopS
     def state(self) -> DesktopState:
         """Return what is known about the current episode, without asking the desktop."""
         session = self._session
-        found = DesktopState(
+        state = DesktopState(
             episode_id=self._episode, step_count=session.steps, record=session.record
         )
         choice = session.choice
         if choice is None:
-            return found
-        return found.model_copy(
+            return state
+        return state.model_copy(
             update={
                 "task": choice.task,
                 "seed": choice.seed,

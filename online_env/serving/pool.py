@@ -207,7 +207,7 @@ class DesktopPool:
             return True
         return bool(self._free) and self._waiting[0] is ticket
 
-    def _busy(self, why: str) -> ServerBusyError:
+    def _busy(self, reason: str) -> ServerBusyError:
         """Return the error of a session that gets no desktop."""
         starting = self.count - len(self._free) - len(self._lent)
         state = f"{len(self._lent)} of {self.count} desktops are in use"
@@ -216,7 +216,7 @@ class DesktopPool:
         mean = sum(self._loans) / len(self._loans) if self._loans else self._wait_timeout
         ahead = len(self._waiting) + 1
         seconds = min(MAX_RETRY_AFTER_S, max(1, math.ceil(mean * ahead / self.count)))
-        return ServerBusyError(f"the server is busy: {state}, and {why}", seconds)
+        return ServerBusyError(f"the server is busy: {state}, and {reason}", seconds)
 
     def _add(self) -> None:
         """Start a desktop and put it among the free ones."""

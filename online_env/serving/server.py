@@ -230,9 +230,9 @@ def read_token(file: Path | None) -> str | None:
         ParameterError: The file cannot be read, others may read it, or the token is too short.
     """
     token = os.environ.pop(TOKEN, None)
-    where = TOKEN
+    source = TOKEN
     if file is not None:
-        where = str(file)
+        source = str(file)
         try:
             mode = file.stat().st_mode
             token = file.read_text(encoding="utf-8").strip()
@@ -249,25 +249,25 @@ def read_token(file: Path | None) -> str | None:
         or " " in token
     ):
         raise ParameterError(
-            f"{where}: a token is at least {MIN_TOKEN_CHARS} printable characters without spaces,"
+            f"{source}: a token is at least {MIN_TOKEN_CHARS} printable characters without spaces,"
             " such as: openssl rand -hex 32"
         )
     return token
 
 
 def _parse_size(text: str) -> Size:
-    found = re.fullmatch(r"([0-9]{3,4})[xX]([0-9]{3,4})", text)
-    if found is None:
+    match = re.fullmatch(r"([0-9]{3,4})[xX]([0-9]{3,4})", text)
+    if match is None:
         raise ParameterError(f"--size must be WIDTHxHEIGHT, such as 1280x720, got {text!r:.80}")
-    width, height = map(int, found.groups())
+    width, height = map(int, match.groups())
     return height, width
 
 
 def _describe(options: ServeOptions, service: DesktopService, port: int) -> str:
     draws = service.draws
     host = f"[{options.host}]" if ":" in options.host else options.host
-    left = len(draws.held_out)
-    without = f" ({left} held-out left out)" if left else ""
+    held_out = len(draws.held_out)
+    without = f" ({held_out} held-out left out)" if held_out else ""
     access = "with a token" if options.token else "without a token"
     plural = "s" if options.desktops > 1 else ""
     return (
@@ -294,8 +294,8 @@ def _bind(host: str, port: int) -> socket.socket:
         ParameterError: The address is taken, or does not belong to this machine.
     """
     try:
-        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
-        family, kind, protocol, _, address = found[0]
+        addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+        family, kind, protocol, _, address = addresses[0]
         listener = socket.socket(family, kind, protocol)
     except OSError as error:
         raise ParameterError(f"--host {host}: {error}") from None

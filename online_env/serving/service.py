@@ -121,14 +121,14 @@ class DesktopService:
             self._leases.add(lease)
         return lease
 
-    def end(self, lease: DesktopLease, why: str, *, is_broken: bool = False) -> None:
+    def end(self, lease: DesktopLease, reason: str, *, is_broken: bool = False) -> None:
         """End a lease; the desktop goes back to the pool, or is replaced if it is broken.
 
         The caller must hold the lease's lock. Later calls do nothing.
         """
         if lease.ended:
             return
-        lease.ended = why
+        lease.ended = reason
         with self._lock:
             self._leases.discard(lease)
         if is_broken:
@@ -136,7 +136,7 @@ class DesktopService:
         else:
             self.pool.give_back(lease.seat)
 
-    def break_off(self, lease: DesktopLease, why: str) -> None:
+    def break_off(self, lease: DesktopLease, reason: str) -> None:
         """End a lease and the episode on it, because the client left, or is silent.
 
         If episodes are logged, an episode in which the agent has acted is judged in its present
@@ -147,13 +147,13 @@ class DesktopService:
                 return
             is_broken = True  # assumed to be broken until it has shown that it is not
             try:
-                self._finish(lease, why)
+                self._finish(lease, reason)
                 is_broken = not lease.seat.is_alive()
             finally:
-                self.end(lease, why, is_broken=is_broken)
+                self.end(lease, reason, is_broken=is_broken)
             self.metrics.broken_off.inc()
 
-    def _finish(self, lease: DesktopLease, why: str) -> None:
+    def _finish(self, lease: DesktopLease, reason: str) -> None:
         """End the episode on a lent desktop."""
         env = lease.env
         if env is None or env.record is not None:
@@ -161,7 +161,7 @@ class DesktopService:
         if self.settings.log is not None:
             env.truncate()
         if env.record is None:
-            env.abandon(why)
+            env.abandon(reason)
 
     def environment(self, lease: DesktopLease, session: int) -> CorruptedEnv:
         """Return an environment for one episode on a lent desktop."""

@@ -152,7 +152,7 @@ class DesktopSession:
             session=self._number or 1, seed=seed, task=task, corruption=corruption, slot=slot
         )
         self._interrupt()
-        for left in reversed(range(MAX_DESKTOPS_PER_RESET)):
+        for tries_left in reversed(range(MAX_DESKTOPS_PER_RESET)):
             lease = service.lend()
             self._lease = lease
             with lease.locked():
@@ -164,7 +164,7 @@ class DesktopSession:
                     raise
                 except DesktopError as error:
                     self._give_up(lease, error, is_broken=True)
-                    if not left:
+                    if not tries_left:
                         raise
                 except BaseException as error:
                     self._give_up(lease, error, is_broken=False)
@@ -175,8 +175,10 @@ class DesktopSession:
         service = self._service
         self.choice, self.record, self.steps = choice, None, 0
         env = service.environment(lease, self._number)
-        seen, _ = env.reset(seed=choice.seed, options=service.options(choice))
-        self._view = SessionView(picture=seen["screenshot"], instruction=seen["instruction"])
+        observation, _ = env.reset(seed=choice.seed, options=service.options(choice))
+        self._view = SessionView(
+            picture=observation["screenshot"], instruction=observation["instruction"]
+        )
         if env.record is not None:
             self._view = self._over(lease, env, self._view)
         return self._view
@@ -192,10 +194,10 @@ class DesktopSession:
             for code in codes:
                 if env.record is not None:
                     break
-                seen, reward, terminated, truncated, _ = env.step(code)
+                observation, reward, terminated, truncated, _ = env.step(code)
                 view = SessionView(
-                    picture=seen["screenshot"],
-                    instruction=seen["instruction"],
+                    picture=observation["screenshot"],
+                    instruction=observation["instruction"],
                     reward=reward,
                     done=terminated or truncated,
                     truncated=truncated,

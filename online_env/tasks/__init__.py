@@ -24,7 +24,7 @@ try:
     from .hand import Hand
     from .machine import Machine
 except ModuleNotFoundError as error:
-    raise extra.explained(error, "a live task") from None
+    raise extra.import_error(error, "a live task") from None
 
 __all__ = ["TASKS", "Hand", "Machine", "Task", "Verdict", "find_family", "get", "names", "register"]
 

@@ -123,7 +123,7 @@ def test_the_largest_new_window_is_waited_for(desktop):
     ]
     assert stage.new({1}, lambda top: True, "menu").id == 3
     with pytest.raises(DesktopTimeoutError, match="no menu came within 0 s"):
-        stage.new({1, 2, 3}, lambda top: True, "menu", patience=0)
+        stage.new({1, 2, 3}, lambda top: True, "menu", timeout=0)
 
 
 def test_the_topmost_window_is_at_a_point():
@@ -149,10 +149,10 @@ def test_a_picture_waits_until_the_screen_has_settled(desktop):
     blinking = still.copy()
     blinking[:10, :10] = 0  # a text cursor
     desktop.frames = [still, blinking] * 3 + [still]
-    assert RecordingStage(desktop).settled(patience=5).shape == (*SIZE, 3)
+    assert RecordingStage(desktop).settled(timeout=5).shape == (*SIZE, 3)
     desktop.frames = [np.full((*SIZE, 3), level % 250, np.uint8) for level in range(9000)]
     with pytest.raises(DesktopTimeoutError, match=r"did not settle within 0\.1 s"):
-        RecordingStage(desktop).settled(patience=0.1)
+        RecordingStage(desktop).settled(timeout=0.1)
 
 
 def test_a_window_is_cut_out_with_its_own_targets(desktop):

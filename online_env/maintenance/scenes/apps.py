@@ -168,17 +168,17 @@ class App:
     Args:
         name: The name in the pack's entries: the paper's, or its program's.
         argv: The command line; `~` is the user's home.
-        named: A part of the class of its windows.
+        class_part: A part of the class of its windows.
         shows: What it shows, for people.
-        patience: Seconds that its first start may take.
+        start_timeout: Seconds that its first start may take.
         before: Shell commands that are run first.
     """
 
     name: str
     argv: tuple[str, ...]
-    named: str
+    class_part: str
     shows: str
-    patience: float = 60.0
+    start_timeout: float = 60.0
     before: tuple[str, ...] = field(default=())
 
     @property
@@ -197,7 +197,7 @@ class App:
         for command in self.before:
             stage.desktop.execute(command)
         argv = [word.replace("~", folder) for word in self.argv]
-        return stage.open(*argv, named=self.named, patience=self.patience)
+        return stage.open(*argv, class_part=self.class_part, timeout=self.start_timeout)
 
 
 _QUIET = ("--norestore", "--nologo")
@@ -265,5 +265,5 @@ def put_files(stage: RecordingStage) -> None:
 
 def installed(stage: RecordingStage, apps: tuple[App, ...]) -> list[App]:
     """Return those of `apps` that the desktop has."""
-    there = stage.guest.installed(*(app.program for app in apps))
-    return [app for app in apps if app.program in there]
+    programs = stage.guest.installed(*(app.program for app in apps))
+    return [app for app in apps if app.program in programs]

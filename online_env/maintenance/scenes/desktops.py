@@ -32,46 +32,48 @@ MAX_SMALL_SCREEN_APPS = 2  # how many of these are recorded on other than the us
 
 def record(stage: RecordingStage) -> Iterator[Picture | UnrecordedScene]:
     """Yield the desktop after one to three windows were minimised."""
-    chosen = OPEN if stage.screen[2] == FULL_WIDTH else OPEN[:MAX_SMALL_SCREEN_APPS]
-    for names in chosen:
+    groups = OPEN if stage.screen[2] == FULL_WIDTH else OPEN[:MAX_SMALL_SCREEN_APPS]
+    for names in groups:
         apps = installed(stage, tuple(_BY_NAME[name] for name in names))
         if len(apps) == len(names):
-            what = f"desktop with {', '.join(names)} minimised"
-            yield from UnrecordedScene.instead(what, _pictures(stage, apps))
+            description = f"desktop with {', '.join(names)} minimised"
+            yield from UnrecordedScene.instead(description, _pictures(stage, apps))
 
 
 def _pictures(stage: RecordingStage, apps: Sequence[App]) -> Iterator[Picture]:
-    opened: list[TopWindow] = []
+    windows: list[TopWindow] = []
     try:
         for app in apps:
-            opened.append(app.open(stage))  # noqa: PERF401  (those that did open are closed)
-        shown = perform(Effect("minimise", {}), stage.desktop)
+            windows.append(app.open(stage))  # noqa: PERF401  (those that did open are closed)
+        effect = perform(Effect("minimise", {}), stage.desktop)
         try:
-            probe = shown.probe()
+            probe = effect.probe()
             if not probe.ok:
                 raise DesktopError(f"the windows are not minimised: {probe.problem}")
-            yield _picture(stage, apps, opened)
+            yield _picture(stage, apps, windows)
         finally:
-            shown.undo()
+            effect.undo()
     finally:
-        for top in reversed(opened):
+        for top in reversed(windows):
             stage.close(top)
 
 
-def _picture(stage: RecordingStage, apps: Sequence[App], opened: Sequence[TopWindow]) -> Picture:
+def _picture(stage: RecordingStage, apps: Sequence[App], windows: Sequence[TopWindow]) -> Picture:
     titles = {w["id"]: w["title"] for w in stage.guest.x("state")["windows"]}
     height, width = stage.desktop.size
     stage.park((width * 5 // 8, height // 2))
     stage.settled()
     targets = stage.launcher_targets()
-    title = titles[opened[-1].client]
+    title = titles[windows[-1].client]
     button = next((t for t in targets if t.name == title and "button" in t.role), None)
     if button is None:
         raise DesktopError(f"the panel has no button {title!r}")
     names = ", ".join(app.name for app in apps)
-    made = f"{names} opened, the last in front; effect minimise"
-    picture = stage.whole("desktop", apps[-1].name, made, targets, recover=click("click", button))
-    _comes_back(stage, picture, opened[-1], button)
+    made_by = f"{names} opened, the last in front; effect minimise"
+    picture = stage.whole(
+        "desktop", apps[-1].name, made_by, targets, recover=click("click", button)
+    )
+    _comes_back(stage, picture, windows[-1], button)
     return picture
 
 
@@ -82,7 +84,7 @@ def _comes_back(
         raise DesktopError("the picture of a minimised window has no click that brings it back")
     stage.run(write_code(picture.recover))
     stage.settled()
-    if not any(other.client == top.client for other in stage.top_windows()):
+    if not any(window.client == top.client for window in stage.top_windows()):
         raise DesktopError(
             f"a click on the panel's button {button.name!r} does not bring its window back"
         )

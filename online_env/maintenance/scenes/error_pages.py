@@ -48,22 +48,24 @@ def _pages(
     go = f"pyautogui.hotkey('ctrl', 'l'); pyautogui.write({address!r}); pyautogui.press('enter')"
     stage.run(go)
     code = _await_error(stage, address.split("/")[2])
-    made = f"effect firewall; {address} was asked for in Chromium, {code}"
+    made_by = f"effect firewall; {address} was asked for in Chromium, {code}"
 
     top = stage.maximise(top)
     stage.park()
-    whole = stage.cut("error_page", "chromium", top, f"{made}; maximised")
-    yield whole
-    yield _view(stage, whole)
+    window_picture = stage.cut("error_page", "chromium", top, f"{made_by}; maximised")
+    yield window_picture
+    yield _view(stage, window_picture)
     if stage.screen[2] == FULL_WIDTH:
-        yield _panel(stage, whole)
+        yield _panel(stage, window_picture)
 
     x1, y1, x2, y2 = stage.area()
     top = stage.place(top, ((x1 + x2) // 2, y1, x2, y2))
     stage.park()
-    whole = stage.cut("error_page", "chromium", top, f"{made}; right half of the screen")
-    yield whole
-    yield _view(stage, whole)
+    window_picture = stage.cut(
+        "error_page", "chromium", top, f"{made_by}; right half of the screen"
+    )
+    yield window_picture
+    yield _view(stage, window_picture)
 
 
 def _await_error(stage: RecordingStage, host: str) -> str:
@@ -78,16 +80,18 @@ def _await_error(stage: RecordingStage, host: str) -> str:
     return code.name or code.text
 
 
-def _panel(stage: RecordingStage, whole: Picture) -> Picture:
+def _panel(stage: RecordingStage, window_picture: Picture) -> Picture:
     """Return the panel below the window; its button has the page's title."""
     _, _, _, end = stage.area()
     left, _, right, bottom = stage.screen
     targets = stage.launcher_targets()
-    screen = stage.whole("panel", whole.app, f"{whole.made_by}; the panel", targets)
+    screen = stage.whole(
+        "panel", window_picture.app, f"{window_picture.made_by}; the panel", targets
+    )
     return screen.part("panel", (left, end, right, bottom))
 
 
-def _view(stage: RecordingStage, whole: Picture) -> Picture:
+def _view(stage: RecordingStage, window_picture: Picture) -> Picture:
     """Return the page alone, by its box in the tree.
 
     Raises:
@@ -96,4 +100,6 @@ def _view(stage: RecordingStage, whole: Picture) -> Picture:
     page = Hand(stage.desktop).find(ROLES, app="chrom")
     if page.box is None:
         raise DesktopError("the tree gives no box for the page")
-    return whole.part("error_view", page.box, made_by=f"{whole.made_by}; the page alone")
+    return window_picture.part(
+        "error_view", page.box, made_by=f"{window_picture.made_by}; the page alone"
+    )

@@ -37,8 +37,8 @@ def _pictures(stage: RecordingStage) -> Iterator[Picture]:
         picture = _lock_screen(stage, dialog)
         yield picture
         if stage.screen[2] == FULL_WIDTH:
-            made = f"{picture.made_by}; the dialog alone"
-            yield picture.part("lock_dialog", dialog, made_by=made)
+            made_by = f"{picture.made_by}; the dialog alone"
+            yield picture.part("lock_dialog", dialog, made_by=made_by)
     finally:
         locked.undo()
 
@@ -53,8 +53,8 @@ def _lock_screen(stage: RecordingStage, dialog: Box) -> Picture:
     targets = [entry, *(_button(stage, dialog, name, part) for name, part in BUTTONS)]
     stage.park()
     action = {"type": "type", "text": f"{PASSWORD}\n", "target_box": list(entry.box)}
-    made = "effect lock; a key woke the dialog"
-    picture = stage.whole("lock_screen", "", made, targets, recover=action)
+    made_by = "effect lock; a key woke the dialog"
+    picture = stage.whole("lock_screen", "", made_by, targets, recover=action)
     locker = _locker(stage)
     stage.run(write_code(action))
     if not stage.gone(locker, 6.0):
@@ -63,10 +63,10 @@ def _lock_screen(stage: RecordingStage, dialog: Box) -> Picture:
 
 
 def _locker(stage: RecordingStage) -> int:
-    found = [top.id for top in stage.top_windows() if NAME in top.name.lower()]
-    if not found:
+    numbers = [top.id for top in stage.top_windows() if NAME in top.name.lower()]
+    if not numbers:
         raise DesktopError("no window of the locker is on the screen")
-    return found[-1]
+    return numbers[-1]
 
 
 def _dialog(stage: RecordingStage) -> Box:
@@ -123,20 +123,20 @@ def _entry(frame: UInt8Array, dialog: Box) -> ClickTarget:
     """
     name, part = ENTRY
     x, y = spot(dialog, part)
-    same = (frame == frame[y, x]).all(axis=2)
-    top, bottom = _run(same[:, x], y)
-    left, right = _run(same[top + 3], x)
+    is_background = (frame == frame[y, x]).all(axis=2)
+    top, bottom = _run(is_background[:, x], y)
+    left, right = _run(is_background[top + 3], x)
     if right - left < 100 or bottom - top < 15:
         raise DesktopError(f"the locker has no field for a password at ({x}, {y})")
     return ClickTarget(name, "password-text", (left - 1, top - 1, right + 1, bottom + 1))
 
 
-def _run(same: UInt8Array, at: int) -> tuple[int, int]:
+def _run(is_background: UInt8Array, at: int) -> tuple[int, int]:
     """Return the ends of the stretch of true values around `at`, half-open."""
     start = at
-    while start > 0 and same[start - 1]:
+    while start > 0 and is_background[start - 1]:
         start -= 1
     stop = at
-    while stop < len(same) and same[stop]:
+    while stop < len(is_background) and is_background[stop]:
         stop += 1
     return start, stop

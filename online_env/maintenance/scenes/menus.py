@@ -113,14 +113,14 @@ BUBBLE_ROLES = ("alert", "dialog")
 
 def record(stage: RecordingStage) -> Iterator[Picture | UnrecordedScene]:
     """Yield what opens on a click in each application, last in the panel and the bare desktop."""
-    known = {app.name: app for app in APPS}
-    known["chromium"] = browser("http://wiki.test/wiki/Lighthouse")
-    wanted = tuple(known[name] for name in CLICKS if name)
-    there = {app.name: app for app in installed(stage, wanted)}
+    apps_by_name = {app.name: app for app in APPS}
+    apps_by_name["chromium"] = browser("http://wiki.test/wiki/Lighthouse")
+    apps = tuple(apps_by_name[name] for name in CLICKS if name)
+    installed_apps = {app.name: app for app in installed(stage, apps)}
     for name, rows in CLICKS.items():
-        if name in there:
+        if name in installed_apps:
             yield from UnrecordedScene.instead(
-                f"menus of {name}", _in_app(stage, there[name], rows)
+                f"menus of {name}", _in_app(stage, installed_apps[name], rows)
             )
         elif not name:
             yield from _each(stage, "desktop", None, rows)
@@ -141,16 +141,16 @@ def _each(
     stage: RecordingStage, app: str, top: TopWindow | None, rows: Sequence[Sequence[Click]]
 ) -> Iterator[Picture | UnrecordedScene]:
     for clicks in rows:
-        before = {other.key for other in stage.top_windows()}
+        before = {window.key for window in stage.top_windows()}
         yield from UnrecordedScene.instead(
             _split_names(app, clicks), _picture(stage, app, top, clicks)
         )
         _clear(stage, before)
     if top is None:
         return
-    for wanted in BUBBLES.get(app, ()):
+    for bubble_click in BUBBLES.get(app, ()):
         yield from UnrecordedScene.instead(
-            _split_names(app, [wanted]), _bubble(stage, app, top, wanted)
+            _split_names(app, [bubble_click]), _bubble(stage, app, top, bubble_click)
         )
 
 
@@ -160,31 +160,31 @@ def _picture(
     stage.park()
     stage.settled()
     action: dict[str, Any] = {}
-    opened: TopWindow | None = None
-    for number, wanted in enumerate(clicks):
-        before = {other.key for other in stage.top_windows()}
-        action = _aim(stage, wanted, opened or top)
+    new_window: TopWindow | None = None
+    for number, next_click in enumerate(clicks):
+        before = {window.key for window in stage.top_windows()}
+        action = _aim(stage, next_click, new_window or top)
         stage.run(write_code(action))
-        what = f"window after the click on {wanted.name or wanted.at}"
-        opened = stage.new(before, _large, what, 20.0 if number else 15.0)
+        description = f"window after the click on {next_click.name or next_click.at}"
+        new_window = stage.new(before, _large, description, 20.0 if number else 15.0)
         stage.park()
-    if opened is None:
+    if new_window is None:
         raise DesktopError(f"{app}: no click was asked for, so nothing opened")
-    if top is not None and opened.name.partition(".")[0] in LAUNCHERS:
-        raise DesktopError(f"the click went past the window and opened one of {opened.name}")
-    number = opened.id
-    picture = stage.cut("menu", app, stage.top(opened.key), _split_names(app, clicks))
+    if top is not None and new_window.name.partition(".")[0] in LAUNCHERS:
+        raise DesktopError(f"the click went past the window and opened one of {new_window.name}")
+    number = new_window.id
+    picture = stage.cut("menu", app, stage.top(new_window.key), _split_names(app, clicks))
     yield replace(
         picture,
-        kind=_kind(opened, picture.targets),
+        kind=_kind(new_window, picture.targets),
         recover=_leave(stage, lambda: stage.gone(number), picture.targets),
         opened_by=action if len(clicks) == 1 else None,
     )
 
 
-def _kind(opened: TopWindow, targets: Sequence[ClickTarget]) -> str:
+def _kind(window: TopWindow, targets: Sequence[ClickTarget]) -> str:
     """Return `menu` for a window of its own that has items, or no buttons; otherwise `dialog`."""
-    if not opened.free:
+    if not window.free:
         return "dialog"
     roles = {target.role for target in targets}
     if roles.isdisjoint(ITEMS) and not roles.isdisjoint(BUTTONS):
@@ -192,7 +192,9 @@ def _kind(opened: TopWindow, targets: Sequence[ClickTarget]) -> str:
     return "menu"
 
 
-def _bubble(stage: RecordingStage, app: str, top: TopWindow, wanted: Click) -> Iterator[Picture]:
+def _bubble(
+    stage: RecordingStage, app: str, top: TopWindow, bubble_click: Click
+) -> Iterator[Picture]:
     """Yield what opens inside the window: the node of the tree that was not there before.
 
     Raises:
@@ -201,7 +203,7 @@ def _bubble(stage: RecordingStage, app: str, top: TopWindow, wanted: Click) -> I
     stage.park()
     stage.settled()
     before = {node.box for node in nodes(stage.desktop.accessibility())}
-    action = _aim(stage, wanted, top)
+    action = _aim(stage, bubble_click, top)
     stage.run(write_code(action))
     stage.park()
 
@@ -209,52 +211,52 @@ def _bubble(stage: RecordingStage, app: str, top: TopWindow, wanted: Click) -> I
         return node.role in BUBBLE_ROLES and node.box is not None and node.box not in before
 
     hand = Hand(stage.desktop, OPEN_TIMEOUT_S)
-    box = hand.wait(f"bubble after the click on {wanted.name}", opened).box
-    whole = stage.cut("dialog", app, stage.top(top.key), _split_names(app, [wanted]))
+    box = hand.wait(f"bubble after the click on {bubble_click.name}", opened).box
+    window_picture = stage.cut("dialog", app, stage.top(top.key), _split_names(app, [bubble_click]))
     if box is None:
-        raise DesktopError(f"the tree gives no box for what {wanted.name} opened")
-    picture = whole.part("dialog", box, opened_by=action)
+        raise DesktopError(f"the tree gives no box for what {bubble_click.name} opened")
+    picture = window_picture.part("dialog", box, opened_by=action)
     # Without the elements that lie below it.
-    own = [target for target in picture.targets if target.box not in before]
-    recover = _leave(stage, lambda: _no_bubble(stage, box), own)
-    yield replace(picture, targets=own, recover=recover)
+    new_targets = [target for target in picture.targets if target.box not in before]
+    recover = _leave(stage, lambda: _no_bubble(stage, box), new_targets)
+    yield replace(picture, targets=new_targets, recover=recover)
 
 
 def _no_bubble(stage: RecordingStage, box: Box) -> bool:
     stage.settled()
-    found = nodes(stage.desktop.accessibility())
-    return not any(node.box == box and node.role in BUBBLE_ROLES for node in found)
+    elements = nodes(stage.desktop.accessibility())
+    return not any(node.box == box and node.role in BUBBLE_ROLES for node in elements)
 
 
-def _aim(stage: RecordingStage, wanted: Click, on: TopWindow | None) -> dict[str, Any]:
+def _aim(stage: RecordingStage, aimed_click: Click, on: TopWindow | None) -> dict[str, Any]:
     """Return the click as an action, on a window, or on the desktop and its panel.
 
     Raises:
         DesktopError: There is no such element.
     """
     surface = stage.screen if on is None else on.box
-    if wanted.at is not None:
-        x, y = spot(surface, wanted.at)
-        return {"type": wanted.kind, "x": x, "y": y}
+    if aimed_click.at is not None:
+        x, y = spot(surface, aimed_click.at)
+        return {"type": aimed_click.kind, "x": x, "y": y}
 
-    def owner(other: TopWindow | None) -> bool:
-        return on is None or (other is not None and other.key == on.key)
+    def owner(window: TopWindow | None) -> bool:
+        return on is None or (window is not None and window.key == on.key)
 
     end = time.monotonic() + OPEN_TIMEOUT_S
     while True:
-        found = stage.targets(surface, owner)
-        for target in found:
-            if target.name == wanted.name and wanted.role in ("", target.role):
-                return click(wanted.kind, target)
+        targets = stage.targets(surface, owner)
+        for target in targets:
+            if target.name == aimed_click.name and aimed_click.role in ("", target.role):
+                return click(aimed_click.kind, target)
         if time.monotonic() > end:
             break
-    seen = ", ".join(sorted({f"{t.role} {t.name!r}" for t in found if t.name}))
-    what = f"{wanted.role or 'element'} {wanted.name!r}"
-    raise DesktopError(f"there is no {what}; there are: {seen:.900}")
+    target_names = ", ".join(sorted({f"{t.role} {t.name!r}" for t in targets if t.name}))
+    description = f"{aimed_click.role or 'element'} {aimed_click.name!r}"
+    raise DesktopError(f"there is no {description}; there are: {target_names:.900}")
 
 
 def _leave(
-    stage: RecordingStage, gone: Callable[[], bool], targets: Sequence[ClickTarget]
+    stage: RecordingStage, is_gone: Callable[[], bool], targets: Sequence[ClickTarget]
 ) -> dict[str, Any]:
     """Close what is open as a person would; return the action that did it.
 
@@ -266,7 +268,7 @@ def _leave(
     actions.append(ESCAPE)
     for action in actions:
         stage.run(write_code(action))
-        if gone():
+        if is_gone():
             return action
     raise DesktopError("neither its button nor Escape closes it")
 
@@ -274,12 +276,12 @@ def _leave(
 def _clear(stage: RecordingStage, before: set[int]) -> None:
     """Close whatever is left, so that the next click finds the application as it was."""
     for _ in range(3):
-        left = [top for top in stage.top_windows() if top.key not in before and _large(top)]
-        if not left:
+        windows = [top for top in stage.top_windows() if top.key not in before and _large(top)]
+        if not windows:
             return
         stage.run(write_code(ESCAPE))
-        if left[-1].client:
-            stage.close(left[-1])
+        if windows[-1].client:
+            stage.close(windows[-1])
 
 
 def _large(top: TopWindow) -> bool:
@@ -290,5 +292,8 @@ def _large(top: TopWindow) -> bool:
 def _split_names(app: str, clicks: Sequence[Click]) -> str:
     places = {"chromium": "the page", "desktop": "the desktop"}
     place = places.get(app, "the window")
-    parts = [f"{wanted.kind.replace('_', ' ')} on {wanted.name or place}" for wanted in clicks]
+    parts = [
+        f"{next_click.kind.replace('_', ' ')} on {next_click.name or place}"
+        for next_click in clicks
+    ]
     return f"{app}: {', then '.join(parts)}"

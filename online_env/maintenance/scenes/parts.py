@@ -26,14 +26,14 @@ def record_wallpapers(stage: RecordingStage) -> Iterator[Picture | UnrecordedSce
 
 
 def _wallpaper(stage: RecordingStage, name: str) -> Iterator[Picture]:
-    drawn = wallpapers.draw(name)
-    put_wallpaper(stage, drawn)
+    expected = wallpapers.draw(name)
+    put_wallpaper(stage, expected)
     end = stage.area()[3]
-    shown = stage.settled()
-    if shown.shape != drawn.shape or not np.array_equal(shown[:end], drawn[:end]):
+    screen = stage.settled()
+    if screen.shape != expected.shape or not np.array_equal(screen[:end], expected[:end]):
         raise DesktopError("the desktop does not show it as it was drawn")
-    made = "drawn by wallpapers.py; a desktop showed it centred"
-    yield Picture("wallpaper", name, stage.screen, drawn, made)
+    made_by = "drawn by wallpapers.py; a desktop showed it centred"
+    yield Picture("wallpaper", name, stage.screen, expected, made_by)
 
 
 def record_icons(stage: RecordingStage) -> Iterator[Picture | UnrecordedScene]:
@@ -44,27 +44,27 @@ def record_icons(stage: RecordingStage) -> Iterator[Picture | UnrecordedScene]:
 def _icons(stage: RecordingStage) -> Iterator[Picture]:
     stage.park()
     height, width = stage.desktop.size
-    shown: list[UInt8Array] = []
+    screens: list[UInt8Array] = []
     for level in (0, 255):
         put_wallpaper(stage, np.full((height, width, 3), level, np.uint8))
-        shown.append(stage.settled())
+        screens.append(stage.settled())
     icons = [target for target in stage.launcher_targets() if target.role == "icon"]
     if not icons:
         raise DesktopError("the desktop shows no icon")
     for icon in icons:
-        yield _icon(icon, shown)
+        yield _icon(icon, screens)
 
 
-def _icon(icon: ClickTarget, shown: Sequence[UInt8Array]) -> Picture:
+def _icon(icon: ClickTarget, screens: Sequence[UInt8Array]) -> Picture:
     left = icon.box[0] - SHADOW
     top = icon.box[1] - SHADOW
     right = icon.box[2] + SHADOW
     bottom = icon.box[3] + SHADOW
-    on_black, on_white = (frame[top:bottom, left:right] for frame in shown)
+    on_black, on_white = (frame[top:bottom, left:right] for frame in screens)
     pixels = matte(on_black, on_white)
     box: Box = (left, top, right, bottom)
-    made = f"the icon {icon.name} on a black and on a white wallpaper"
-    return Picture("icon", icon.name.lower(), box, pixels, made, [icon])
+    made_by = f"the icon {icon.name} on a black and on a white wallpaper"
+    return Picture("icon", icon.name.lower(), box, pixels, made_by, [icon])
 
 
 def matte(on_black: UInt8Array, on_white: UInt8Array) -> UInt8Array:

@@ -31,8 +31,8 @@ FULL_WIDTH = (
 def record(stage: RecordingStage) -> Iterator[Picture | UnrecordedScene]:
     """Yield every application at half the screen, and on a large screen in loose windows, too."""
     for app in installed(stage, _apps(stage)):
-        what = f"window of {app.name} ({app.shows})"
-        yield from UnrecordedScene.instead(what, _pictures(stage, app))
+        description = f"window of {app.name} ({app.shows})"
+        yield from UnrecordedScene.instead(description, _pictures(stage, app))
 
 
 def _apps(stage: RecordingStage) -> tuple[App, ...]:
@@ -49,16 +49,16 @@ def _pictures(stage: RecordingStage, app: App) -> Iterator[Picture]:
     try:
         top = stage.place(top, ((x1 + x2) // 2, y1, x2, y2))
         stage.park((x1 + 5, y2 - 5))
-        made = f"{app.program} with {app.shows}"
+        made_by = f"{app.program} with {app.shows}"
         # A window that cannot be made as small is not tiled.
         fits = abs(top.box[2] - x2) < 12 and top.box[3] <= y2
         if fits and not _other_look(stage):
-            tiled = f"{made}; tiled to the right half of the screen"
+            tiled = f"{made_by}; tiled to the right half of the screen"
             yield stage.cut("window", app.name, top, tiled)
         for width, height in _loose_sizes(stage):
             left = x2 - width - 60
             top = stage.place(top, (left, y1 + 120, left + width, y1 + 120 + height))
-            yield stage.cut("window", app.name, top, f"{made}; a loose window")
+            yield stage.cut("window", app.name, top, f"{made_by}; a loose window")
     finally:
         stage.close(top)
 

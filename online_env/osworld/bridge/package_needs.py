@@ -36,23 +36,23 @@ def imported_packages(function: Any) -> frozenset[str]:
 
     Functions of `desktop_env` that it names are followed.
     """
-    found: set[str] = set()
-    seen: set[int] = set()
+    packages: set[str] = set()
+    visited: set[int] = set()
     waiting = [function]
     while waiting:
         item = waiting.pop()
-        if id(item) in seen:
+        if id(item) in visited:
             continue
-        seen.add(id(item))
+        visited.add(id(item))
         for value in _referred(item):
             root = stub_root(value)
             if root:
-                found.add(root)
+                packages.add(root)
             elif isinstance(value, Imported):
-                found.update(absent([value.root]))
+                packages.update(absent([value.root]))
             elif _ours(value):
                 waiting.append(value)
-    return frozenset(found)
+    return frozenset(packages)
 
 
 def _ours(value: object) -> bool:
@@ -90,8 +90,8 @@ def _named(code: types.CodeType, names: _Names) -> Iterator[Any]:
     for place, step in enumerate(steps):
         if step.opname == "IMPORT_NAME":
             level = int(steps[place - 2].argval)
-            wanted = steps[place - 1].argval or ()
-            yield from _imported(str(step.argval), level, wanted, names)
+            names_imported = steps[place - 1].argval or ()
+            yield from _imported(str(step.argval), level, names_imported, names)
         elif step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
             value = names.get(str(step.argval))
             yield value
@@ -99,7 +99,9 @@ def _named(code: types.CodeType, names: _Names) -> Iterator[Any]:
                 yield from (vars(value).get(name) for name in code.co_names)
 
 
-def _imported(name: str, level: int, wanted: tuple[str, ...], names: _Names) -> Iterator[Any]:
+def _imported(
+    name: str, level: int, names_imported: tuple[str, ...], names: _Names
+) -> Iterator[Any]:
     """Yield functions of `desktop_env` that an import gives, or the root of another package."""
     package = str(names.get("__package__") or "")
     full = importlib.util.resolve_name("." * level + name, package)
@@ -108,7 +110,7 @@ def _imported(name: str, level: int, wanted: tuple[str, ...], names: _Names) -> 
         yield Imported(root)
         return
     module = sys.modules.get(full)
-    yield from (getattr(module, item, None) for item in wanted)
+    yield from (getattr(module, item, None) for item in names_imported)
 
 
 def as_list(value: Any) -> list[Any]:
@@ -141,11 +143,11 @@ def problems(task: _Names, metrics: Any, getters: Any, setup: Any) -> list[str]:
 
     Named are functions that do not exist, and packages that are missing.
     """
-    found: dict[str, None] = {}
+    reasons: dict[str, None] = {}
     for name, function in task_functions(task, metrics, getters, setup):
         if function is None:
-            found[f"no {name} in this desktop_env"] = None
+            reasons[f"no {name} in this desktop_env"] = None
             continue
         for root in sorted(imported_packages(function)):
-            found[f"{name} needs the package {root!r}"] = None
-    return list(found)
+            reasons[f"{name} needs the package {root!r}"] = None
+    return list(reasons)
