@@ -71,8 +71,7 @@ def install(
     from .embedded.image import install as images
 
     packages.packages(profiles)
-    if host and (image or mirror):
-        raise click.UsageError("--host takes this machine's packages: without --image and --mirror")
+    _check_sources(host, image or mirror)
     if host or (not image and not mirror and images.prefers_packages()):
         _install_packages(profiles)
         cache.make_default(cache.HOST)
@@ -86,6 +85,16 @@ def install(
     if not registry.records():
         home.remove_old_layers()
     click.echo(f"ready: {ready}; start a desktop with: hijack desktop up")
+
+
+def _check_sources(host: bool, other: str | None) -> None:
+    """Check that an installation has one source.
+
+    Raises:
+        UsageError: It is to be made of the machine's packages and of something else.
+    """
+    if host and other:
+        raise click.UsageError("--host takes this machine's packages: without --image and --mirror")
 
 
 def _install_packages(profiles: tuple[str, ...]) -> None:

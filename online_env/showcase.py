@@ -46,7 +46,8 @@ class ShowcaseEntry:
 def show_nine(desktop: Desktop, seed: int = 3) -> Iterator[ShowcaseEntry]:
     """Apply each of the nine to a page in the desktop's browser, and undo it.
 
-    `DesktopError` is raised if the desktop cannot have one, or if an effect cannot be undone.
+    Raises:
+        DesktopError: The desktop cannot have a corruption, or an effect cannot be undone.
     """
     launch(desktop, BROWSER, PAGE)
     _wait_for_page(desktop)

@@ -67,16 +67,25 @@ def corrupt(
     from ..embedded.registry import folder
     from ..embedded.running import attach
 
-    if name is None and not undo:
-        raise click.UsageError("give the NAME of a corruption (hijack list), or --undo")
-    cls = None if name is None else find(name)
+    cls = _find_corruption(name, undo)
     with attach(desktop_name) as desktop:
         ledger = Ledger(folder(desktop.id))
-        if undo:
+        if undo or cls is None:
             sys.exit(_undo(desktop, cls, ledger, as_json))
-        if cls is None:  # one of the two was given, see above
-            raise click.UsageError("give the NAME of a corruption")
         sys.exit(_corrupt(desktop, cls, ledger, output, as_json, options))
+
+
+def _find_corruption(name: str | None, undo: bool) -> type[Corruption] | None:
+    """Return the corruption of that name; `None` for all that are to be undone.
+
+    Raises:
+        UsageError: There is neither a name nor --undo.
+    """
+    if name is not None:
+        return find(name)
+    if not undo:
+        raise click.UsageError("give the NAME of a corruption (hijack list), or --undo")
+    return None
 
 
 def _corrupt(

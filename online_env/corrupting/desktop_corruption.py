@@ -76,8 +76,6 @@ def corrupt_desktop(
 ) -> AppliedPlan:
     """Plan for what is on the screen, apply it to the machine and to the picture, and probe.
 
-    `MissingCapabilityError` is raised if the machine lacks something.
-
     Args:
         desktop: Any desktop.
         spec: The corruption.
@@ -87,6 +85,7 @@ def corrupt_desktop(
 
     Raises:
         ParameterError: The corruption does not act at `step`.
+        MissingCapabilityError: The machine lacks something, which is named.
     """
     before = desktop.screenshot()
     tree = desktop.accessibility() if spec.needs_elements else None

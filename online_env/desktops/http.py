@@ -245,13 +245,15 @@ class HttpDesktop:
     ) -> dict[str, Any]:
         """Run an operation for effects in the process of our own guest server.
 
-        A plain OSWorld guest is a `MissingCapabilityError`.
-
         Args:
             name: name of a tool in `online_env.embedded.guest.inside`.
             operation: of it.
             fields: its arguments.
             timeout: in seconds.
+
+        Raises:
+            MissingCapabilityError: The guest is a plain OSWorld guest.
+            GuestError: The operation fails, or the guest does not answer.
         """
         self._need_ours("what effects look at")
         body = {"tool": name, "operation": operation, "fields": dict(fields)}
@@ -286,11 +288,12 @@ class HttpDesktop:
     def window(self, action: str, **fields: Any) -> None:
         """Act on a window of our own guest.
 
-        A plain OSWorld guest is a `MissingCapabilityError`.
-
         Args:
             action: `activate`, `close`, `minimise` (id), `place` (id, box) or `show_desktop` (on).
             fields: the arguments in brackets.
+
+        Raises:
+            MissingCapabilityError: The guest is a plain OSWorld guest.
         """
         self._need_ours("acting on windows")
         self._post("/ah/windows", _json({"action": action, **fields}))
@@ -298,10 +301,11 @@ class HttpDesktop:
     def input(self, events: Sequence[Mapping[str, Any]]) -> None:
         """Play mouse and keyboard events on our own guest.
 
-        A plain OSWorld guest is a `MissingCapabilityError`.
-
         Args:
             events: as `online_env.embedded.guest.events.Input.play` takes them.
+
+        Raises:
+            MissingCapabilityError: The guest is a plain OSWorld guest.
         """
         self._need_ours("playing events")
         self._post("/ah/input", _json({"events": list(events)}))

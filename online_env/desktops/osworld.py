@@ -88,7 +88,8 @@ class OsworldDesktop:
         password: of the guest's user, for sudo; with `None` only a sudo that does not ask is tried.
         capabilities: capabilities of the guest in addition to those that are detected.
 
-    Raises `MissingCapabilityError` if `env` lacks one of the methods.
+    Raises:
+        MissingCapabilityError: `env` lacks one of the methods.
     """
 
     def __init__(

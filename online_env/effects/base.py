@@ -222,15 +222,17 @@ def perform(
 ) -> Applied:
     """Apply `effect` to `desktop`; only the `probe` of the result proves that it is there.
 
-    Passes on `UnknownNameError` (the kind is not registered), `MissingCapabilityError` (the desktop
-    lacks something, which is named; nothing was changed), `EffectError` (wrong parameters, or a
-    record that is not JSON) and `DesktopError` (the desktop does not answer).
-
     Args:
         effect: of a plan.
         desktop: any desktop; the tools that the effect needs are looked for in the guest.
         stream: random draws that depend on the live desktop (which element is touched).
         password: of the desktop's user, for sudo and for the lock screen.
+
+    Raises:
+        UnknownNameError: The kind is not registered.
+        MissingCapabilityError: The desktop lacks something, which is named; nothing was changed.
+        EffectError: The parameters are wrong, or the record is not JSON.
+        DesktopError: The desktop does not answer.
     """
     live = find(effect.kind)
     guest = Guest(desktop, password, stream)
@@ -274,7 +276,8 @@ def resume(record: EffectRecord, desktop: Desktop, password: str = PASSWORD) -> 
 def undo(kind: str, desktop: Desktop, password: str = PASSWORD) -> Undone:
     """Undo an effect whose record is lost: unlock, open the firewall, and so on.
 
-    Passes on `UnknownNameError` (the kind is not registered).
+    Raises:
+        UnknownNameError: The kind is not registered.
     """
     return find(kind).undo(Guest(desktop, password, None), {})
 

@@ -149,14 +149,14 @@ def run_live(
 ) -> Iterator[Result]:
     """Run all checks that need a desktop.
 
-    Passes on `MissingCapabilityError` (the desktop lacks what the effect needs; nothing was
-    checked).
-
     Args:
         kind: the effect.
         params: the parameters of the effect, or a function that gives them for a desktop.
         start: starts a desktop, as a context manager; called for one on which the effect is tried,
             and for a fresh one.
+
+    Raises:
+        MissingCapabilityError: The desktop lacks what the effect needs; nothing was checked.
     """
     live = find(kind)
     with start() as desktop:

@@ -96,12 +96,14 @@ class Episode:
     def begin(self) -> Size:
         """Set up the task and take the first observation.
 
-        If an effect fails, the episode is over at once. If the request is refused before the
-        episode, the error of the refusing part is passed on; `DesktopError` is raised if the
-        desktop fails.
+        If an effect fails, the episode is over at once.
 
         Returns:
             The size of the agent's pictures, (height, width).
+
+        Raises:
+            HijackError: The stage or the script refuses the request.
+            DesktopError: The desktop fails.
         """
         request = self._request
         with self._failure_recorded():

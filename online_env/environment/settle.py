@@ -57,9 +57,12 @@ def wait_until_settled(desktop: Desktop, rule: Settle, with_tree: bool) -> Settl
     """Take screenshots until nothing changes any more.
 
     Args:
-        desktop: The machine; its `DesktopError` is passed on.
+        desktop: The machine.
         rule: When the screen counts as settled.
         with_tree: Whether to read the tree as well; it is the tree of the returned screen.
+
+    Raises:
+        DesktopError: The desktop fails.
     """
     watch = _Watch(desktop)
     while True:

@@ -99,9 +99,6 @@ def record_assets(
 ) -> list[UnrecordedScene]:
     """Record the pack into `folder`.
 
-    A kind or a look that does not exist raises `UnknownNameError`; `DesktopError` is raised if no
-    desktop can be had at all.
-
     Args:
         folder: The pack's folder; pictures that are not recorded now stay.
         only: Kinds to record; all if empty.
@@ -112,6 +109,10 @@ def record_assets(
 
     Returns:
         What could not be recorded.
+
+    Raises:
+        UnknownNameError: A kind or a look does not exist.
+        DesktopError: No desktop starts at all.
     """
     kinds_wanted = _known(only, picture_kinds(), "kind of picture")
     screens = list(sizes)

@@ -94,8 +94,7 @@ class Controller:
 class OsworldEnv:
     """An environment with the interface of `DesktopEnv`.
 
-    It has `reset`, `step`, `evaluate`, `close`, `controller` and `action_history`. `OsworldError`
-    is raised if the process does not start.
+    It has `reset`, `step`, `evaluate`, `close`, `controller` and `action_history`.
 
     Args:
         python: The interpreter of OSWorld's environment (`venv.find_python`).
@@ -103,6 +102,9 @@ class OsworldEnv:
             but the first.
         settings: How the environment is made.
         log: The file for what OSWorld logs and prints.
+
+    Raises:
+        OsworldError: The process does not start.
     """
 
     def __init__(
@@ -156,13 +158,12 @@ class OsworldEnv:
     def reset(self, task_config: Mapping[str, Any] | None = None, **_: Any) -> dict[str, Any]:
         """Set up a task on a pristine desktop.
 
-        `EvaluatorError` is raised if OSWorld's setup raises.
-
         Returns:
             OSWorld's observation; `screenshot` is PNG bytes.
 
         Raises:
             TaskRefusedError: The task could not be evaluated afterwards.
+            EvaluatorError: OSWorld's setup raised.
         """
         config = None if task_config is None else dict(task_config)
         if config is not None:
@@ -191,7 +192,11 @@ class OsworldEnv:
         return observation, reward, done, info
 
     def evaluate(self) -> float:
-        """Return OSWorld's score; if the evaluator raises, `EvaluatorError`, which is no 0."""
+        """Return OSWorld's score, 0 to 1.
+
+        Raises:
+            EvaluatorError: The evaluator raised; that is not a score of 0.
+        """
         return self.call("evaluate")
 
     def close(self) -> None:

@@ -209,11 +209,8 @@ def needs(source: Path, folder: Path, json_: bool, working: bool) -> int:
     from . import task_needs as module
     from .run import checker
 
-    if working and source.is_file():
-        raise ParameterError(
-            f"--working: {source} is a table; hijack bench plays tasks by the files in OSWorld's"
-            " folder, so name that"
-        )
+    if working:
+        _check_folder(source)
     tasks = task_table.read(source)
     with checker(folder) as check:
         needs_by_task = module.list_all_needs(tasks, check)
@@ -238,6 +235,19 @@ def needs(source: Path, folder: Path, json_: bool, working: bool) -> int:
         lines.append(f"packages were not looked at: {folder} is not there; hijack osworld setup")
     click.echo("\n".join([str(tasks.revision), *lines]))
     return 0
+
+
+def _check_folder(source: Path) -> None:
+    """Check that tasks are read from a folder.
+
+    Raises:
+        ParameterError: They are read from a table.
+    """
+    if source.is_file():
+        raise ParameterError(
+            f"--working: {source} is a table; hijack bench plays tasks by the files in OSWorld's"
+            " folder, so name that"
+        )
 
 
 def _say(as_json: bool, value: object, lines: list[str]) -> None:

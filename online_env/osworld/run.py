@@ -85,14 +85,16 @@ def embedded_env(
 ) -> Iterator[EmbeddedEnv]:
     """Yield OSWorld's `DesktopEnv` on an embedded desktop; every reset gets a pristine one.
 
-    `OsworldError` is raised if the environment is not made, `DesktopError` if no desktop starts.
-
     Args:
         folder: OSWorld's Python environment (`hijack osworld setup`).
         cache: OSWorld's file cache (`hijack prefetch`); its log goes there too.
         size: `(height, width)` of the screen in pixels.
         tree: Whether observations have the accessibility tree.
         standby: Whether the next desktop is kept ready while one is used.
+
+    Raises:
+        OsworldError: The Python environment is not there.
+        DesktopError: No desktop starts.
     """
     order = handle.make_order(size, osworld=True)  # says first what a desktop lacks
     python = venv.find_python(folder)

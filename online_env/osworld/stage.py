@@ -60,13 +60,15 @@ class OsworldStage:
         return self._desktop
 
     def reset(self, task: Any, seed: int) -> Setting:
-        """Set up one of OSWorld's tasks; errors of the environment are passed on.
-
-        A task with mistakes raises `ConfigError`.
+        """Set up one of OSWorld's tasks.
 
         Args:
             task: The content of one of OSWorld's task files, or an `OsworldTask`.
             seed: Not used: OSWorld's tasks have no variants.
+
+        Raises:
+            ConfigError: The task has mistakes.
+            Exception: The environment's own `reset` raised it.
         """
         config = _task_config(task)
         try:

@@ -41,8 +41,6 @@ def rows(tasks: TaskSet, corruptions: list[str]) -> Iterator[dict[str, Any]]:
 def write(tasks: TaskSet, out: Path, clean: bool = False) -> int:
     """Write the rows of all nine corruptions; the same tasks give the same bytes.
 
-    `HijackError` is raised if `out` cannot be written; then nothing is left.
-
     Args:
         tasks: The tasks.
         out: The file.
@@ -50,6 +48,9 @@ def write(tasks: TaskSet, out: Path, clean: bool = False) -> int:
 
     Returns:
         How many rows were written.
+
+    Raises:
+        HijackError: `out` cannot be written; then nothing is left.
     """
     names = [CLEAN, *paper_nine()] if clean else paper_nine()
     lines = [json.dumps(row, ensure_ascii=False) for row in rows(tasks, names)]
@@ -60,7 +61,8 @@ def write(tasks: TaskSet, out: Path, clean: bool = False) -> int:
 def read(path: Path) -> TaskSet:
     """Return a task set from a folder, or the tasks of a `tasks.jsonl`.
 
-    Mistakes raise `ConfigError`, which names file, line and field.
+    Raises:
+        ConfigError: It has mistakes, each named with file, line and field.
     """
     if path.is_dir():
         return load(path)

@@ -175,4 +175,5 @@ def _check_openenv() -> None:
     except metadata.PackageNotFoundError:  # openenv-core has the same modules
         version = "another package that has its modules"
     if version.split(".")[:2] != OPENENV.split("."):
-        raise extras.missing(f"hijack serve needs openenv {OPENENV}, found {version}", "serve")
+        error = extras.missing(f"hijack serve needs openenv {OPENENV}, found {version}", "serve")
+        raise error

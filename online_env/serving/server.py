@@ -120,7 +120,8 @@ def make_service(options: ServeOptions) -> DesktopService:
     """Return the shared part of a server; nothing is started yet.
 
     Raises:
-        HijackError: An option does not fit, or a package of a task is missing.
+        ParameterError: An option does not fit.
+        MissingPackageError: A package of a task is missing.
     """
     bench = options.bench
     draws = options.draws()
@@ -149,7 +150,8 @@ def make_service(options: ServeOptions) -> DesktopService:
 def check_desktops(service: DesktopService) -> None:
     """Check that the desktops support every corruption, before any client asks for one.
 
-    Raises `MissingCapabilityError` if they lack a capability.
+    Raises:
+        MissingCapabilityError: They lack a capability.
     """
     desktop = service.pool.any_seat().stage.desktop
     for planner in service.draws.planners.values():
@@ -164,7 +166,8 @@ def serve(options: ServeOptions, say: Callable[[str], object]) -> None:
         say: Called with lines for the user.
 
     Raises:
-        HijackError: An option does not fit, the port is taken, or a desktop does not start.
+        ParameterError: An option does not fit, or the port is taken.
+        DesktopError: A desktop does not start.
     """
     from .app import is_loopback, make_app
 
@@ -309,5 +312,9 @@ def _bind(host: str, port: int) -> socket.socket:
 
 
 def _interrupt(*_: object) -> NoReturn:
-    """End the server as Ctrl-C does."""
+    """End the server as Ctrl-C does.
+
+    Raises:
+        KeyboardInterrupt: Always.
+    """
     raise KeyboardInterrupt

@@ -81,7 +81,9 @@ class DesktopSession:
         If a desktop fails, another one is tried.
 
         Raises:
-            HijackError: The request is refused, no desktop is free, or none can play it.
+            ServerBusyError: No desktop is free.
+            DesktopError: No desktop can play the request.
+            HijackError: The request is refused.
         """
         self._check_open()
         if not self._number:
