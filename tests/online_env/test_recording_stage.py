@@ -224,7 +224,7 @@ def test_what_opened_is_a_menu_or_a_dialog(roles, free, kind):
 
 
 def test_a_missing_menu_is_named_with_what_is_there(desktop, monkeypatch):
-    monkeypatch.setattr(menus, "SETTLE_TIMEOUT_S", 0)
+    monkeypatch.setattr(menus, "OPEN_TIMEOUT_S", 0)
     desktop.windows = [window(1, (0, 0, 400, 300))]
     desktop.xml = tree(geany=element("menu", "File", (10, 10, 40, 20)))
     stage = RecordingStage(desktop)

@@ -107,7 +107,7 @@ def no_machine():
     """Effects that do nothing, and no waiting, while a run is played."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(base.EFFECTS.entries, "minimise", Minimise())
-        patch.setattr("online_env.environment.episode.WAIT", 0.0)
+        patch.setattr("online_env.environment.episode.WAIT_S", 0.0)
         yield
 
 
