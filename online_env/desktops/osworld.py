@@ -200,7 +200,7 @@ class OsworldDesktop:
         """
         shell = isinstance(argv, str)
         command = argv if shell else [str(part) for part in argv]
-        asked = _RUN.format(
+        program = _RUN.format(
             command=command,
             shell=shell,
             timeout=timeout,
@@ -208,7 +208,7 @@ class OsworldDesktop:
             cap=MAX_OUTPUT_BYTES,
             note=CAP_NOTE,
         )
-        code, output, error = json.loads(self._answer(_ISOLATED.format(code=asked)))
+        code, output, error = json.loads(self._answer(_ISOLATED.format(code=program)))
         return RunResult("success" if code is not None else "error", output, error, code)
 
     def read_file(self, path: str) -> bytes:

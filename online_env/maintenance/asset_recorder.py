@@ -128,7 +128,9 @@ def record_assets(
         for picture in _all(scenes, size, styles[look]):
             if isinstance(picture, UnrecordedScene):
                 failures.append(picture)
-                say(f"NOT recorded at {size[1]}x{size[0]}, {look}: {picture.what}: {picture.why}")
+                say(
+                    f"NOT recorded at {size[1]}x{size[0]}, {look}: {picture.name}: {picture.reason}"
+                )
             elif picture.kind in kinds_wanted:
                 say(_added(pack, picture, size, look))
     total = pack.finish(_describe_desktop())

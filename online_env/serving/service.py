@@ -28,13 +28,13 @@ class DesktopLease:
 
     Args:
         seat: The desktop.
-        ended: Why the lease has ended; empty while it lasts.
+        end_reason: Why the lease has ended; empty while it lasts.
     """
 
     seat: DesktopSeat
     env: CorruptedEnv | None = None
-    ended: str = ""
-    used: float = field(default_factory=time.monotonic)
+    end_reason: str = ""
+    last_used: float = field(default_factory=time.monotonic)
     lock: threading.RLock = field(default_factory=threading.RLock)
 
     @contextlib.contextmanager
@@ -44,7 +44,7 @@ class DesktopLease:
             try:
                 yield
             finally:
-                self.used = time.monotonic()
+                self.last_used = time.monotonic()
 
 
 class DesktopService:
@@ -126,9 +126,9 @@ class DesktopService:
 
         The caller must hold the lease's lock. Later calls do nothing.
         """
-        if lease.ended:
+        if lease.end_reason:
             return
-        lease.ended = reason
+        lease.end_reason = reason
         with self._lock:
             self._leases.discard(lease)
         if is_broken:
@@ -143,7 +143,7 @@ class DesktopService:
         state.
         """
         with lease.lock:
-            if lease.ended:
+            if lease.end_reason:
                 return
             is_broken = True  # assumed to be broken until it has shown that it is not
             try:
@@ -194,8 +194,8 @@ class DesktopService:
         if not lease.lock.acquire(blocking=False):
             return  # the client is taking a step
         try:
-            silent = time.monotonic() - lease.used
-            if lease.ended or silent < self.lease:
+            silent = time.monotonic() - lease.last_used
+            if lease.end_reason or silent < self.lease:
                 return
             self.metrics.expired.inc()
             self.break_off(lease, f"the client said nothing for {silent:.0f} s")

@@ -128,10 +128,10 @@ class DesktopSession:
         if lease is None:
             raise HijackError("the last episode is gone: call reset")
         with lease.locked():
-            if lease.ended:
+            if lease.end_reason:
                 self._forget()
                 raise LeaseExpiredError(
-                    f"{lease.ended}, so its desktop was given back (hijack serve --lease"
+                    f"{lease.end_reason}, so its desktop was given back (hijack serve --lease"
                     f" {self._service.lease:g}); reset begins another episode"
                 )
             with self._service.metrics.stepping():

@@ -66,12 +66,12 @@ def test_a_way_out_that_does_not_work_is_not_recorded(stage, monkeypatch):
     monkeypatch.setattr(lock_screens, "PASSWORD", "wrong")
     (found,) = lock_screens.record(stage)
     assert isinstance(found, UnrecordedScene)
-    assert "does not unlock" in found.why
+    assert "does not unlock" in found.reason
     monkeypatch.setattr(menus, "CANCEL_NAMES", ())
     monkeypatch.setattr(menus, "ESCAPE", {"type": "hotkey", "keys": ["shift"]})
     before = {top.key for top in stage.top_windows()}
     (found,) = menus._each(stage, "desktop", None, [(menus.Click("Applications"),)])
-    assert "neither its button nor Escape" in found.why
+    assert "neither its button nor Escape" in found.reason
     stage.run("pyautogui.press('esc')")
     stage.settled()
     assert {top.key for top in stage.top_windows()} == before

@@ -159,7 +159,7 @@ def test_a_desktop_that_fails_loses_the_rest_of_its_scene_only(monkeypatch, tmp_
     monkeypatch.setattr(assets, "EmbeddedDesktop", Desktop)
     said = []
     lost = assets.record_assets(tmp_path, ["icon", "menu"], [(720, 1280), SIZE], said.append)
-    assert [(one.what, one.why) for one in lost] == [
+    assert [(one.name, one.reason) for one in lost] == [
         ("the rest of menus", "no desktop of 1920x1080"),
         ("the rest of parts", "no desktop of 1920x1080"),
     ]

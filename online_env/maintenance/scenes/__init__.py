@@ -14,15 +14,15 @@ from ...recording.captured_picture import Picture
 class UnrecordedScene:
     """Something that could not be recorded, and why."""
 
-    what: str
-    why: str
+    name: str
+    reason: str
 
     @classmethod
     def instead(
-        cls, what: str, pictures: "Iterable[Picture | UnrecordedScene]"
+        cls, name: str, pictures: "Iterable[Picture | UnrecordedScene]"
     ) -> "Iterator[Picture | UnrecordedScene]":
         """Yield the pictures; if the desktop fails, yield what is lost instead of raising."""
         try:
             yield from pictures
         except DesktopError as error:
-            yield cls(what, str(error))
+            yield cls(name, str(error))
