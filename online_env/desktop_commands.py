@@ -18,7 +18,7 @@ from hijack_data.cli.options import OutOption, WholeSummaries
 from .corrupting.corrupt_command import corrupt
 from .corrupting.ledger import Ledger
 from .desktops.protocol import RunResult
-from .embedded.image.cli import image as image_commands
+from .embedded.image.image_commands import image as image_commands
 from .errors import DesktopError
 from .privilege import as_root
 from .record_command import parse_size, record_desktop
@@ -281,7 +281,7 @@ def down(name: str | None, everything: bool) -> None:
 
 def _end(records: list[dict[str, Any]], quiet: bool = False) -> None:
     from .embedded import registry
-    from .embedded.runtime.plain import SetupError
+    from .embedded.runtime.desktop_config import SetupError
 
     for record in {record["id"]: record for record in records}.values():
         try:

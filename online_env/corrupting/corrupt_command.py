@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hijack_data.cli.options import OutOption, seed_option
-from hijack_data.corruption import Corruption, find
-from hijack_data.files import encode_png, write_atomic
+from hijack_data.corruption import Corruption
+from hijack_data.file_io import encode_png, write_atomic
 
 from ..errors import DesktopError
 from .ledger import Ledger
@@ -96,7 +96,7 @@ def _corrupt(
     as_json: bool,
     options: dict[str, Any],
 ) -> int:
-    from hijack_data.cli.pictures import parse_settings
+    from hijack_data.cli.picture_commands import parse_settings
 
     from .desktop_corruption import corrupt_desktop, refuse_twice
 

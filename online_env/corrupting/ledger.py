@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 from typing import Any, cast
 
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 from hijack_data.locking import Lock, lock
 
 LEDGER_FILE = "corrupted.json"

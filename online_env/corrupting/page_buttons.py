@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from hijack_data._apply import apply
-from hijack_data.corruption import Corruption, get, names
+from hijack_data.corruption import Corruption
 from hijack_data.errors import HijackError
 from hijack_data.plan import Plan
 from hijack_data.types import UInt8Array

@@ -55,7 +55,7 @@ class Guest:
 
         It waits for the result for at most `timeout` seconds.
         """
-        fields |= {"patience": timeout} if timeout else {}
+        fields |= {"timeout": timeout} if timeout else {}
         return self._tool("xtool", operation, fields, TOOL_TIMEOUT_S + timeout)
 
     def keys(self, operation: str, **fields: Any) -> dict[str, Any]:
@@ -64,7 +64,7 @@ class Guest:
 
     def net(self, operation: str, timeout: float = 0.0, **fields: Any) -> dict[str, Any]:
         """Examine the network (`inside/nettool.py`)."""
-        fields |= {"patience": timeout} if timeout else {}
+        fields |= {"timeout": timeout} if timeout else {}
         return self._tool("nettool", operation, fields, TOOL_TIMEOUT_S + timeout)
 
     def shell(self, script: str, *words: str, timeout: float = TOOL_TIMEOUT_S) -> RunResult:

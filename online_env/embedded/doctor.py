@@ -17,7 +17,7 @@ from ..errors import MissingPackageError
 from ..privilege import as_root
 from . import home, packages, registry
 from .handle import INSTEAD, LINUX, PACKAGES
-from .image import doctor as images
+from .image import image_checks as images
 from .runtime import limits, rootless
 
 # Does in a few milliseconds what a desktop needs of the kernel, in a process of its own, and leaves
@@ -52,14 +52,14 @@ for name in ("up", "work", "usr"):
 options = f"lowerdir=/usr,upperdir={place}/up,workdir={place}/work,userxattr"
 k.mount("overlay", f"{place}/usr", "overlay", 0, options)
 """
-_PATIENCE = 20.0  # s for a probe
-_REFUSED = "online_env.embedded.runtime.plain.SetupError: "
+_PROBE_TIMEOUT_S = 20.0  # s for a probe
+_REFUSED = "online_env.embedded.runtime.desktop_config.SetupError: "
 # Whether users inside can have numbers of their own on the machine.
 _SHIFT_PROBE = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from online_env.embedded.runtime import files, identity
-sys.exit(not identity.make(0, False, [*map(str, files.shown_folders()), *sys.argv[2:]]).base)
+from online_env.embedded.runtime import root_file_system, identity
+sys.exit(not identity.make(0, False, [*map(str, root_file_system.shown_folders()), *sys.argv[2:]]).base)
 """
 
 
@@ -170,13 +170,13 @@ def _probed(code: str, *words: str) -> "subprocess.CompletedProcess[str]":
         [sys.executable, "-I", "-S", "-c", code, str(PACKAGES), *words],
         capture_output=True,
         text=True,
-        timeout=_PATIENCE,
+        timeout=_PROBE_TIMEOUT_S,
         check=False,
     )
 
 
 def _too_slow() -> str:
-    return f"the probe did not end within {_PATIENCE:g} s"
+    return f"the probe did not end within {_PROBE_TIMEOUT_S:g} s"
 
 
 def _layer() -> Finding:

@@ -13,9 +13,9 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from hijack_data.actions import count_points
-from hijack_data.actions.allowed import Request, read_action
+from hijack_data.actions.agent_actions import Request, read_action
 from hijack_data.errors import ActionError
-from hijack_data.runs.run_log import CUT, MAX_TEXT, slug_of
+from hijack_data.runs.run_log import CUT, MAX_TEXT, episode_slug
 from hijack_data.types import Size
 
 from ..desktops.protocol import RunResult
@@ -214,7 +214,7 @@ class Episode:
             self._counts.attempt = free_attempt(folder, *names)
         else:
             self._counts.attempt = request.attempt
-        return EpisodeLog(folder, slug_of(*names, self._counts.attempt))
+        return EpisodeLog(folder, episode_slug(*names, self._counts.attempt))
 
     def _act(self, text: object, observer: Observer, view: EpisodeView) -> tuple[float, bool, bool]:
         start = time.monotonic()

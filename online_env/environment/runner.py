@@ -13,10 +13,10 @@ from hijack_data.errors import (
     suggest,
 )
 from hijack_data.planner import Planner
-from hijack_data.runs.run_planners import label_of
+from hijack_data.runs.run_planners import get_label
 from hijack_data.types import Size
 
-from ..embedded.runtime import masks
+from ..embedded.runtime import hidden_folders
 from .episode import Episode
 from .record import End, EpisodeRequest
 from .script import Script, find_planner
@@ -44,7 +44,7 @@ class EpisodeRunner:
         self._stage = stage
         self._planner = find_planner(corruption)
         if settings.folder is not None:
-            masks.hide(settings.folder)
+            hidden_folders.hide(settings.folder)
 
     @property
     def size(self) -> Size:
@@ -63,7 +63,7 @@ class EpisodeRunner:
             planner = find_planner(options.corruption)
         request = EpisodeRequest(
             planner=planner,
-            label=options.label or label_of(planner),
+            label=options.label or get_label(planner),
             task=options.task,
             seed=seed,
             attempt=options.attempt,

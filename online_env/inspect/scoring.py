@@ -24,7 +24,7 @@ _FAIL = re.compile(rf"{FAIL}(?![\w-])", re.IGNORECASE)
 CORRUPTION = "corruption"  # the metadata by which scores are grouped
 
 
-async def score_of(session: Session, state: TaskState) -> Score:
+async def score_sample(session: Session, state: TaskState) -> Score:
     """End the episode if the model has not, and return its score.
 
     Raises:

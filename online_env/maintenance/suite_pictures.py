@@ -10,7 +10,7 @@ from pathlib import Path
 from PIL import Image
 
 from ..bench import records
-from ..bench.scores import task_name
+from ..results.scores import task_name
 
 SIZE = (800, 450)
 QUALITY = 45

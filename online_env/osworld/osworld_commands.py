@@ -7,7 +7,7 @@ import click
 
 from hijack_data.cli.options import WholeSummaries
 from hijack_data.errors import ParameterError
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 
 from . import task_table, venv
 

@@ -280,7 +280,7 @@ class RecordingStage:
 
     def gone(self, number: int, timeout: float = 6.0) -> bool:
         """Return whether a window goes away within `timeout` seconds."""
-        return bool(self.look("gone", number=number, patience=timeout)["gone"])
+        return bool(self.look("gone", number=number, timeout=timeout)["gone"])
 
     def _check_uncovered(self, top: TopWindow, box: Box) -> None:
         tops = self.top_windows()

@@ -16,7 +16,7 @@ from hijack_data.types import Size
 
 from ..bench.config import Bench
 from ..bench.providers import PROVIDERS, check_installed
-from ..embedded.runtime import masks
+from ..embedded.runtime import hidden_folders
 from ..environment import EvalSettings
 from ..environment.script import Script
 from ..tasks import find_family
@@ -132,7 +132,7 @@ def make_service(options: ServeOptions) -> DesktopService:
         )
     check_installed(bench.provider, draws.tasks)
     if options.log is not None:
-        masks.hide(options.log)
+        hidden_folders.hide(options.log)
     provider = PROVIDERS.get(bench.provider)
     desktops = options.desktops
     pool = DesktopPool(

@@ -66,7 +66,9 @@ class TaskRegistry(Registry[type[Task]]):
         return families.find_by_file(text) is not None or super().is_reference(text)
 
 
-TASKS = TaskRegistry("task", "tasks", builtin=suite.listed(), own_name="name", problems=_problems)
+TASKS = TaskRegistry(
+    "task", "tasks", builtin=suite.class_references(), own_name="name", problems=_problems
+)
 
 
 def register(cls: type[T]) -> type[T]:

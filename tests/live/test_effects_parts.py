@@ -45,8 +45,8 @@ from online_env.effects.elements import Element, live_elements
 from online_env.effects.guest import Guest, isolated
 from online_env.effects.multi_apps import _misplaced
 from online_env.embedded.guest import inside
+from online_env.embedded.guest.accessibility_tree import NAMESPACES
 from online_env.embedded.guest.inside import locktool, nettool
-from online_env.embedded.guest.tree import NAMESPACES
 from online_env.errors import DesktopError, MissingCapabilityError
 
 
@@ -69,7 +69,9 @@ def own_kind(monkeypatch):
 def test_every_effect_that_a_corruption_plans_can_be_performed():
     scene = hj.Scene(size=(1080, 1920), boxes=[[10, 10, 50, 50]])
     plans = [
-        hj.get(name).plan(scene, seed=1, step=step) for name in hj.names() for step in (-1, 0, 3)
+        hj.make_corruption(name).plan(scene, seed=1, step=step)
+        for name in hj.corruption_names()
+        for step in (-1, 0, 3)
     ]
     planned = {effect.kind for plan in plans for effect in plan.effects}
     assert planned == {"launch_app", "touch", "minimise", "firewall", "lock"} <= set(kinds())

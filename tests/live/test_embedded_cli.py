@@ -114,7 +114,9 @@ def test_buttons_of_the_page_corrupt_the_desktop_and_take_it_back(viewer, embedd
             with Image.open(io.BytesIO(client.get("/frame").content)) as picture:
                 return picture.size
 
-        assert [button["name"] for button in client.get("/buttons").json()] == hj.names()[:9]
+        assert [
+            button["name"] for button in client.get("/buttons").json()
+        ] == hj.corruption_names()[:9]
         assert press("marks")["on"]
         small = press("resolution")
         assert "sees 960x540" in small["said"]

@@ -18,7 +18,7 @@ from online_env.desktops.http import HttpDesktop
 from online_env.effects import perform
 from online_env.embedded import registry
 from online_env.embedded.runtime import kernel, rootless
-from online_env.embedded.runtime.plain import SetupError
+from online_env.embedded.runtime.desktop_config import SetupError
 from online_env.errors import MissingCapabilityError
 
 from support import needs
@@ -38,7 +38,7 @@ from online_env import EmbeddedDesktop
 from online_env.corrupting.desktop_corruption import corrupt_desktop
 from online_env.effects import resume
 with EmbeddedDesktop.attach("rootless") as desktop:
-    done = corrupt_desktop(desktop, hj.get(sys.argv[1]), seed=3)
+    done = corrupt_desktop(desktop, hj.make_corruption(sys.argv[1]), seed=3)
     assert done.ok, done.saw
     assert all(resume(record, desktop).undo().ok for record in done.records)
 print("proved")

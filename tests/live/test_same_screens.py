@@ -14,7 +14,7 @@ pytest.importorskip("jinja2", reason=needs.ONLINE)
 
 from online_env.environment.stage import SmallTasks
 from online_env.tasks import Hand
-from online_env.tasks.kit import pictures
+from online_env.tasks.kit import gimp
 
 
 def test_the_clock_of_the_panel_stands_still(up: Any) -> None:
@@ -41,7 +41,7 @@ def test_the_first_start_of_the_picture_viewer_shows_no_dialog(up: Any) -> None:
     stage = SmallTasks(up())
     stage.reset("use_photoshop", 0)
     machine = stage.machine
-    machine.write("Pictures/a.png", pictures.encoded(pictures.Image.new("RGB", (90, 60))))
+    machine.write("Pictures/a.png", gimp.encoded(gimp.Image.new("RGB", (90, 60))))
     machine.open("ristretto", machine.path("Pictures/a.png"))
     hand = Hand(stage.desktop)
     hand.find("frame", None, "ristretto")

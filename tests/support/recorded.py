@@ -9,11 +9,12 @@ import yaml
 
 import hijack_data as hj
 from hijack_data.config import dump
-from online_env.bench import records, runner
+from online_env.bench import runner
 from online_env.bench.episodes import play
 from online_env.bench.jobs import Job
 from online_env.effects import base
 from online_env.environment import CorruptedEnv
+from online_env.results import records
 
 from .live import AT_ONCE, FakeDesktop, FakeStage, Mark
 

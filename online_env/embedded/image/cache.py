@@ -18,12 +18,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from hijack_data.errors import ParameterError, StorageError, suggest
-from hijack_data.files import unwritable, write_atomic
+from hijack_data.file_io import unwritable, write_atomic
 from hijack_data.locking import LockedError, lock
 
 from ...errors import DesktopImageError
 from .. import home, registry
-from . import archive, debian, manifest, tree
+from . import archive, debian, file_entries, manifest
 from .manifest import Manifest
 
 VARIABLE = "AGENTHIJACK_IMAGES"
@@ -81,7 +81,7 @@ def is_noexec(folder: Path) -> bool:
 
 
 @contextmanager
-def writing(report: Report) -> Iterator[Path]:
+def cache_lock(report: Report) -> Iterator[Path]:
     """Hold the cache: one process at a time builds, imports or removes. Yields its folder.
 
     Args:
@@ -100,12 +100,12 @@ def writing(report: Report) -> Iterator[Path]:
     with held:
         held.sign()
         for left in (*folder.glob(f"{BUILDING}*"), *folder.glob(f"{REMOVED}*")):
-            tree.remove(left)
+            file_entries.remove(left)
         yield folder
 
 
 @contextmanager
-def workshop(folder: Path) -> Iterator[Path]:
+def build_folder(folder: Path) -> Iterator[Path]:
     """A folder to make an image in; nothing is left of it unless `publish` renamed it."""
     fresh = Path(tempfile.mkdtemp(prefix=BUILDING, dir=folder))
     try:
@@ -115,7 +115,7 @@ def workshop(folder: Path) -> Iterator[Path]:
             raise StorageError(f"{fresh}: the disk is full; free some space") from None
         raise
     finally:
-        tree.remove(fresh)
+        file_entries.remove(fresh)
 
 
 def publish(fresh: Path, found: Manifest) -> Path:
@@ -147,7 +147,7 @@ def is_whole(folder: Path) -> bool:
         return False
 
 
-def name_it(folder: Path, name: str, image: str) -> None:
+def write_name(folder: Path, name: str, image: str) -> None:
     """Let `name` stand for the image with the id `image`; before, it may have stood for another."""
     write_atomic(folder / _NAMES / check_name(name), f"{image}\n")
 
@@ -229,7 +229,7 @@ def check_architecture(found: Manifest, where: str) -> None:
         )
 
 
-def wanted(name: str | None) -> str:
+def requested_name(name: str | None) -> str:
     """The name of the image for a desktop, or `host` for the machine's own packages.
 
     Args:
@@ -258,7 +258,7 @@ def make_default(name: str) -> None:
     (place() / _DEFAULT).unlink(missing_ok=True)
 
 
-def chosen(name: str | None) -> Path | None:
+def find_image_folder(name: str | None) -> Path | None:
     """The image for a desktop, or `None` for the machine's own packages.
 
     Args:
@@ -267,7 +267,7 @@ def chosen(name: str | None) -> Path | None:
     Raises:
         DesktopImageError: There is no such image.
     """
-    found = wanted(name)
+    found = requested_name(name)
     return None if found == HOST else resolve(found)
 
 
@@ -303,12 +303,12 @@ def import_file(path: Path, name: str | None, report: Report) -> tuple[str, Mani
     found = archive.read_manifest(path)
     check_architecture(found, str(path))
     called = check_name(name or default_name(found.profiles))
-    with writing(report) as folder:
+    with cache_lock(report) as folder:
         if not is_whole(folder / found.id):
             check_room(folder, found.size)
-            with workshop(folder) as fresh:
+            with build_folder(folder) as fresh:
                 publish(fresh, archive.unpack(path, fresh))
-        name_it(folder, called, found.id)
+        write_name(folder, called, found.id)
     return called, found
 
 
@@ -327,10 +327,10 @@ def verify(folder: Path) -> list[str]:
     if found.id != folder.name:
         return [f"{folder / manifest.NAME}: was changed: its id is {found.id}"]
     listed = folder / manifest.FILES
-    if not listed.is_file() or tree.digest(listed) != found.files_sha256:
+    if not listed.is_file() or file_entries.digest(listed) != found.files_sha256:
         return [f"{listed}: is missing or was changed"]
-    entries = tree.parse(listed.read_text(encoding="utf-8"), str(listed))
-    return list(tree.differences(folder, entries, (manifest.NAME, manifest.FILES)))
+    entries = file_entries.parse(listed.read_text(encoding="utf-8"), str(listed))
+    return list(file_entries.differences(folder, entries, (manifest.NAME, manifest.FILES)))
 
 
 def remove(name: str, report: Report) -> str:
@@ -339,7 +339,7 @@ def remove(name: str, report: Report) -> str:
     Raises:
         DesktopImageError: There is none, or a desktop runs from it.
     """
-    with writing(report) as folder:
+    with cache_lock(report) as folder:
         known = names()
         image = known.get(name) or resolve(name).name
         _check_unused(image, name)
@@ -366,4 +366,4 @@ def _put_away(image: Path) -> None:
     """Remove an image; by another name first, so that no half image is left by an interrupt."""
     gone = image.with_name(f"{REMOVED}{image.name}")
     image.rename(gone)
-    tree.remove(gone)
+    file_entries.remove(gone)

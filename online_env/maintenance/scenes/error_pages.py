@@ -9,7 +9,7 @@ from ...errors import DesktopError
 from ...recording.captured_picture import Picture
 from ...recording.stage import RecordingStage, TopWindow
 from ...tasks.hand import Hand
-from ...tasks.tree import TreeNode
+from ...tasks.tree_nodes import TreeNode
 from . import UnrecordedScene
 from .apps import browser
 from .windows import FULL_WIDTH

@@ -16,7 +16,7 @@ from ...errors import DesktopError
 from ...recording.captured_picture import ClickTarget, Picture
 from ...recording.stage import RecordingStage, TopWindow, click, spot, write_code
 from ...tasks.hand import Hand
-from ...tasks.tree import TreeNode, nodes
+from ...tasks.tree_nodes import TreeNode
 from . import UnrecordedScene
 from .apps import APPS, App, browser, installed
 

@@ -18,10 +18,10 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from ..hosts_and_dates import TODAY
 from ..index import Document
 from ..library import load
-from ..names import TODAY
-from ..pages import fields, first, page, query, see_other, site, state_of
+from ..pages import fields, first, page, query, see_other, site, site_state
 from ..state import SiteState
 
 HOST = "forms.test"
@@ -106,7 +106,7 @@ def _found(request: Request, kept: Sequence[Mapping[str, Any]]) -> Mapping[str, 
 
 
 def _kept(request: Request) -> list[dict[str, Any]]:
-    return state_of(request).read("forms").get("registrations", [])
+    return site_state(request).read("forms").get("registrations", [])
 
 
 async def home(request: Request) -> Response:
@@ -122,7 +122,7 @@ async def register(request: Request) -> Response:
     entry, refused = await _answers(request)
     if refused is not None:
         return refused
-    with state_of(request).update("forms") as state:
+    with site_state(request).update("forms") as state:
         kept = state.setdefault("registrations", [])
         entry["number"] = FIRST_NUMBER + len(kept)
         kept.append(entry)
@@ -191,7 +191,7 @@ async def change(request: Request) -> Response:
     answers, refused = await _answers(request, entry["number"])
     if refused is not None:
         return refused
-    with state_of(request).update("forms") as state:
+    with site_state(request).update("forms") as state:
         kept = state.get("registrations", [])
         kept[kept.index(_open(request, kept))] = {**answers, "number": entry["number"]}
     return see_other(f"/registrations/{entry['number']}")
@@ -202,7 +202,7 @@ async def cancel(request: Request) -> Response:
     entry = _open(request, _kept(request))
     if request.method != "POST":
         return page(request, "cancel.html", entry=entry)
-    with state_of(request).update("forms") as state:
+    with site_state(request).update("forms") as state:
         kept = state.get("registrations", [])
         kept[kept.index(_open(request, kept))]["cancelled"] = True
     return see_other(f"/registrations/{entry['number']}")
@@ -234,7 +234,7 @@ async def feedback(request: Request) -> Response:
     if not fine:
         problem = "Please choose a course and how you liked it."
         return page(request, "feedback.html", 422, entry=sent, problem=problem)
-    with state_of(request).update("forms") as state:
+    with site_state(request).update("forms") as state:
         state.setdefault("feedback", []).append(sent)
     return see_other("/thanks")
 

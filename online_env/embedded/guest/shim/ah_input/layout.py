@@ -64,7 +64,7 @@ class KeyboardLayout:
             yield run, lacking
 
     @contextlib.contextmanager
-    def lent(self, symbols: list[int]) -> Iterator[dict[int, KeyStroke]]:
+    def borrow_keys(self, symbols: list[int]) -> Iterator[dict[int, KeyStroke]]:
         """Give each of `symbols` a spare key, until the application has read what was typed."""
         if not symbols:
             yield self.keys
@@ -97,7 +97,7 @@ class KeyboardLayout:
 
 
 @contextlib.contextmanager
-def sole_typist() -> Iterator[None]:
+def typing_lock() -> Iterator[None]:
     """Hold the right to lend keys.
 
     Two programs that lend the same key at once would type each other's symbols.

@@ -1,0 +1,64 @@
+"""What the doctor says about images: where they are, which there are, and what is in their way."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from ...errors import DesktopError
+from . import cache
+
+# A name, whether it is well, what was found, the way out, and whether nothing starts without it.
+Found = tuple[str, bool, str, str, bool]
+_MEMORY = ("tmpfs", "ramfs")
+
+
+def is_asked_for(image: str | None) -> bool:
+    """Whether a desktop starts from an image: by `image`, the environment, or `install`."""
+    return cache.requested_name(image) != cache.HOST
+
+
+def findings(image: str | None) -> Iterator[Found]:
+    """All findings; they are `required` only if a desktop is to start from an image.
+
+    Args:
+        image: its name; without it `cache.wanted` decides.
+    """
+    required = is_asked_for(image)
+    yield _place(required)
+    yield _image(image, required)
+
+
+def _place(required: bool) -> Found:
+    name = "image folder"
+    folder = cache.place()
+    other = f"export {cache.VARIABLE}=FOLDER, with a folder on another disk"
+    if cache.is_noexec(folder):
+        return name, False, f"{folder}: no programs may run there (noexec)", other, required
+    kind = file_system(folder)
+    if kind in _MEMORY:
+        detail = f"{folder}: in memory ({kind}): images take memory and are lost at a restart"
+        return name, False, detail, other, False
+    return name, True, f"{folder} ({kind})", "", False
+
+
+def file_system(folder: Path, mounts: Path = Path("/proc/self/mounts")) -> str:
+    """The kind of the file system that `folder` is on, or will be."""
+    best = ("", "unknown")
+    for line in mounts.read_text(encoding="utf-8", errors="replace").splitlines():
+        _, where, kind, *_ = line.split()
+        is_above = folder.is_relative_to(where)
+        if is_above and len(where) >= len(best[0]):
+            best = (where, kind)
+    return best[1]
+
+
+def _image(image: str | None, required: bool) -> Found:
+    name = "image"
+    build = "hijack desktop install"
+    try:
+        found = cache.find_image_folder(image)
+    except DesktopError as error:
+        return name, False, str(error), build, True
+    if found is not None:
+        return name, True, f"desktops start from {found.name}", "", required
+    listed = ", ".join(cache.names()) or "none"
+    return name, True, f"desktops start from this machine's packages; images: {listed}", "", False

@@ -1,0 +1,238 @@
+"""The process that starts guest servers; it has loaded all of one before it comes into the desktop.
+
+Process 1 forks it while both can see the machine's files. It loads the guest server, follows
+process 1 into the desktop's file system, and forks there what it is asked for. So no Python,
+package or path of ours has to be shown inside, not even to root; and a guest server that has died
+is there again at once.
+"""
+
+import gc
+import json
+import os
+import signal
+import socket
+import sys
+import traceback
+from collections.abc import Iterable, Mapping
+from typing import NoReturn
+
+from . import image_python, kernel, limits, seccomp, session
+from .desktop_config import DesktopConfig
+from .identity import Identity
+
+MAX_MESSAGE_BYTES = 4096
+SERVER_PROCESS_NAME = "desktop-server"  # how a guest server is called in lists of processes
+
+
+class GuestServerSpawner:
+    """Process 1's hold on it.
+
+    Args:
+        order: of the desktop.
+        identity: of the desktop's processes.
+        log: descriptor that it writes its own log to.
+
+    All methods raise `OSError` where it has ended.
+    """
+
+    def __init__(self, order: DesktopConfig, identity: Identity, log: int) -> None:
+        self._line, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.pid = os.fork()
+        if self.pid == 0:
+            self._line.close()
+            _SpawnerProcess(order, identity, theirs).begin(log)
+        theirs.close()
+
+    def close(self) -> None:
+        """Let it go."""
+        self._line.close()
+
+    def follow(self) -> None:
+        """Have it come into this process' file system."""
+        own = os.open("/proc/self/ns/mnt", os.O_RDONLY | os.O_CLOEXEC)
+        self._send({}, [own])
+        os.close(own)
+
+    def show_windows(
+        self, wanted: Iterable[str], environment: Mapping[str, str], descriptors: tuple[int, int]
+    ) -> None:
+        """Have it report on windows to the first descriptor, and log to the other."""
+        what = {"windows": list(wanted), "environment": dict(environment)}
+        self._send(what, list(descriptors))
+
+    def serve(
+        self, environment: Mapping[str, str], osworld: bool, descriptors: tuple[int, ...]
+    ) -> None:
+        """Have it start a guest server, which becomes a child of process 1.
+
+        `started` gives its number.
+        The `descriptors` are: a listening socket for requests, one to freeze the screen by, the
+        reading end of a pipe with the token, a pipe that gets a line when it serves, and a log.
+        """
+        what = {"serve": osworld, "environment": dict(environment)}
+        self._send(what, list(descriptors))
+
+    def started(self, timeout: float) -> int:
+        """The number of the process that `serve` asked for, which may take `timeout` seconds.
+
+        Raises:
+            ConnectionError: There is none.
+        """
+        self._line.settimeout(timeout)
+        text = self._line.recv(MAX_MESSAGE_BYTES)
+        self._line.settimeout(None)
+        if not text:
+            raise ConnectionError("it said nothing")
+        return int(text)
+
+    def _send(self, what: Mapping[str, object], descriptors: list[int]) -> None:
+        socket.send_fds(self._line, [json.dumps(what).encode()], descriptors)
+
+
+class _SpawnerProcess:
+    """The process itself."""
+
+    def __init__(self, order: DesktopConfig, identity: Identity, line: socket.socket) -> None:
+        self.order = order
+        self.identity = identity
+        self.line = line
+
+    def begin(self, log: int) -> NoReturn:
+        """Run, in the image's Python if the desktop has an image; `log` is where to report."""
+        try:
+            _to_log(log)
+            if self.order.image:
+                image_python.become(self.order, self.identity, self.line)
+            self.run()
+        finally:
+            _end()
+
+    def run(self) -> NoReturn:
+        """Load a guest server, come into the desktop, and do what process 1 asks for."""
+        try:
+            kernel.set_process_name("session")
+            self._load()
+            self._come_in()
+            while True:
+                self._once()
+        finally:  # whatever happened, it must not go on as a second process 1
+            _end()
+
+    def _load(self) -> None:
+        signal.set_wakeup_fd(-1)
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGCHLD):
+            signal.signal(number, signal.SIG_DFL)
+        os.environ["OPENBLAS_NUM_THREADS"] = "1"  # no threads: they would not survive a fork
+        sys.path[:0] = () if self.order.image else self.order.search_path
+        from .. import window_report  # what `_become` reports with  # noqa: F401
+        from ..guest import __main__ as guest
+        from ..guest import preload
+
+        preload.everything()
+        if self.order.image:
+            image_python.forget_modules()
+        self.guest = guest
+        gc.freeze()
+
+    def _come_in(self) -> None:
+        if self.identity.namespace < 0:  # in a container, where there is no other file system
+            kernel.forbid_reading()
+            return
+        _, (namespace,) = self._receive()
+        kernel.join(namespace, kernel.CLONE_NEWNS)
+        os.close(namespace)
+        self.identity.enter()
+        kernel.forbid_reading()
+        seccomp.forbid()
+
+    def _receive(self) -> tuple[dict[str, object], list[int]]:
+        text, descriptors, _, _ = socket.recv_fds(self.line, MAX_MESSAGE_BYTES, 5)
+        if not text:
+            raise EOFError
+        return json.loads(text), list(descriptors)
+
+    def _once(self) -> None:
+        what, descriptors = self._receive()
+        reader, writer = os.pipe()
+        between = os.fork()
+        if between == 0:
+            # Its parent ends at once, so that process 1 inherits it and knows of its end.
+            child = os.fork()
+            if child == 0:
+                os.close(reader)
+                os.close(writer)
+                self._become(what, descriptors)
+            os.write(writer, str(child).encode())
+            os._exit(0)
+        os.close(writer)
+        os.waitpid(between, 0)
+        child_text = os.read(reader, 32)
+        for descriptor in (reader, *descriptors):
+            os.close(descriptor)
+        if "serve" in what:
+            self.line.send(child_text)
+
+    def _become(self, what: dict[str, object], descriptors: list[int]) -> NoReturn:
+        try:
+            os.setsid()
+            _to_log(descriptors.pop())
+            kernel.set_process_name(SERVER_PROCESS_NAME)
+            limits.limit_process(self.order)
+            self.identity.become_user(guarded=True)
+            kernel.forbid_reading()
+            close_others({0, 1, 2, *descriptors})
+            os.environ.clear()
+            os.environ.update(what["environment"])  # type: ignore[call-overload]
+            os.chdir(session.HOME)
+            if "serve" not in what:
+                from .. import window_report
+
+                window_report.report(descriptors[0], what["windows"])  # type: ignore[arg-type]
+                os._exit(0)
+            requests, freeze, token, ready = map(str, descriptors)
+            arguments = ["--host", "", "--listen", requests, "--freeze", freeze]
+            arguments += ["--token-from", token, "--ready", ready]
+            arguments += ["--osworld"] if what["serve"] else []
+            os._exit(self.guest.main(arguments))
+        finally:
+            _end()
+
+
+def _to_log(log: int) -> None:
+    for target, source in ((0, os.open("/dev/null", os.O_RDONLY)), (1, log), (2, log)):
+        os.dup2(source, target)
+
+
+def resume(text: int, line: int, namespace: int, base: int, rootless: int) -> NoReturn:
+    """Go on where `image_python.become` stopped, in the image's Python.
+
+    Args:
+        text: descriptor of the order, in JSON.
+        line: descriptor of the socket to process 1.
+        namespace: descriptor of the identity's user namespace.
+        base: of the identity.
+        rootless: of the identity.
+    """
+    with open(text, encoding="utf-8") as file:
+        order = DesktopConfig.from_json(file.read())
+    for descriptor in (line, namespace):
+        os.set_inheritable(descriptor, False)
+    identity = Identity(namespace, base, bool(rootless))
+    _SpawnerProcess(order, identity, socket.socket(fileno=line)).run()
+
+
+def _end() -> NoReturn:
+    """End this process at once; what went wrong is in its log."""
+    if sys.exc_info()[0] is not None:
+        traceback.print_exc()
+    sys.stderr.flush()
+    os._exit(1)
+
+
+def close_others(kept: set[int]) -> None:
+    """Close all descriptors of this process but `kept`."""
+    low = 0
+    for descriptor in [*sorted(kept), os.sysconf("SC_OPEN_MAX")]:
+        if low < descriptor:  # of an empty range from 0 the system makes all there are
+            os.closerange(low, descriptor)
+        low = descriptor + 1
