@@ -1,15 +1,16 @@
 """Desktops behind `hijack serve`: what the server adds to a reset and a step, and what it leaks.
 
 `hijack desktop install` and the extra `serve` are needed. By default the same episodes are played in
-this process and through a server, in turn, with 1, 2 and 4 sessions. `--soak MINUTES` lets sessions
-play for so long, and reads the server's own metrics before and after.
+this process and through a server, in turn, with 1, 2 and 4 sessions. `--soak MINUTES` lets the hostile
+clients of tests/online_env/test_serving_soak.py act for so long on real desktops, and reads the
+server's own metrics before and after.
 """
 
 import argparse
 import contextlib
-import itertools
 import os
 import re
+import secrets
 import signal
 import statistics
 import subprocess
@@ -18,15 +19,21 @@ import threading
 import time
 import urllib.request
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from common import machine, table
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
+
+from support import hostile_clients
+
 HIJACK = (sys.executable, "-m", "hijack_data.cli", "serve", "embedded")
 SIZE = "1280x720"
 TASK = "write_note"
+TOKEN_VARIABLE = "AGENTHIJACK_SERVE_TOKEN"
 START = 180.0  # seconds that a server may take to start
 SETTLED = 5  # minutes until the soak is measured from: by then everything was loaded once
 
@@ -80,23 +87,20 @@ class InProcess:
 class ThroughServer:
     """OpenEnv's client and a server that this starts."""
 
-    def __init__(self, count: int, desktops: int, *words: str) -> None:
+    def __init__(self, count: int, desktops: int, *words: str, token: str = "") -> None:
         from openenv.core.generic_client import GenericEnvClient
 
         command = [*HIJACK, "--tasks", TASK, "--desktops", str(desktops), "--size", SIZE]
         command += ["--max-steps", "60", "--port", "0", *words]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self.token = token
+        environment = {**os.environ, TOKEN_VARIABLE: token} if token else None
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
         self.url = _address(self.process)
         self._new = GenericEnvClient
         self._clients = [self._client() for _ in range(count)]
 
     def _client(self) -> Any:
         return self._new(base_url=self.url, message_timeout_s=300).sync()
-
-    def leave(self, number: int) -> None:
-        """Drop the connection of a session, and make another one."""
-        self._clients[number].close()
-        self._clients[number] = self._client()
 
     def reset(self, number: int, seed: int | None) -> None:
         """Begin a clean episode."""
@@ -106,17 +110,15 @@ class ThroughServer:
         """Take an action."""
         return self._clients[number].step({"action": code})
 
-    def draw(self, number: int) -> Any:
-        """Begin an episode of whatever the server draws."""
-        return self._clients[number].reset()
-
     def end(self, number: int) -> None:
         """End the episode."""
         self.step(number, "DONE")
 
     def metrics(self) -> dict[str, float]:
         """Return the server's metrics; those with labels under `name{labels}`."""
-        with urllib.request.urlopen(f"{self.url}/metrics", timeout=30) as answer:
+        headers = {"Authorization": f"Bearer {self.token}"} if self.token else {}
+        request = urllib.request.Request(f"{self.url}/metrics", headers=headers)
+        with urllib.request.urlopen(request, timeout=30) as answer:
             lines = answer.read().decode().splitlines()
         pairs = (line.rsplit(" ", 1) for line in lines if not line.startswith("#"))
         return {name: float(value) for name, value in pairs}
@@ -219,60 +221,36 @@ def _row(name: str, count: int, found: Timings) -> list[str]:
 
 
 def soak(minutes: float, sessions: int, desktops: int) -> str:
-    """Let sessions play for a while; return what the server held before and after."""
+    """Let hostile clients act for a while; return what the server held before and after."""
     words = ("--sessions", str(2 * sessions), "--line", str(sessions), "--wait", "280")
-    with closing(ThroughServer(sessions, desktops, *words)) as place:
-        played(place, sessions, 1, 1)
+    token = secrets.token_hex(16)
+    with closing(ThroughServer(0, desktops, *words, token=token)) as place:
+        samples = [held(place)]
         start = time.monotonic()
-        samples = [held(place, desktops)]
-        stop = threading.Event()
-        done = threading.Thread(target=together, args=(sessions, _player(place, stop)))
-        done.start()
-        while time.monotonic() - start < minutes * 60 and done.is_alive():
-            time.sleep(min(60.0, minutes * 20))
-            samples.append(held(place, desktops))
-            print(samples[-1], file=sys.stderr, flush=True)
-        if not done.is_alive():
-            sys.exit("a session has failed")
-        stop.set()
-        done.join()
-        after = held(place, desktops)
+        with ThreadPoolExecutor(1) as thread:
+            future = thread.submit(hostile_clients.soak, place.url, token, sessions, minutes * 60)
+            while not future.done():
+                wait([future], min(60.0, minutes * 20))
+                samples.append(held(place))
+                print(samples[-1], file=sys.stderr, flush=True)
+        problems = [problem for client in future.result() for problem in client.problems]
+        seconds = time.monotonic() - start
+    if problems:
+        sys.exit(f"clients met {len(problems)} problems, the first: {problems[0]}")
+    after = samples[-1]
     base = samples[min(SETTLED, len(samples) - 1)]
     names = ("minutes", "episodes", "steps", "memory", "descriptors", "threads", "keepers")
     rows = [
         [name, _shown(name, samples[0]), _shown(name, base), _shown(name, after)] for name in names
     ]
-    seconds = after["minutes"] * 60
     return (
-        f"{sessions} sessions on {desktops} desktops, corruptions drawn by the server:\n\n"
+        f"{sessions} hostile clients on {desktops} desktops, corruptions drawn by the server:\n\n"
         f"{table(('', 'at the start', 'once loaded', 'at the end'), rows)}\n\n"
         f"{after['steps'] / seconds:.2f} steps a second; problems: {int(after['problems'])}."
     )
 
 
-def _player(place: ThroughServer, stop: threading.Event) -> Callable[[int], None]:
-    """Return a session that plays until it is stopped; every fifth time it leaves in mid-episode."""
-
-    def session(number: int) -> None:
-        for episode in itertools.count():
-            if stop.is_set():
-                return
-            over = place.draw(number).done
-            for step in range(5):
-                if over:
-                    break
-                over = place.step(number, f"pyautogui.click({200 + 90 * step}, 300)").done
-            if over:
-                continue
-            if episode % 5 == 4:
-                place.leave(number)
-            else:
-                place.end(number)
-
-    return session
-
-
-def held(place: ThroughServer, desktops: int) -> dict[str, float]:
+def held(place: ThroughServer) -> dict[str, float]:
     """Return what a server holds."""
     metrics = place.metrics()
     pid = place.process.pid

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from .embedded.desktop import EmbeddedDesktop as EmbeddedDesktop
     from .environment import CorruptedEnv as CorruptedEnv
     from .environment import EvalSettings as EvalSettings
-    from .environment import OsworldStage as OsworldStage
     from .environment import SmallTasks as SmallTasks
     from .environment import register_envs as register_envs
+    from .osworld.stage import OsworldStage as OsworldStage
 
 register_with_gymnasium()
 
@@ -35,7 +35,7 @@ _HOMES = {
     "EmbeddedDesktop": ".embedded.desktop",
     "EvalSettings": ".environment",
     "HttpDesktop": ".desktops.http",
-    "OsworldStage": ".environment",
+    "OsworldStage": ".osworld.stage",
     "SmallTasks": ".environment",
     "register_envs": ".environment",
 }
@@ -48,7 +48,7 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    held = list(globals())
-    modules = [name for name in held if f"{__name__}.{name}" in sys.modules]
-    dunders = [name for name in held if name.startswith("__")]
+    public_names = list(globals())
+    modules = [name for name in public_names if f"{__name__}.{name}" in sys.modules]
+    dunders = [name for name in public_names if name.startswith("__")]
     return sorted({*_HOMES, *modules, *dunders})

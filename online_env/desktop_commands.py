@@ -13,14 +13,15 @@ from typing import Any
 
 import click
 
-from hijack_data.cli.options import BriefCommand, FiniteRange, WholeSummaries, seed_option
-from hijack_data.errors import ParameterError
+from hijack_data.cli.options import WholeSummaries
 
-from .corrupting import Ledger, corrupt
+from .corrupting.corrupt_command import corrupt
+from .corrupting.ledger import Ledger
 from .desktops.protocol import RunResult
 from .embedded.image.image_commands import image as image_commands
 from .errors import DesktopError
 from .privilege import as_root
+from .record_command import parse_size, record_desktop
 
 SIZE_HELP = "Screen as WIDTHxHEIGHT in pixels."
 
@@ -32,6 +33,7 @@ def desktop() -> None:
 
 desktop.add_command(corrupt)
 desktop.add_command(image_commands)
+desktop.add_command(record_desktop)
 
 
 @desktop.command()
@@ -69,8 +71,7 @@ def install(
     from .embedded.image import install as images
 
     packages.packages(profiles)
-    if host and (image or mirror):
-        raise click.UsageError("--host takes this machine's packages: without --image and --mirror")
+    _check_sources(host, image or mirror)
     if host or (not image and not mirror and images.prefers_packages()):
         _install_packages(profiles)
         cache.make_default(cache.HOST)
@@ -86,13 +87,23 @@ def install(
     click.echo(f"ready: {ready}; start a desktop with: hijack desktop up")
 
 
+def _check_sources(host: bool, other: str | None) -> None:
+    """Check that an installation has one source.
+
+    Raises:
+        UsageError: It is to be made of the machine's packages and of something else.
+    """
+    if host and other:
+        raise click.UsageError("--host takes this machine's packages: without --image and --mirror")
+
+
 def _install_packages(profiles: tuple[str, ...]) -> None:
     from .embedded import packages
 
     lacking = packages.missing(packages.packages(profiles))
     if lacking:
-        how = "" if os.geteuid() == 0 else " through sudo"
-        click.echo(f"installing {len(lacking)} packages with apt-get{how}: {' '.join(lacking)}")
+        suffix = "" if os.geteuid() == 0 else " through sudo"
+        click.echo(f"installing {len(lacking)} packages with apt-get{suffix}: {' '.join(lacking)}")
     packages.install(lacking)
 
 
@@ -165,7 +176,7 @@ def up(
     from .embedded.runtime.rootless import LACKING
 
     start = time.monotonic()
-    order = make_order(_size(size), name, apps, osworld=osworld, detached=True, image=image)
+    order = make_order(parse_size(size), name, apps, osworld=osworld, detached=True, image=image)
     handle = Handle(order)
     record = handle.wait()
     handle.release()
@@ -228,14 +239,14 @@ def list_command(as_json: bool, sweep: bool) -> None:
 
     if sweep:
         _end(registry.orphans(), quiet=as_json)
-    found = [{**record, "state": registry.state(record)} for record in registry.records()]
-    listed = {record["id"] for record in found}
+    rows = [{**record, "state": registry.state(record)} for record in registry.records()]
+    listed = {record["id"] for record in rows}
     orphans = [record for record in registry.orphans() if record["id"] not in listed]
-    found += [{**record, "state": "orphan"} for record in orphans]
+    rows += [{**record, "state": "orphan"} for record in orphans]
     if as_json:
-        click.echo(json.dumps(found, indent=1))
+        click.echo(json.dumps(rows, indent=1))
         return
-    for record in found:
+    for record in rows:
         # The clock may have been set since.
         age = f"{max(0.0, time.time() - record['created']):.0f} s" if record["created"] else "?"
         width, height = record.get("screen", (0, 0))
@@ -243,11 +254,11 @@ def list_command(as_json: bool, sweep: bool) -> None:
             f"{record['id']:12} {record['state']:9} {width}x{height}  up {age} "
             f" {record.get('guest', '')}"
         )
-    if not found:
-        others = ""
+    if not rows:
+        hint = ""
         if os.geteuid() != 0:
-            others = f" (those of root: {as_root('desktop', 'list')})"
-        click.echo(f"no desktops{others}; start one with: hijack desktop up")
+            hint = f" (those of root: {as_root('desktop', 'list')})"
+        click.echo(f"no desktops{hint}; start one with: hijack desktop up")
 
 
 @desktop.command()
@@ -259,11 +270,11 @@ def down(name: str | None, everything: bool) -> None:
     from .embedded.running import choose
 
     if everything:
-        chosen = registry.records()
-        chosen += [orphan for orphan in registry.orphans() if registry.load(orphan["id"]) is None]
+        records = registry.records()
+        records += [orphan for orphan in registry.orphans() if registry.load(orphan["id"]) is None]
     else:
-        chosen = [choose(name)]
-    _end(chosen)
+        records = [choose(name)]
+    _end(records)
 
 
 def _end(records: list[dict[str, Any]], quiet: bool = False) -> None:
@@ -279,77 +290,6 @@ def _end(records: list[dict[str, Any]], quiet: bool = False) -> None:
             click.echo(f"desktop {record['id']} is gone")
 
 
-@desktop.command(cls=BriefCommand, more=("assets", "looks", "only", "port", "sizes"))
-@click.argument("name", required=False)
-@click.option(
-    "-o",
-    "--out",
-    "output",
-    type=click.Path(path_type=Path),
-    metavar="FILE|DIR",
-    help="Where the video (desktop.mp4, if not given) or the folder of trajectories goes.",
-)
-@click.option(
-    "--seconds",
-    type=FiniteRange(0.1, 86400),
-    metavar="S",
-    help="Length of the video; until Ctrl-C, if not given.",
-)
-@click.option(
-    "--assets",
-    type=click.Path(file_okay=False, path_type=Path),
-    metavar="DIR",
-    help="Record the asset pack into it.",
-)
-@click.option(
-    "--only",
-    metavar="A,B",
-    help="Only these kinds of pictures of the pack, with commas between; the others stay.",
-)
-@click.option(
-    "--sizes",
-    metavar="WxH,WxH",
-    help="Only screens of these sizes for the pack, such as 1920x1080,1280x720.",
-)
-@click.option(
-    "--looks",
-    metavar="A,B",
-    help="Only desktops of these looks for the pack: golden, dark, bright.  [default: all]",
-)
-@click.option(
-    "--task",
-    metavar="NAME",
-    help="Record a trajectory of this small task, done by its oracle, into the folder -o.",
-)
-@seed_option("Variant of the task.")
-@click.option(
-    "--person",
-    is_flag=True,
-    help="A person does it, on a page as that of `view`; ends with Ctrl-C.",
-)
-@click.option(
-    "--instruction", metavar="SENTENCE", help="What the person is to do, without a --task."
-)
-@click.option(
-    "--size",
-    default="1920x1080",
-    show_default=True,
-    metavar="WxH",
-    help="Screen for a --task without NAME.",
-)
-@click.option(
-    "--port", default=0, metavar="N", help="Port of the page for --person; any free one if 0."
-)
-def record(name: str | None, **options: Any) -> None:
-    """Record desktop NAME to a video, or record a trajectory, or the asset pack."""
-    from .recording.command import RecordOptions, run
-
-    texts = (options["sizes"] or "").split(",")
-    options["sizes"] = [_size(text.strip()) for text in texts if text.strip()]
-    options["size"] = _size(options["size"])
-    sys.exit(run(RecordOptions(name=name, **options)))
-
-
 @desktop.command()
 @click.argument("name", required=False)
 @click.option(
@@ -362,14 +302,14 @@ def view(name: str | None, port: int) -> None:
     up` started; if there is none, or more than one, another is started that ends with this command.
     Desktops of a running benchmark are shown by their name only.
     """
-    from .embedded.buttons import Buttons
+    from .corrupting.page_buttons import Buttons
     from .embedded.registry import folder
     from .embedded.running import attach, left_running
     from .embedded.view import serve
 
-    left = left_running() if name is None else []
-    lasting = name is not None or len(left) == 1
-    with attach(name or left[0]["id"]) if lasting else _own() as present:
+    running = left_running() if name is None else []
+    lasting = name is not None or len(running) == 1
+    with attach(name or running[0]["id"]) if lasting else _own() as present:
         buttons = Buttons(present, Ledger(folder(present.id)))
         serve(present.record, port, click.echo, lasting=lasting, buttons=buttons)
 
@@ -387,18 +327,7 @@ def _own() -> Any:
     from .embedded import registry
     from .embedded.desktop import EmbeddedDesktop
 
-    others = ", ".join(record["id"] for record in registry.running())
-    said = f"starting one beside {others} (hijack desktop view NAME shows one of those)"
-    click.echo(said if others else "no desktop runs: starting one")
+    running = ", ".join(record["id"] for record in registry.running())
+    message = f"starting one beside {running} (hijack desktop view NAME shows one of those)"
+    click.echo(message if running else "no desktop runs: starting one")
     return EmbeddedDesktop.up(name=f"view-{os.getpid()}")
-
-
-def _size(text: str) -> tuple[int, int]:
-    width, _, height = text.lower().partition("x")
-    if len(text) >= 20 or not _is_number(width) or not _is_number(height):
-        raise ParameterError(f"--size must be WIDTHxHEIGHT, such as 1920x1080, got {text!r}")
-    return int(height), int(width)
-
-
-def _is_number(text: str) -> bool:
-    return text.isascii() and text.isdigit()

@@ -22,14 +22,19 @@ DESKTOP = (
 MODULES = (*DESKTOP, "gymnasium", "scipy", "statsmodels", "openpyxl", "docx", "pptx")
 
 
-def require(what: str, modules: Iterable[str] = DESKTOP) -> None:
-    """Raise `MissingDependencyError`, with the remedy, if `what` lacks one of `modules`."""
-    extras.require(what, EXTRA, modules)
+def require(purpose: str, modules: Iterable[str] = DESKTOP) -> None:
+    """Raise `MissingDependencyError`, with the remedy, if `purpose` lacks one of `modules`."""
+    extras.require(purpose, EXTRA, modules)
 
 
-def explained(error: ModuleNotFoundError, what: str) -> ImportError:
-    """Return the error to raise in place of `error`: with the remedy, if `what` lacks the extra."""
+def import_error(error: ModuleNotFoundError, purpose: str) -> ImportError:
+    """Return the error to raise instead of `error`, with the remedy if the extra is missing.
+
+    Args:
+        error: The error of an import.
+        purpose: What needs the module, for the message.
+    """
     module = (error.name or "").partition(".")[0]
     if module not in MODULES:
         return error
-    return extras.missing(f"{what} needs {module}", EXTRA)
+    return extras.missing(f"{purpose} needs {module}", EXTRA)

@@ -8,7 +8,7 @@ from hijack_data.corruption import corruption_names, make_corruption
 from hijack_data.gallery import contact_sheet
 from hijack_data.types import UInt8Array
 
-from .corrupting import corrupt_desktop
+from .corrupting.desktop_corruption import corrupt_desktop
 from .desktops.commands import launch
 from .desktops.protocol import Desktop
 from .effects import resume
@@ -17,11 +17,11 @@ from .errors import DesktopError, DesktopTimeoutError
 
 PAGE = "http://shop.test/"
 HEADLINE = "Things that last."  # of that page; its document is in the tree before anything is drawn
-ELSEWHERE = "http://wiki.test/"
+OTHER_PAGE = "http://wiki.test/"
 BROWSER = "google-chrome"
-PATIENCE = 90.0  # s for the first page to come
-LOOK = 0.1  # s between two looks for it
-REST = Settle(quiet=0.7, cap=5.0, look=0.1)
+PAGE_TIMEOUT_S = 90.0  # s for the first page to come
+POLL_S = 0.1  # s between two looks for it
+SETTLED = Settle(quiet=0.7, cap=5.0, look=0.1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,8 @@ class ShowcaseEntry:
 def show_nine(desktop: Desktop, seed: int = 3) -> Iterator[ShowcaseEntry]:
     """Apply each of the nine to a page in the desktop's browser, and undo it.
 
-    `DesktopError` is raised if the desktop cannot have one, or if an effect cannot be undone.
+    Raises:
+        DesktopError: The desktop cannot have a corruption, or an effect cannot be undone.
     """
     launch(desktop, BROWSER, PAGE)
     _wait_for_page(desktop)
@@ -55,22 +56,22 @@ def show_nine(desktop: Desktop, seed: int = 3) -> Iterator[ShowcaseEntry]:
         yield _show(desktop, name, seed)
 
 
-def sheet(shown: list[ShowcaseEntry], width: int = 1600) -> UInt8Array:
+def sheet(entries: list[ShowcaseEntry], width: int = 1600) -> UInt8Array:
     """Return the contact sheet, uint8 RGB `[H, width, 3]`."""
-    rows = [(one.name, one.before, one.after) for one in shown]
-    captions = [one.saw if one.ok else f"FAILED: {one.saw}" for one in shown]
+    rows = [(entry.name, entry.before, entry.after) for entry in entries]
+    captions = [entry.saw if entry.ok else f"FAILED: {entry.saw}" for entry in entries]
     return contact_sheet(rows, width, captions)
 
 
 def _show(desktop: Desktop, name: str, seed: int) -> ShowcaseEntry:
-    done = corrupt_desktop(desktop, make_corruption(name), seed=seed)
-    after = done.after
+    applied = corrupt_desktop(desktop, make_corruption(name), seed=seed)
+    after = applied.after
     if name == "network_error":
-        _visit(desktop, ELSEWHERE)  # the page that is open already stays
+        _visit(desktop, OTHER_PAGE)  # the page that is open already stays
         after = rest(desktop)
-    elif done.records:
+    elif applied.records:
         after = rest(desktop)
-    for record in reversed(done.records):
+    for record in reversed(applied.records):
         undone = resume(record, desktop).undo()
         if not undone.ok:
             raise DesktopError(f"{name} could not be taken back: {undone.problem}")
@@ -78,24 +79,24 @@ def _show(desktop: Desktop, name: str, seed: int) -> ShowcaseEntry:
         desktop.run("pyautogui.press('esc')")
         _visit(desktop, PAGE)
         _wait_for_page(desktop)
-    return ShowcaseEntry(name, done.before, after, done.ok, done.saw)
+    return ShowcaseEntry(name, applied.before, after, applied.ok, applied.saw)
 
 
 def _visit(desktop: Desktop, address: str) -> None:
     desktop.run(
         f"pyautogui.hotkey('ctrl', 'l'); time.sleep(0.3); pyautogui.write({address!r} + '\\n')"
     )
-    time.sleep(REST.quiet)
+    time.sleep(SETTLED.quiet)
 
 
 def rest(desktop: Desktop) -> UInt8Array:
     """Return the screen once it has settled, or after some seconds, uint8 RGB `[H, W, 3]`."""
-    return wait_until_settled(desktop, REST, with_tree=False).frame
+    return wait_until_settled(desktop, SETTLED, with_tree=False).frame
 
 
 def _wait_for_page(desktop: Desktop) -> None:
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + PAGE_TIMEOUT_S
     while HEADLINE not in desktop.accessibility():
         if time.monotonic() > end:
-            raise DesktopTimeoutError(f"{BROWSER} did not show {PAGE} within {PATIENCE:g} s")
-        time.sleep(LOOK)
+            raise DesktopTimeoutError(f"{BROWSER} did not show {PAGE} within {PAGE_TIMEOUT_S:g} s")
+        time.sleep(POLL_S)

@@ -322,25 +322,24 @@ def _check_here(benchmark: "Bench", engine: str) -> None:
     """Check that the run's tasks can be played on this machine; nodes of Ray check themselves.
 
     Raises:
-        ParameterError: OSWorld's tasks are to be played elsewhere than on embedded desktops here.
+        ParameterError: Tasks of a family are to be played elsewhere than on embedded desktops here.
     """
-    from ..osworld.played import check_runnable, of_osworld
+    from ..tasks import TASKS, find_family
     from .pools import LOCAL
     from .providers import EMBEDDED, check_installed
 
-    osworld_tasks = of_osworld(benchmark.tasks)
-    if not osworld_tasks:
+    family = find_family(benchmark.tasks)
+    if family is None:
         if engine == LOCAL:
             check_installed(benchmark.provider, benchmark.tasks)
         return
     if engine != LOCAL or benchmark.provider != EMBEDDED:
         raise ParameterError(
-            "OSWorld's tasks are played on the embedded desktops of this machine; leave out"
+            f"{family.title}'s tasks are played on the embedded desktops of this machine; leave out"
             f" {'--engine ' + engine if engine != LOCAL else 'provider: ' + benchmark.provider}"
         )
-    check_runnable(
-        osworld_tasks, Path(benchmark.osworld_files) if benchmark.osworld_files else None
-    )
+    classes = [TASKS.get(name) for name in benchmark.tasks]
+    family.check_runnable(classes, Path(benchmark.osworld_files) if benchmark.osworld_files else None)
 
 
 @contextlib.contextmanager

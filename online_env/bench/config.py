@@ -6,6 +6,7 @@ All its mistakes are reported at once, each with file, line and fix.
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Literal, TypeAlias, cast
 
 import yaml
@@ -36,7 +37,7 @@ from hijack_data.types import Size
 from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
-from ..tasks import TASKS, Task, task_sets
+from ..tasks import TASKS, Task, families, task_sets
 from .providers import EMBEDDED, PROVIDERS
 
 AnyRegistry: TypeAlias = Registry[Any]
@@ -179,11 +180,7 @@ def is_from_data(entry: Any) -> bool:
     """
     if isinstance(entry, FileAgentMaker | AgentReference):
         return True
-    if not isinstance(entry, type) or not issubclass(entry, Task):
-        return False
-    from ..osworld.played import OsworldFileTask
-
-    return issubclass(entry, OsworldFileTask)
+    return isinstance(entry, type) and issubclass(entry, Task) and bool(entry.family)
 
 
 def all_planners() -> Planners:
@@ -279,7 +276,7 @@ def _registered_names(option: str, text: str, registry: AnyRegistry) -> tuple[st
 
 
 def _task_names(text: str) -> tuple[str, ...]:
-    """Return the tasks that a text lists; a folder stands for the tasks of OSWorld in it."""
+    """Return the tasks that a text lists; a folder stands for the tasks in its files."""
     listed: list[str] = []
     for name in _split_names(text):
         listed += _files_in(name) if _is_folder(name) else [name]
@@ -294,10 +291,8 @@ def _is_folder(name: object) -> bool:
 
 
 def _files_in(folder: str) -> list[str]:
-    """Return the files of OSWorld's tasks in a folder."""
-    from ..osworld.played import files_in
-
-    return files_in(folder)
+    """Return the task files in a folder."""
+    return families.find_by_folder(Path(folder)).list_files(folder)
 
 
 def _split_names(text: str) -> list[str]:

@@ -28,7 +28,7 @@ from ..agents.registry import AGENTS
 from ..environment.stage import TaskStage
 from ..results.origin import available_memory, usable_cores
 from ..results.records import ResultRecord
-from ..tasks import TASKS
+from ..tasks import TASKS, find_family
 from .config import Bench, is_from_data
 from .episodes import LiveEpisodes, lost_record
 from .jobs import Job
@@ -267,12 +267,12 @@ def open_stage(bench: Bench, folder: Path) -> Generator[TaskStage]:
     """
     from ..embedded.runtime import hidden_folders
     from ..environment import SmallTasks
-    from ..osworld.played import of_osworld, osworld_stage
 
     hidden_folders.hide(folder)
-    if of_osworld(bench.tasks):
+    family = find_family(bench.tasks)
+    if family is not None:
         files = Path(bench.osworld_files) if bench.osworld_files else None
-        with osworld_stage(bench.size, files) as stage:
+        with family.open_stage(bench.size, files) as stage:
             yield stage
         return
     with PROVIDERS.get(bench.provider)(bench.size) as desktop:

@@ -60,9 +60,9 @@ def survey(
             f"the guest did not tell within {TIMEOUT:g} s which of lock, windows and firewall it"
             " has; it is too busy, try again"
         )
-    found = set(result.output.split())
+    flags = set(result.output.split())
     names: tuple[Capability, ...] = ("lock", "windows", "firewall")
-    return frozenset(name for name in names if name in found)
+    return frozenset(name for name in names if name in flags)
 
 
 def is_container(execute: Callable[[Sequence[str] | str, float], RunResult]) -> bool:
@@ -76,8 +76,8 @@ def lacks(desktop: Desktop, missing: Iterable[Capability]) -> str:
 
     For example, a container can be started with more rights.
     """
-    there = ", ".join(sorted(desktop.capabilities)) or "nothing"
-    text = f"which this desktop lacks (available: {there})"
+    capabilities = ", ".join(sorted(desktop.capabilities)) or "nothing"
+    text = f"which this desktop lacks (available: {capabilities})"
     flags = [FLAGS[name] for name in missing if name in FLAGS]
     if flags and getattr(desktop, "is_container", False):
         text += f"; start its container with {' '.join(flags)}"

@@ -9,15 +9,14 @@ import urllib3
 from urllib3.connection import HTTPConnection
 from urllib3.exceptions import HTTPError, NewConnectionError, ProtocolError
 
-from .way import Way
+from .guest_address import MAX_ANSWER_BYTES, MAX_PIXELS, AnswerTooLargeError, GuestAddress
 
-MAX_BODY = 2**30
-CHUNK = 2**20
+CHUNK_BYTES = 2**20
 
 Exchange = tuple[int, Mapping[str, str], bytes | bytearray]
 
 
-class _DoorConnection(HTTPConnection):
+class _SocketFileConnection(HTTPConnection):
     """A connection over a socket in the file system."""
 
     def __init__(self, *args: Any, door: str, **options: Any) -> None:
@@ -25,14 +24,14 @@ class _DoorConnection(HTTPConnection):
         self._door = door
 
     def _new_conn(self) -> socket.socket:
-        found = socket.socket(socket.AF_UNIX)
-        found.settimeout(cast("float | None", self.timeout))
+        connection = socket.socket(socket.AF_UNIX)
+        connection.settimeout(cast("float | None", self.timeout))
         try:
-            found.connect(self._door)
+            connection.connect(self._door)
         except OSError as error:
-            found.close()
+            connection.close()
             raise NewConnectionError(self, f"{error}") from error
-        return found
+        return connection
 
 
 class Client:
@@ -41,13 +40,13 @@ class Client:
     Redirects are not followed, no proxy is used, and content is not decompressed.
     """
 
-    def __init__(self, way: Way) -> None:
+    def __init__(self, way: GuestAddress) -> None:
         is_https = way.is_https and way.door is None
         kind = urllib3.HTTPSConnectionPool if is_https else urllib3.HTTPConnectionPool
         source = (way.source, 0) if way.source else None
         self._pool = kind(way.host, way.port, maxsize=1, source_address=source)
         if way.door is not None:
-            self._pool.ConnectionCls = cast(Any, partial(_DoorConnection, door=way.door))
+            self._pool.ConnectionCls = cast(Any, partial(_SocketFileConnection, door=way.door))
 
     def close(self) -> None:
         """Close the connection."""
@@ -62,7 +61,8 @@ class Client:
             The status, the headers by lower-case names, and the body.
 
         Raises:
-            OSError: There is no answer; a `TimeoutError` if it is late.
+            OSError: There is no answer; a `TimeoutError` if it is late, an `AnswerTooLargeError` if
+                it has more than `MAX_ANSWER_BYTES` bytes.
         """
         try:
             response = self._pool.urlopen(
@@ -78,15 +78,15 @@ class Client:
             )
             content = _read(response)
         except HTTPError as error:
-            plain = _plain(error)
-            raise plain from None
+            os_error = _plain(error)
+            raise os_error from None
         names = {name.lower(): value for name, value in response.headers.items()}
         return response.status, names, content
 
 
 def _read(response: urllib3.BaseHTTPResponse) -> bytes | bytearray:
     try:
-        return _body_of(response)
+        return _read_body(response)
     # also after an interrupt: the rest of a half-read answer must not be taken for the next answer
     except BaseException:
         response.close()
@@ -95,32 +95,36 @@ def _read(response: urllib3.BaseHTTPResponse) -> bytes | bytearray:
         response.release_conn()
 
 
-def _body_of(response: urllib3.BaseHTTPResponse) -> bytes | bytearray:
+def _read_body(response: urllib3.BaseHTTPResponse) -> bytes | bytearray:
     """Return the body, read into its final buffer, so that a frame becomes an array without a copy.
 
     Raises:
-        ProtocolError: The body is too long, or cut short.
+        AnswerTooLargeError: The body is too long.
+        ProtocolError: The body is cut short.
     """
     length = response.length_remaining
     if length is None:
-        content = response.read(MAX_BODY + 1)
+        content = response.read(MAX_ANSWER_BYTES + 1)
         _check_length(len(content))
         return content
     _check_length(length)
     body = bytearray(length)
-    got = 0
-    while got < length:
-        data = response.read1(CHUNK)
+    count = 0
+    while count < length:
+        data = response.read1(CHUNK_BYTES)
         if not data:
-            raise ProtocolError(f"the answer ended after {got} of {length} bytes")
-        body[got : got + len(data)] = data
-        got += len(data)
+            raise ProtocolError(f"the answer ended after {count} of {length} bytes")
+        body[count : count + len(data)] = data
+        count += len(data)
     return body
 
 
 def _check_length(length: int) -> None:
-    if length > MAX_BODY:
-        raise ProtocolError(f"an answer of {length} bytes is more than {MAX_BODY}")
+    if length > MAX_ANSWER_BYTES:
+        raise AnswerTooLargeError(
+            f"the answer has more than {MAX_ANSWER_BYTES} bytes, which a screen of"
+            f" {MAX_PIXELS} pixels takes: nothing longer is read"
+        )
 
 
 def _plain(error: HTTPError) -> OSError:

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, cast
 
 from ..errors import GuestError
 from ..extra import require
-from .way import Way, split_address
+from .guest_address import AnswerTooLargeError, GuestAddress, split_address
 
 if TYPE_CHECKING:
     from .client import Client
 
-TRIES, PAUSE = 3, 0.3  # tries of requests that change nothing in the guest
+MAX_TRIES, PAUSE_S = 3, 0.3  # tries of requests that change nothing in the guest
 PORT = 5000
 
 
@@ -61,7 +61,7 @@ class GuestConnection:
         timeout: seconds that connecting, and each wait for data, may take.
         source: the local address from which to connect; if the address disappears, so does the
             guest.
-        patience: seconds for which a connection may be refused, for example while the server
+        restart_timeout: seconds for which a connection may be refused, for example while the server
             restarts.
         door: a socket in the file system that leads to the guest, used instead of the network.
 
@@ -75,12 +75,12 @@ class GuestConnection:
         token: str | None,
         timeout: float,
         source: str | None = None,
-        patience: float = 0.0,
+        restart_timeout: float = 0.0,
         door: str | None = None,
     ) -> None:
         parts = split_address(url, "guest", "http://10.0.0.2:5000")
         self.url = f"{parts.scheme}://{parts.netloc}"
-        self._way = Way(
+        self._way = GuestAddress(
             host=parts.hostname or "",
             port=parts.port or PORT,
             is_https=parts.scheme == "https",
@@ -91,7 +91,7 @@ class GuestConnection:
         self._client: Client | None = None
         self._headers = {"Authorization": f"Bearer {token}"} if token else {}
         self._timeout = timeout
-        self._patience = patience
+        self._restart_timeout = restart_timeout
 
     def close(self) -> None:
         """Close the connection; the next request opens it again."""
@@ -112,7 +112,7 @@ class GuestConnection:
 
         A GET is repeated if the connection fails; other requests are not, since they may have been
         carried out. A request whose connection was refused has not been sent, and is repeated for
-        up to `patience` seconds.
+        up to `restart_timeout` seconds.
 
         Args:
             method: such as GET.
@@ -126,8 +126,8 @@ class GuestConnection:
         """
         headers = self._headers | ({"Content-Type": kind} if kind else {})
         limit = timeout or self._timeout
-        tries = TRIES if method == "GET" else 1
-        end = time.monotonic() + self._patience
+        tries = MAX_TRIES if method == "GET" else 1
+        end = time.monotonic() + self._restart_timeout
         attempt = 0
         while True:
             attempt += 1
@@ -138,6 +138,8 @@ class GuestConnection:
                 raise GuestError(
                     f"{method} {self.url}{path} was not answered within {limit:g} s"
                 ) from None
+            except AnswerTooLargeError as error:
+                raise GuestError(f"{method} {self.url}{path}: {error}") from None
             except OSError as error:
                 is_refused = isinstance(error, ConnectionRefusedError) and time.monotonic() < end
                 if attempt >= tries and not is_refused:
@@ -145,7 +147,7 @@ class GuestConnection:
                         f"{method} {self.url}{path} failed: {error or type(error).__name__}; does"
                         " the guest server run?"
                     ) from None
-            time.sleep(PAUSE * min(attempt, TRIES))
+            time.sleep(PAUSE_S * min(attempt, MAX_TRIES))
 
     def _once(
         self, method: str, path: str, body: bytes | None, headers: dict[str, str], timeout: float
@@ -155,5 +157,7 @@ class GuestConnection:
             from .client import Client  # urllib3 comes with the extra
 
             self._client = Client(self._way)
-        status, found, content = self._client.exchange(method, path, body, headers, timeout)
-        return GuestResponse(status, found, content)
+        status, response_headers, content = self._client.exchange(
+            method, path, body, headers, timeout
+        )
+        return GuestResponse(status, response_headers, content)

@@ -7,12 +7,12 @@ from typing import Any
 
 from ..errors import DesktopError, GuestError
 from .connection import GuestResponse
+from .guest_address import split_address
 from .protocol import TaskConfig
-from .way import split_address
 
 CONTROL_PORT = 5001
-PATIENCE = 120.0  # s for a reset
-FAILED = 500
+RESET_TIMEOUT_S = 120.0  # s for a reset
+SERVER_ERROR = 500
 
 
 class ContainerResetter:
@@ -30,7 +30,7 @@ class ContainerResetter:
         GuestError: The URL is not the address of a container.
     """
 
-    def __init__(self, url: str, token: str, timeout: float = PATIENCE) -> None:
+    def __init__(self, url: str, token: str, timeout: float = RESET_TIMEOUT_S) -> None:
         parts = split_address(url, "container", "http://127.0.0.1:5001")
         name = parts.hostname or ""
         host = f"[{name}]" if ":" in name else name
@@ -49,11 +49,11 @@ class ContainerResetter:
             self._url, method="POST", data=b"", headers={"X-Token": self._token}
         )
         try:
-            with _STRAIGHT.open(request, timeout=self._timeout) as answer:
+            with _DIRECT_OPENER.open(request, timeout=self._timeout) as answer:
                 answer.read()
         except urllib.error.HTTPError as error:
             reply = GuestResponse(error.code, {}, error.read())
-            if error.code == FAILED and reply.complaint:
+            if error.code == SERVER_ERROR and reply.complaint:
                 raise DesktopError(reply.complaint) from None
             raise GuestError(f"{self._url}: {error.code} {error.reason}", error.code) from None
         except (OSError, HTTPException) as error:
@@ -65,4 +65,4 @@ class _NoRedirect(urllib.request.HTTPRedirectHandler):
         """Leave the answer as it is: it becomes an error."""
 
 
-_STRAIGHT = urllib.request.build_opener(urllib.request.ProxyHandler({}), _NoRedirect)
+_DIRECT_OPENER = urllib.request.build_opener(urllib.request.ProxyHandler({}), _NoRedirect)

@@ -16,21 +16,21 @@ from ..errors import GuestError, MissingCapabilityError
 from ..extra import require
 from .capability_survey import is_container, survey
 from .connection import GuestConnection, GuestResponse
+from .guest_address import MAX_PIXELS
 from .protocol import Capability, RunResult, TaskConfig
 
 # the code that OSWorld puts before an agent's code
 PREFIX = "import pyautogui; import time; pyautogui.FAILSAFE = False; "
-SLACK = 10.0  # s that the answer of a command may take beyond the command's own time-out
-MAX_PIXELS = 2**26
-DIGITS = 6  # of a width or a height
+ANSWER_SLACK_S = 10.0  # s that the answer of a command may take beyond the command's own time-out
+MAX_SIZE_DIGITS = 6  # of a width or a height
 OK = 200
-NO_TOKEN = 401
-FAILED = 500
-TIMED_OUT = 504
+UNAUTHORIZED = 401
+SERVER_ERROR = 500
+GATEWAY_TIMEOUT = 504
 JSON = "application/json"
 FORM = "application/x-www-form-urlencoded"
-CODE_TIMEOUT = 60
-LIST_TIMEOUT = 15
+CODE_TIMEOUT_S = 60
+LIST_TIMEOUT_S = 15
 _WMCTRL = re.compile(
     r"""
     (?P<id>0x[0-9a-f]+) \s+
@@ -61,8 +61,8 @@ class HttpDesktop:
         source: the local address from which requests are sent. If the way to the guest has gone
             (its cable was removed), they are then refused here instead of leaving by the default
             route, token and all.
-        patience: seconds that connections may be refused, if the server is started again whenever
-            it ends.
+        restart_timeout: seconds that connections may be refused, if the server is started again
+            whenever it ends.
         door: path of a socket in the file system that leads to the guest, instead of the network.
 
     All methods raise `GuestError` where the guest refuses or does not answer.
@@ -77,11 +77,11 @@ class HttpDesktop:
         size: Size | None = None,
         password: str | None = "password",
         source: str | None = None,
-        patience: float = 0.0,
+        restart_timeout: float = 0.0,
         door: str | None = None,
     ) -> None:
-        self._connection = GuestConnection(url, token, timeout, source, patience, door)
-        self._settings = (token, timeout, source, patience)
+        self._connection = GuestConnection(url, token, timeout, source, restart_timeout, door)
+        self._settings = (token, timeout, source, restart_timeout)
         self._password = password
         self._size = size
         self._token = token
@@ -109,10 +109,10 @@ class HttpDesktop:
         """
         if self._ours is None:
             reply = self._connection.ask("GET", "/ah/health")
-            if reply.status == NO_TOKEN and self._token:
-                raise GuestError(f"{self.url} refuses the token: {reply.complaint}", NO_TOKEN)
+            if reply.status == UNAUTHORIZED and self._token:
+                raise GuestError(f"{self.url} refuses the token: {reply.complaint}", UNAUTHORIZED)
             # A server, or what stands before it, that fails now says nothing of its routes.
-            if reply.status >= FAILED:
+            if reply.status >= SERVER_ERROR:
                 self._check("GET", "/ah/health", reply)
             self._ours = reply.status == OK
         return self._ours
@@ -131,10 +131,10 @@ class HttpDesktop:
     def capabilities(self) -> frozenset[Capability]:
         """Capabilities of the guest, asked once; `firewall` needs sudo, with the given password."""
         if self._capabilities is None:
-            known: set[Capability] = {"files", "apps", "accessibility"}
+            capabilities: set[Capability] = {"files", "apps", "accessibility"}
             if self.is_ours:
-                known.add("windows")
-            self._capabilities = survey(self.execute, self._password) | known
+                capabilities.add("windows")
+            self._capabilities = survey(self.execute, self._password) | capabilities
         return self._capabilities
 
     @property
@@ -201,7 +201,7 @@ class HttpDesktop:
 
     def run(self, code: str) -> RunResult:
         """Run pyautogui `code`, after the code that OSWorld puts before it."""
-        return self.execute(["python", "-c", PREFIX + code], CODE_TIMEOUT)
+        return self.execute(["python", "-c", PREFIX + code], CODE_TIMEOUT_S)
 
     def execute(self, argv: Sequence[str] | str, timeout: float = 60) -> RunResult:
         """Run a command; a string goes to the shell.
@@ -209,9 +209,9 @@ class HttpDesktop:
         A plain OSWorld guest has a limit of 120 s of its own.
         """
         body = {**_command(argv), "timeout": timeout}
-        reply = self._ask_json("/execute", body, timeout + SLACK)
+        reply = self._ask_json("/execute", body, timeout + ANSWER_SLACK_S)
         fields = reply.json()
-        if reply.status in (FAILED, TIMED_OUT) and fields.get("status") == "error":
+        if reply.status in (SERVER_ERROR, GATEWAY_TIMEOUT) and fields.get("status") == "error":
             return RunResult("error", "", reply.complaint)
         self._check("POST", "/execute", reply)
         code = fields.get("returncode")
@@ -245,18 +245,20 @@ class HttpDesktop:
     ) -> dict[str, Any]:
         """Run an operation for effects in the process of our own guest server.
 
-        A plain OSWorld guest is a `MissingCapabilityError`.
-
         Args:
             name: name of a tool in `online_env.embedded.guest.inside`.
             operation: of it.
             fields: its arguments.
             timeout: in seconds.
+
+        Raises:
+            MissingCapabilityError: The guest is a plain OSWorld guest.
+            GuestError: The operation fails, or the guest does not answer.
         """
         self._need_ours("what effects look at")
         body = {"tool": name, "operation": operation, "fields": dict(fields)}
         try:
-            reply = self._ask_json("/ah/tool", body, timeout + SLACK)
+            reply = self._ask_json("/ah/tool", body, timeout + ANSWER_SLACK_S)
         except GuestError as error:
             raise GuestError(f"{name} {operation}: {error}", error.status) from None
         return self._check("POST", "/ah/tool", reply).json()
@@ -275,7 +277,7 @@ class HttpDesktop:
             if not isinstance(rows, list):
                 raise GuestError(f"{self.url}/ah/windows answered without windows")
             return cast("list[dict[str, Any]]", rows)
-        listed = self.execute(["wmctrl", "-lpGx"], LIST_TIMEOUT)
+        listed = self.execute(["wmctrl", "-lpGx"], LIST_TIMEOUT_S)
         if not listed.ok:
             raise MissingCapabilityError(
                 f"{self.url} can't list its windows: {listed.error.strip()}; install wmctrl there"
@@ -286,11 +288,12 @@ class HttpDesktop:
     def window(self, action: str, **fields: Any) -> None:
         """Act on a window of our own guest.
 
-        A plain OSWorld guest is a `MissingCapabilityError`.
-
         Args:
             action: `activate`, `close`, `minimise` (id), `place` (id, box) or `show_desktop` (on).
             fields: the arguments in brackets.
+
+        Raises:
+            MissingCapabilityError: The guest is a plain OSWorld guest.
         """
         self._need_ours("acting on windows")
         self._post("/ah/windows", _json({"action": action, **fields}))
@@ -298,10 +301,11 @@ class HttpDesktop:
     def input(self, events: Sequence[Mapping[str, Any]]) -> None:
         """Play mouse and keyboard events on our own guest.
 
-        A plain OSWorld guest is a `MissingCapabilityError`.
-
         Args:
             events: as `online_env.embedded.guest.events.Input.play` takes them.
+
+        Raises:
+            MissingCapabilityError: The guest is a plain OSWorld guest.
         """
         self._need_ours("playing events")
         self._post("/ah/input", _json({"events": list(events)}))
@@ -328,10 +332,11 @@ class HttpDesktop:
         """Close the connection; the desktop itself keeps running."""
         self._connection.close()
 
-    def _need_ours(self, what: str) -> None:
+    def _need_ours(self, purpose: str) -> None:
         if not self.is_ours:
             raise MissingCapabilityError(
-                f"{self.url} is a plain OSWorld guest: {what} needs our guest server; use run(code)"
+                f"{self.url} is a plain OSWorld guest: {purpose} needs our guest server; use"
+                " run(code)"
             )
 
     def _get(self, path: str) -> GuestResponse:
@@ -365,7 +370,7 @@ def _command(argv: Sequence[str] | str) -> dict[str, Any]:
 
 def _length(text: str) -> int:
     """Return a number of pixels as a header has it; 0 if it is none."""
-    is_number = text.isascii() and text.isdigit() and len(text) <= DIGITS
+    is_number = text.isascii() and text.isdigit() and len(text) <= MAX_SIZE_DIGITS
     return int(text) if is_number else 0
 
 

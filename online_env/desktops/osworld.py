@@ -19,8 +19,8 @@ from .capability_survey import survey
 from .protocol import Capability, RunResult, TaskConfig
 
 # An argument of a command has at most 128 KiB on Linux, and base64 turns three bytes into four.
-CHUNK = 64 * 1024
-OUTPUT_CAP = 2 * 2**20
+CHUNK_BYTES = 64 * 1024
+MAX_OUTPUT_BYTES = 2 * 2**20
 CAP_NOTE = "\n[output cut: more than 2 MiB]"
 _MARK = "agenthijack-result:"
 # Output goes to files, not to pipes, so that background processes of the command do not block the
@@ -84,26 +84,26 @@ class OsworldDesktop:
     """A `Desktop` over `env.controller`; its actions never appear in `env.action_history`.
 
     Args:
-        env: the environment, such as `desktop_env.DesktopEnv` or
-            `online_env.osworld.env.OsworldEnv`.
+        env: the environment, such as `desktop_env.DesktopEnv`.
         password: of the guest's user, for sudo; with `None` only a sudo that does not ask is tried.
         capabilities: capabilities of the guest in addition to those that are detected.
 
-    Raises `MissingCapabilityError` if `env` lacks one of the methods.
+    Raises:
+        MissingCapabilityError: `env` lacks one of the methods.
     """
 
     def __init__(
         self, env: OsworldLike, password: str | None = None, capabilities: Sequence[Capability] = ()
     ) -> None:
-        needed = {"reset": env, "step": env, "evaluate": env}
+        owners = {"reset": env, "step": env, "evaluate": env}
         controller = getattr(env, "controller", None)
-        needed |= {
+        owners |= {
             "get_screenshot": controller,
             "execute_python_command": controller,
             "get_file": controller,
         }
         missing = [
-            name for name, owner in needed.items() if not callable(getattr(owner, name, None))
+            name for name, owner in owners.items() if not callable(getattr(owner, name, None))
         ]
         if missing or not hasattr(env, "action_history"):
             names = ", ".join(missing) or "action_history"
@@ -184,12 +184,12 @@ class OsworldDesktop:
         answer: Any = self.env.controller.execute_python_command(code)
         if not isinstance(answer, dict):
             raise GuestError("the guest did not run the code (no answer)")
-        known = cast("dict[str, Any]", answer)
+        fields = cast("dict[str, Any]", answer)
         return RunResult(
-            str(known.get("status", "error")),
-            str(known.get("output") or ""),
-            str(known.get("error") or ""),
-            known.get("returncode"),
+            str(fields.get("status", "error")),
+            str(fields.get("output") or ""),
+            str(fields.get("error") or ""),
+            fields.get("returncode"),
         )
 
     def execute(self, argv: Sequence[str] | str, timeout: float = 60) -> RunResult:
@@ -200,10 +200,15 @@ class OsworldDesktop:
         """
         shell = isinstance(argv, str)
         command = argv if shell else [str(part) for part in argv]
-        asked = _RUN.format(
-            command=command, shell=shell, timeout=timeout, mark=_MARK, cap=OUTPUT_CAP, note=CAP_NOTE
+        program = _RUN.format(
+            command=command,
+            shell=shell,
+            timeout=timeout,
+            mark=_MARK,
+            cap=MAX_OUTPUT_BYTES,
+            note=CAP_NOTE,
         )
-        code, output, error = json.loads(self._answer(_ISOLATED.format(code=asked)))
+        code, output, error = json.loads(self._answer(_ISOLATED.format(code=program)))
         return RunResult("success" if code is not None else "error", output, error, code)
 
     def read_file(self, path: str) -> bytes:
@@ -226,8 +231,8 @@ class OsworldDesktop:
         Raises:
             GuestError: The file cannot be written.
         """
-        for start in range(0, max(len(data), 1), CHUNK):
-            piece = base64.b64encode(data[start : start + CHUNK]).decode("ascii")
+        for start in range(0, max(len(data), 1), CHUNK_BYTES):
+            piece = base64.b64encode(data[start : start + CHUNK_BYTES]).decode("ascii")
             result = self.run(
                 _WRITE.format(path=path, mode="r+b" if start else "wb", start=start, data=piece)
             )

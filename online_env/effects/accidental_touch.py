@@ -16,20 +16,20 @@ from hijack_data.rng import Stream
 from hijack_data.types import Box, UInt8Array, as_boxes
 
 from ..desktops.protocol import Capability
-from .app_minimization import FIXED
+from .app_minimization import DESKTOP_WINDOW_TYPES
 from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
 from .descriptions import short
 from .elements import LAUNCHERS, Element, live_elements, window_at
 from .guest import Guest
 
-ATTEMPTS = 5
-CHANGE = 2.0  # s within which a click must change the screen
+MAX_CLICKS = 5
+CHANGE_TIMEOUT_S = 2.0  # s within which a click must change the screen
 # Highlights under the pointer are not caused by the click, so wait, for a limited time, until the
 # screen is still.
-QUIET = 0.15  # s without change
-HOVER = 0.8  # s at most
-LOOK = 0.03  # s between two pictures
-NEAR = 8  # pixels by which an element may be away from the plan's box
+QUIET_S = 0.15  # s without change
+HOVER_TIMEOUT_S = 0.8  # s at most
+POLL_S = 0.03  # s between two pictures
+MAX_OFFSET_PIXELS = 8  # pixels by which an element may be away from the plan's box
 
 
 @dataclass(frozen=True)
@@ -58,14 +58,14 @@ class Touch(LiveEffect):
         boxes = _boxes(params)
         without_app = bool(params.get("without_app", True))
         record: EffectRecord = {"attempts": [], "clicked": None}
-        tried: set[Element] = set()
-        while len(record["attempts"]) < ATTEMPTS and record["clicked"] is None:
+        tried_elements: set[Element] = set()
+        while len(record["attempts"]) < MAX_CLICKS and record["clicked"] is None:
             view = _look(guest, without_app)
-            left = [element for element in view.elements if element not in tried]
-            element = _draw(left, boxes, stream)
+            candidates = [element for element in view.elements if element not in tried_elements]
+            element = _draw(candidates, boxes, stream)
             if element is None:
                 break
-            tried.add(element)
+            tried_elements.add(element)
             attempt = _click(guest, view, element)
             record["attempts"].append(attempt)
             if attempt["changed"]:
@@ -135,36 +135,36 @@ def _can_be_clicked(element: Element, state: Mapping[str, Any], without_app: boo
         return True
     if any(w["for"] == window["id"] and "modal" in w["states"] for w in state["windows"]):
         return False
-    return window["type"] not in FIXED or element.app.lower() in LAUNCHERS
+    return window["type"] not in DESKTOP_WINDOW_TYPES or element.app.lower() in LAUNCHERS
 
 
 def _is_own_window(window: Mapping[str, Any] | None, element: Element) -> bool:
     """Return whether a window is an ordinary one of the application of an element."""
-    if window is None or window["type"] in FIXED:
+    if window is None or window["type"] in DESKTOP_WINDOW_TYPES:
         return False
     return window["class"].lower().startswith(f"{element.app.lower()}.")
 
 
-def _draw(left: Sequence[Element], boxes: Sequence[Box], stream: Stream) -> Element | None:
+def _draw(candidates: Sequence[Element], boxes: Sequence[Box], stream: Stream) -> Element | None:
     """Return the element at the first of the plan's boxes that has one, otherwise a random one."""
-    if not left:
+    if not candidates:
         return None
     for box in boxes:
-        distances = [_distance(element.box, box) for element in left]
+        distances = [_distance(element.box, box) for element in candidates]
         nearest = min(distances)
-        if nearest <= NEAR:
-            return left[distances.index(nearest)]
-    return stream.choice(left)
+        if nearest <= MAX_OFFSET_PIXELS:
+            return candidates[distances.index(nearest)]
+    return stream.choice(candidates)
 
 
-def _distance(one: Box, other: Box) -> int:
-    return max(abs(a - b) for a, b in zip(one, other, strict=True))
+def _distance(first: Box, second: Box) -> int:
+    return max(abs(a - b) for a, b in zip(first, second, strict=True))
 
 
 def _click(guest: Guest, view: _View, element: Element) -> EffectRecord:
     x, y = element.centre
-    nothing: dict[str, Any] = {"id": 0, "frame": [], "class": "", "title": ""}
-    window = window_at(element.centre, view.state) or nothing
+    no_window: dict[str, Any] = {"id": 0, "frame": [], "class": "", "title": ""}
+    window = window_at(element.centre, view.state) or no_window
     attempt: EffectRecord = {
         "element": element.to_data(),
         "point": [x, y],
@@ -188,12 +188,12 @@ def _click(guest: Guest, view: _View, element: Element) -> EffectRecord:
 
 
 def _settled(guest: Guest) -> UInt8Array:
-    """Return the screen once it has not changed for `QUIET` seconds, or after `HOVER`."""
+    """Return the screen once it is still for `QUIET_S` seconds, or after `HOVER_TIMEOUT_S`."""
     frame = guest.desktop.screenshot()
     start = since = time.monotonic()
     now = start
-    while now - since < QUIET and now - start < HOVER:
-        time.sleep(LOOK)
+    while now - since < QUIET_S and now - start < HOVER_TIMEOUT_S:
+        time.sleep(POLL_S)
         last = frame
         frame = guest.desktop.screenshot()
         now = time.monotonic()
@@ -203,16 +203,16 @@ def _settled(guest: Guest) -> UInt8Array:
 
 
 def _changes(guest: Guest, before: UInt8Array) -> bool:
-    end = time.monotonic() + CHANGE
+    end = time.monotonic() + CHANGE_TIMEOUT_S
     while not _differ(before, guest.desktop.screenshot()):
         if time.monotonic() > end:
             return False
-        time.sleep(LOOK)
+        time.sleep(POLL_S)
     return True
 
 
-def _differ(one: UInt8Array, other: UInt8Array) -> bool:
-    return one.shape != other.shape or not np.array_equal(one, other)
+def _differ(first: UInt8Array, second: UInt8Array) -> bool:
+    return first.shape != second.shape or not np.array_equal(first, second)
 
 
 def _boxes(params: Mapping[str, Any]) -> list[Box]:

@@ -13,8 +13,8 @@ from ..errors import MissingCapabilityError
 from .base import EffectRecord, LiveEffect, Probe, Undone, register
 from .guest import Guest
 
-PATIENCE = 10.0  # s for the window manager to carry out a request
-FIXED = ("desktop", "dock")  # window types that are part of the desktop itself
+MINIMISE_TIMEOUT_S = 10.0  # s for the window manager to carry out a request
+DESKTOP_WINDOW_TYPES = ("desktop", "dock")  # window types that are part of the desktop itself
 
 
 @register
@@ -30,25 +30,27 @@ class Minimise(LiveEffect):
         Raises:
             MissingCapabilityError: the guest lacks a tool, which the message names.
         """
-        done = guest.x("minimise", PATIENCE)
-        if not done.pop("managed"):
+        result = guest.x("minimise", MINIMISE_TIMEOUT_S)
+        if not result.pop("managed"):
             raise MissingCapabilityError(
                 "no window manager runs in the guest (EWMH): nothing can minimise its windows"
             )
-        return done
+        return result
 
     def probe(self, guest: Guest, record: EffectRecord) -> Probe:
         """Check that only the desktop and its panels are mapped."""
-        now = guest.x("state")
-        left = [window["title"] for window in on_screen(now)]
+        state = guest.x("state")
+        visible_titles = [window["title"] for window in on_screen(state)]
         facts = {
-            "desktop_shown": now["desktop_shown"],
+            "desktop_shown": state["desktop_shown"],
             "hidden": len(record["hidden"]),
-            "on_screen": left,
+            "on_screen": visible_titles,
         }
-        if left:
-            return Probe(False, facts, f"still on the screen: {', '.join(map(repr, left))}")
-        if record["by"] == "show_desktop" and not now["desktop_shown"]:
+        if visible_titles:
+            return Probe(
+                False, facts, f"still on the screen: {', '.join(map(repr, visible_titles))}"
+            )
+        if record["by"] == "show_desktop" and not state["desktop_shown"]:
             return Probe(False, facts, "the window manager does not say that it shows the desktop")
         return Probe(True, facts)
 
@@ -56,11 +58,11 @@ class Minimise(LiveEffect):
         """Bring back the hidden windows that still exist, with the formerly active one in front."""
         hidden = record.get("hidden")
         active = record.get("active", 0)
-        found = guest.x("restore", PATIENCE, ids=hidden, active=active)
-        left = len(found["left"])
-        facts = {"restored": len(found["restored"]) - left}
-        problem = f"{left} windows stay minimised" if left else ""
-        return Undone(not left, facts, problem)
+        result = guest.x("restore", MINIMISE_TIMEOUT_S, ids=hidden, active=active)
+        still_minimised = len(result["left"])
+        facts = {"restored": len(result["restored"]) - still_minimised}
+        problem = f"{still_minimised} windows stay minimised" if still_minimised else ""
+        return Undone(not still_minimised, facts, problem)
 
     def in_words(self, facts: Mapping[str, Any]) -> str:
         """Return how many windows were minimised."""
@@ -74,4 +76,4 @@ class Minimise(LiveEffect):
 def on_screen(state: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the application windows that are mapped, bottom to top."""
     mapped = [window for window in state["windows"] if window["mapped"]]
-    return [window for window in mapped if window["type"] not in FIXED]
+    return [window for window in mapped if window["type"] not in DESKTOP_WINDOW_TYPES]

@@ -144,10 +144,10 @@ class Applied:
     def probe(self) -> Probe:
         """Probe whether the machine is in the corrupted state now, and record the result."""
         start = time.monotonic()
-        found = self._live.probe(self._guest, self.record["did"])
-        _check_json(found.facts, f"the facts of the probe of {self.effect.kind!r}")
-        self.record["probes"].append({**vars(found), "seconds": _since(start)})
-        return found
+        probe = self._live.probe(self._guest, self.record["did"])
+        _check_json(probe.facts, f"the facts of the probe of {self.effect.kind!r}")
+        self.record["probes"].append({**vars(probe), "seconds": _since(start)})
+        return probe
 
     def holds(self) -> bool:
         """Return whether the machine is in the corrupted state now, without recording it."""
@@ -165,10 +165,10 @@ class Applied:
     def undo(self) -> Undone:
         """Undo the effect; calling this twice is allowed."""
         start = time.monotonic()
-        found = self._live.undo(self._guest, self.record["did"])
-        _check_json(found.facts, f"the facts of the undo of {self.effect.kind!r}")
-        self.record["undone"].append({**vars(found), "seconds": _since(start)})
-        return found
+        undone = self._live.undo(self._guest, self.record["did"])
+        _check_json(undone.facts, f"the facts of the undo of {self.effect.kind!r}")
+        self.record["undone"].append({**vars(undone), "seconds": _since(start)})
+        return undone
 
 
 def _problems(cls: Any, kind: str) -> Iterator[str]:
@@ -222,15 +222,17 @@ def perform(
 ) -> Applied:
     """Apply `effect` to `desktop`; only the `probe` of the result proves that it is there.
 
-    Passes on `UnknownNameError` (the kind is not registered), `MissingCapabilityError` (the desktop
-    lacks something, which is named; nothing was changed), `EffectError` (wrong parameters, or a
-    record that is not JSON) and `DesktopError` (the desktop does not answer).
-
     Args:
         effect: of a plan.
         desktop: any desktop; the tools that the effect needs are looked for in the guest.
         stream: random draws that depend on the live desktop (which element is touched).
         password: of the desktop's user, for sudo and for the lock screen.
+
+    Raises:
+        UnknownNameError: The kind is not registered.
+        MissingCapabilityError: The desktop lacks something, which is named; nothing was changed.
+        EffectError: The parameters are wrong, or the record is not JSON.
+        DesktopError: The desktop does not answer.
     """
     live = find(effect.kind)
     guest = Guest(desktop, password, stream)
@@ -258,7 +260,7 @@ def resume(record: EffectRecord, desktop: Desktop, password: str = PASSWORD) -> 
     """
     try:
         effect = Effect(str(record["effect"]), dict(record["params"]))
-        kept = {
+        fields = {
             **record,
             "did": dict(record["did"]),
             "probes": list(record["probes"]),
@@ -268,13 +270,14 @@ def resume(record: EffectRecord, desktop: Desktop, password: str = PASSWORD) -> 
         raise EffectError(
             f"this is not the record of an applied effect: {type(error).__name__}: {error}"
         ) from None
-    return Applied(effect, Guest(desktop, password, None), kept)
+    return Applied(effect, Guest(desktop, password, None), fields)
 
 
 def undo(kind: str, desktop: Desktop, password: str = PASSWORD) -> Undone:
     """Undo an effect whose record is lost: unlock, open the firewall, and so on.
 
-    Passes on `UnknownNameError` (the kind is not registered).
+    Raises:
+        UnknownNameError: The kind is not registered.
     """
     return find(kind).undo(Guest(desktop, password, None), {})
 
@@ -287,7 +290,7 @@ def _check(live: LiveEffect, desktop: Desktop) -> None:
         )
 
 
-def _check_json(data: EffectRecord, what: str) -> None:
+def _check_json(data: EffectRecord, description: str) -> None:
     """Check what an effect gives for the log of an episode, which is JSON.
 
     Raises:
@@ -297,7 +300,7 @@ def _check_json(data: EffectRecord, what: str) -> None:
         json.dumps(data, allow_nan=False)
     except (TypeError, ValueError, RecursionError) as error:
         raise EffectError(
-            f"{what} must be JSON data, of plain numbers, texts, lists and dicts: {error}"
+            f"{description} must be JSON data, of plain numbers, texts, lists and dicts: {error}"
         ) from None
 
 

@@ -12,7 +12,7 @@ from hijack_data.types import Scene
 from ..desktops.protocol import Desktop
 from ..errors import DesktopError, MissingCapabilityError
 from .base import find
-from .conformance import OPEN, ParamsFor, Result, run_declared, run_live
+from .conformance import OPEN_APPS, ParamsFor, Result, run_declared, run_live
 
 
 def summary(kind: str) -> str:
@@ -57,7 +57,7 @@ def starter() -> Callable[[], Any]:
     for required in doctor.diagnose(("core",)):
         if required.required and not required.ok:
             raise DesktopError(f"{required.name}: {required.detail}; {required.fix}")
-    return functools.partial(EmbeddedDesktop.up, apps=OPEN)
+    return functools.partial(EmbeddedDesktop.up, apps=OPEN_APPS)
 
 
 def check(

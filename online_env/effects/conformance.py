@@ -19,7 +19,7 @@ from ..desktops.protocol import CAPABILITIES, Desktop
 from ..errors import DesktopError, MissingCapabilityError
 from .base import Applied, EffectRecord, LiveEffect, find, perform, resume, undo
 
-OPEN = ("editor",)  # the application that is open while an effect is tried
+OPEN_APPS = ("editor",)  # the application that is open while an effect is tried
 # Returns the parameters of an effect for a desktop.
 ParamsFor: TypeAlias = Callable[[Desktop], Mapping[str, Any]]
 
@@ -51,16 +51,19 @@ class Trial:
 
 def check_declared(live: LiveEffect) -> None:
     """It has a kind, existing capabilities and a docstring, and has no state."""
-    wrong = sorted(set(live.needs) - CAPABILITIES)
-    known = ", ".join(sorted(CAPABILITIES))
-    expect(not wrong, f"needs names {', '.join(wrong)}; a desktop can have: {known}")
+    unknown = sorted(set(live.needs) - CAPABILITIES)
+    capabilities = ", ".join(sorted(CAPABILITIES))
+    expect(not unknown, f"needs names {', '.join(unknown)}; a desktop can have: {capabilities}")
     expect(isinstance(live.needs, frozenset), "needs must be a frozenset")
     if sys.flags.optimize < 2:  # python -OO has removed all docstrings
         documented = (type(live).__doc__ or "").strip()
         expect(documented, "the class needs a docstring that says what it does to the machine")
         expect(type(live).__doc__ != LiveEffect.__doc__, "the class needs a docstring of its own")
-    kept = ", ".join(vars(live))
-    expect(not kept, f"it keeps {kept} in itself; what probe and undo need goes into the record")
+    attributes = ", ".join(vars(live))
+    expect(
+        not attributes,
+        f"it keeps {attributes} in itself; what probe and undo need goes into the record",
+    )
 
 
 def check_undo_without_apply(trial: Trial) -> None:
@@ -72,17 +75,17 @@ def check_undo_without_apply(trial: Trial) -> None:
 def check_apply_and_probe(trial: Trial) -> None:
     """After apply the probe is true, and its facts are JSON."""
     trial.applied = trial.apply()
-    found = trial.applied.probe()
-    expect(found.ok, f"the probe is false: {found.problem or 'and gives no problem'}")
-    _as_json(dict(found.facts), "the facts of the probe")
+    probe = trial.applied.probe()
+    expect(probe.ok, f"the probe is false: {probe.problem or 'and gives no problem'}")
+    _as_json(dict(probe.facts), "the facts of the probe")
 
 
 def check_record(trial: Trial) -> None:
     """The record is JSON, and is enough for another process to continue."""
     trial.claim = _as_json(trial.done.record, "the record")
-    found = resume(trial.claim, trial.desktop).probe()
-    why = f"the probe is false from the record alone: {found.problem}"
-    expect(found.ok, f"{why}; put what it needs into the record")
+    probe = resume(trial.claim, trial.desktop).probe()
+    message = f"the probe is false from the record alone: {probe.problem}"
+    expect(probe.ok, f"{message}; put what it needs into the record")
     expect(not vars(trial.live), "apply keeps something in the effect; put it into the record")
 
 
@@ -94,8 +97,8 @@ def check_apply_twice(trial: Trial) -> None:
     if not trial.live.lasting:
         return
     again = trial.apply()
-    found = again.probe()
-    expect(found.ok, f"the probe of the second apply is false: {found.problem}")
+    probe = again.probe()
+    expect(probe.ok, f"the probe of the second apply is false: {probe.problem}")
     undone = again.undo()
     expect(undone.ok, f"the second apply cannot be undone: {undone.problem}")
 
@@ -110,9 +113,9 @@ def check_undo(trial: Trial) -> None:
         expect(undone.ok, f"undo{time} fails: {undone.problem or 'no problem is given'}")
         _as_json(dict(undone.facts), "the facts of undo")
     if trial.live.lasting:
-        found = trial.done.probe()
-        expect(not found.ok, "the probe is still true after undo: one of the two is wrong")
-        expect(found.problem, "a probe that is false must give its problem")
+        probe = trial.done.probe()
+        expect(not probe.ok, "the probe is still true after undo: one of the two is wrong")
+        expect(probe.problem, "a probe that is false must give its problem")
 
 
 def check_sabotage(trial: Trial) -> None:
@@ -121,13 +124,13 @@ def check_sabotage(trial: Trial) -> None:
     The probe gets a fresh desktop, and a record that claims that the effect was applied.
     """
     expect(trial.claim, "no record: see above")
-    found = resume(trial.claim, trial.desktop).probe()
-    expect(not found.ok, "the probe believes the record: it must look at the machine itself")
-    expect(found.problem, "a probe that is false must give its problem")
+    probe = resume(trial.claim, trial.desktop).probe()
+    expect(not probe.ok, "the probe believes the record: it must look at the machine itself")
+    expect(probe.problem, "a probe that is false must give its problem")
 
 
 EffectCheck: TypeAlias = Callable[[Trial], None]
-LIVE: tuple[EffectCheck, ...] = (
+LIVE_CHECKS: tuple[EffectCheck, ...] = (
     check_undo_without_apply,
     check_apply_and_probe,
     check_record,
@@ -146,20 +149,20 @@ def run_live(
 ) -> Iterator[Result]:
     """Run all checks that need a desktop.
 
-    Passes on `MissingCapabilityError` (the desktop lacks what the effect needs; nothing was
-    checked).
-
     Args:
         kind: the effect.
         params: the parameters of the effect, or a function that gives them for a desktop.
         start: starts a desktop, as a context manager; called for one on which the effect is tried,
             and for a fresh one.
+
+    Raises:
+        MissingCapabilityError: The desktop lacks what the effect needs; nothing was checked.
     """
     live = find(kind)
     with start() as desktop:
-        chosen = params(desktop) if callable(params) else params
-        trial = Trial(live, chosen, desktop)
-        for check in LIVE:
+        effect_params = params(desktop) if callable(params) else params
+        trial = Trial(live, effect_params, desktop)
+        for check in LIVE_CHECKS:
             yield _run_one(check, trial)
     with start() as desktop:
         trial.desktop = desktop
@@ -182,17 +185,17 @@ def _run_one(check: Callable[[Any], None], subject: Any) -> Result:
     return Result(name, about, "")
 
 
-def _as_json(data: EffectRecord, what: str) -> EffectRecord:
+def _as_json(data: EffectRecord, description: str) -> EffectRecord:
     """Return the data after a JSON round trip, as another process would read them."""
     try:
         again: EffectRecord = json.loads(json.dumps(data, allow_nan=False))
     except (TypeError, ValueError, RecursionError) as error:
-        fail(f"{what} is not JSON: {error}")
-    changed = f"{what} changes in JSON (tuples, or keys that are no texts)"
-    expect(again == data, f"{changed}: {_difference(data, again)}")
+        fail(f"{description} is not JSON: {error}")
+    message = f"{description} changes in JSON (tuples, or keys that are no texts)"
+    expect(again == data, f"{message}: {_difference(data, again)}")
     return again
 
 
-def _difference(one: EffectRecord, other: EffectRecord) -> str:
-    changed = [key for key in one if one[key] != other.get(key)]
-    return ", ".join(map(str, changed)) or "its keys"
+def _difference(first: EffectRecord, second: EffectRecord) -> str:
+    keys = [key for key in first if first[key] != second.get(key)]
+    return ", ".join(map(str, keys)) or "its keys"

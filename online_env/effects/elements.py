@@ -65,19 +65,19 @@ def live_elements(xml: str, size: Size) -> list[Element]:
     Raises:
         DesktopError: the text is not an accessibility tree.
     """
-    found: list[Element] = []
+    elements: list[Element] = []
     try:
         nodes = nodes_from_tree(xml.encode("utf-8", "replace"))[1:]
         for _, group in groupby(nodes, key=lambda node: node.application_index):
-            found += _elements_of(list(group), size)
+            elements += _read_elements(list(group), size)
     except ElementsError as error:
         raise DesktopError(
             f"the accessibility tree of the desktop cannot be read: {error}"
         ) from None
-    return found
+    return elements
 
 
-def _elements_of(nodes: list[AccessibleNode], size: Size) -> list[Element]:
+def _read_elements(nodes: list[AccessibleNode], size: Size) -> list[Element]:
     """Return the interactive elements of one application."""
     able = nodes
     # Guests write states and actions only for nodes that have them. If no node of an application
@@ -86,9 +86,9 @@ def _elements_of(nodes: list[AccessibleNode], size: Size) -> list[Element]:
         marked = {node.index for node in nodes if any(mark in key for key in node.attributes)}
         if marked:
             able = [node for node in able if node.index in marked]
-    found = interactive_elements(able, size)
+    elements = interactive_elements(able, size)
     app = nodes[0].application
-    rows = zip(found.roles, found.names, found.boxes.tolist(), strict=True)
+    rows = zip(elements.roles, elements.names, elements.boxes.tolist(), strict=True)
     return [Element(app, role, name, tuple(box)) for role, name, box in rows]
 
 

@@ -21,7 +21,7 @@ from ..desktops.protocol import Desktop, RunResult
 from ..embedded.guest import inside
 from ..errors import DesktopError, MissingCapabilityError
 
-TIMEOUT = 60.0
+TOOL_TIMEOUT_S = 60.0
 # Not the session's PATH, in which a folder of the user may come first.
 SYSTEM_PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 # Only the variables for the display are kept, and the working directory is /.
@@ -32,8 +32,8 @@ _ISOLATED = (
 # On some guests python-xlib is in the user's home; it comes last, so that nothing there shadows the
 # system's modules.
 _PRELUDE = "import site, sys\nsys.path.append(site.getusersitepackages())\n"
-ROOT_TIMEOUT = 60.0
-NOT_FOUND = 127  # the exit code of a shell for a missing program
+ROOT_TIMEOUT_S = 60.0
+EXIT_NOT_FOUND = 127  # the exit code of a shell for a missing program
 
 
 class Guest:
@@ -50,24 +50,24 @@ class Guest:
         self.password = password
         self.stream = stream
 
-    def x(self, operation: str, patience: float = 0.0, **fields: Any) -> dict[str, Any]:
+    def x(self, operation: str, timeout: float = 0.0, **fields: Any) -> dict[str, Any]:
         """Run an operation on windows or pointer (`inside/xtool.py`).
 
-        It waits for the result for at most `patience` seconds.
+        It waits for the result for at most `timeout` seconds.
         """
-        fields |= {"timeout": patience} if patience else {}
-        return self._tool("xtool", operation, fields, TIMEOUT + patience)
+        fields |= {"timeout": timeout} if timeout else {}
+        return self._tool("xtool", operation, fields, TOOL_TIMEOUT_S + timeout)
 
     def keys(self, operation: str, **fields: Any) -> dict[str, Any]:
         """Type, or ask who holds the keyboard and the top of the screen (`inside/locktool.py`)."""
-        return self._tool("locktool", operation, fields, TIMEOUT)
+        return self._tool("locktool", operation, fields, TOOL_TIMEOUT_S)
 
-    def net(self, operation: str, patience: float = 0.0, **fields: Any) -> dict[str, Any]:
+    def net(self, operation: str, timeout: float = 0.0, **fields: Any) -> dict[str, Any]:
         """Examine the network (`inside/nettool.py`)."""
-        fields |= {"timeout": patience} if patience else {}
-        return self._tool("nettool", operation, fields, TIMEOUT + patience)
+        fields |= {"timeout": timeout} if timeout else {}
+        return self._tool("nettool", operation, fields, TOOL_TIMEOUT_S + timeout)
 
-    def shell(self, script: str, *words: str, timeout: float = TIMEOUT) -> RunResult:
+    def shell(self, script: str, *words: str, timeout: float = TOOL_TIMEOUT_S) -> RunResult:
         """Run a shell script as the desktop's user; `words` are its `$1`, `$2` ...
 
         Raises:
@@ -121,7 +121,7 @@ class Guest:
             return _in_namespace(namespace, script)
         wrapped = 'printf "%s\\n" "$1" | sudo -S -p "" -- sh -c "$2"'
         return self.shell(
-            wrapped, self.password, f"PATH=$PATH:/usr/sbin:/sbin; {script}", timeout=ROOT_TIMEOUT
+            wrapped, self.password, f"PATH=$PATH:/usr/sbin:/sbin; {script}", timeout=ROOT_TIMEOUT_S
         )
 
     def _tool(
@@ -145,7 +145,7 @@ class Guest:
                 "the guest's python3 lacks python-xlib, which windows and pointer need; "
                 "install it there: apt-get install python3-xlib"
             )
-        if "python3" in result.error and result.returncode in (None, NOT_FOUND):
+        if "python3" in result.error and result.returncode in (None, EXIT_NOT_FOUND):
             raise MissingCapabilityError(f"the guest has no python3: {result.error.strip()[-200:]}")
         raise DesktopError(f"{name} {operation} failed in the guest: {result.error.strip()[-400:]}")
 
@@ -173,16 +173,16 @@ def _in_namespace(namespace: Path, script: str) -> RunResult:
         raise MissingCapabilityError(f"changing the network of an embedded desktop needs {lacking}")
     argv = [program, f"--net={namespace}", "sh", "-c", script]
     try:
-        done = subprocess.run(
+        result = subprocess.run(
             argv,
             capture_output=True,
             text=True,
-            timeout=ROOT_TIMEOUT,
+            timeout=ROOT_TIMEOUT_S,
             check=False,
             env={**os.environ, "PATH": path, "LC_ALL": "C"},
         )
     except subprocess.TimeoutExpired:
         raise DesktopError(
-            f"`{shlex.join(argv)[:200]}` did not end within {ROOT_TIMEOUT:g} s"
+            f"`{shlex.join(argv)[:200]}` did not end within {ROOT_TIMEOUT_S:g} s"
         ) from None
-    return RunResult("success", done.stdout, done.stderr, done.returncode)
+    return RunResult("success", result.stdout, result.stderr, result.returncode)

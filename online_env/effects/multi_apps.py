@@ -17,10 +17,12 @@ from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
 from .descriptions import short
 from .guest import Guest
 
-LAUNCH = 60.0  # s for a window to appear (GIMP's first one takes long)
-DRAW = 20.0  # s for the window to be drawn
-CLOSE = 6.0  # s for the window to close
-TOLERANCE = 40  # pixels: a terminal grows by whole characters, a shadow is not part of a window
+LAUNCH_TIMEOUT_S = 60.0  # s for a window to appear (GIMP's first one takes long)
+DRAW_TIMEOUT_S = 20.0  # s for the window to be drawn
+CLOSE_TIMEOUT_S = 6.0  # s for the window to close
+SIZE_TOLERANCE_PIXELS = (
+    40  # pixels: a terminal grows by whole characters, a shadow is not part of a window
+)
 # `setsid`, so that a hanging launch can be ended with all its children; its process number is that
 # of the session.
 _START = 'setsid "$@" </dev/null >/dev/null 2>&1 & echo $!'
@@ -85,18 +87,20 @@ class LaunchApp(LiveEffect):
             "stand_in": command.stand_in,
         }
         record["attempts"].append(attempt)
-        known = [window["id"] for window in before["windows"]]
+        ids_before = [window["id"] for window in before["windows"]]
         classes = list(command.classes)
-        window = guest.x("await_window", LAUNCH, before=known, classes=classes)["window"]
+        window = guest.x("await_window", LAUNCH_TIMEOUT_S, before=ids_before, classes=classes)[
+            "window"
+        ]
         attempt |= {"came": window is not None, "drawn": False}
         if window is None:
             guest.shell(_END, session)
             return False
-        asked = _halves(before["area"], record["beside"], window) if is_tiled else {}
-        shown = guest.x("drawn", DRAW, number=window["id"], frames=asked)
-        attempt["drawn"] = shown["drawn"]
-        record["under"] = {**shown["under"], **record["under"]}
-        record |= {"window": window, "classes": classes, "session": int(session), "asked": asked}
+        frames = _halves(before["area"], record["beside"], window) if is_tiled else {}
+        drawing = guest.x("drawn", DRAW_TIMEOUT_S, number=window["id"], frames=frames)
+        attempt["drawn"] = drawing["drawn"]
+        record["under"] = {**drawing["under"], **record["under"]}
+        record |= {"window": window, "classes": classes, "session": int(session), "asked": frames}
         if attempt["drawn"]:
             return True
         self.undo(guest, record)
@@ -108,16 +112,18 @@ class LaunchApp(LiveEffect):
         """Look for a new window of the launched class, mapped and at the requested place."""
         facts: EffectRecord = {"attempts": record["attempts"], "asked": record["asked"]}
         if record["window"] is None:
-            tried = ", ".join(attempt["app"] for attempt in record["attempts"])
-            return Probe(False, facts, f"no window came within {LAUNCH:g} s of: {tried}")
-        found = {str(window["id"]): window for window in guest.x("state")["windows"]}
-        window = found.get(str(record["window"]["id"]))
+            tried_apps = ", ".join(attempt["app"] for attempt in record["attempts"])
+            return Probe(
+                False, facts, f"no window came within {LAUNCH_TIMEOUT_S:g} s of: {tried_apps}"
+            )
+        windows = {str(window["id"]): window for window in guest.x("state")["windows"]}
+        window = windows.get(str(record["window"]["id"]))
         facts["window"] = window
         if window is None:
             return Probe(False, facts, "the window of the other application is gone")
         problems = _problems(window, record)
-        for number, asked in record["asked"].items():
-            problems += _misplaced(found.get(number), asked)
+        for number, frame in record["asked"].items():
+            problems += _misplaced(windows.get(number), frame)
         return Probe(not problems, facts, "; ".join(problems))
 
     def undo(self, guest: Guest, record: EffectRecord) -> Undone:
@@ -125,7 +131,7 @@ class LaunchApp(LiveEffect):
         if not record.get("window"):
             return Undone(True, {"closed": False, "why": "nothing is known to have been launched"})
         number = record["window"]["id"]
-        forced = bool(guest.x("close", CLOSE, ids=[number])["left"])
+        forced = bool(guest.x("close", CLOSE_TIMEOUT_S, ids=[number])["left"])
         if forced:
             guest.shell(_END, str(record["session"]))
         windows = {window["id"]: window for window in guest.x("state")["windows"]}
@@ -192,34 +198,36 @@ def _choices(guest: Guest, names: Sequence[str], before: _WindowData) -> list[tu
     Raises:
         MissingCapabilityError: the guest lacks what it needs, which the message names.
     """
-    known = {name: COMMANDS.get(name, (Command((name,), (name,)),)) for name in names}
-    commands = [command for group in (*known.values(), *FALLBACKS.values()) for command in group]
-    there = guest.installed("setsid", *(command.argv[0] for command in commands))
-    found: list[tuple[str, Command]] = []
+    commands_by_name = {name: COMMANDS.get(name, (Command((name,), (name,)),)) for name in names}
+    commands = [
+        command for group in (*commands_by_name.values(), *FALLBACKS.values()) for command in group
+    ]
+    programs = guest.installed("setsid", *(command.argv[0] for command in commands))
+    preferred: list[tuple[str, Command]] = []
     for name in names:
-        installed = [command for command in known[name] if command.argv[0] in there]
+        installed = [command for command in commands_by_name[name] if command.argv[0] in programs]
         if installed:
-            found.append((name, installed[0]))
-    choices = found or _fallbacks(there, before)
+            preferred.append((name, installed[0]))
+    choices = preferred or _fallbacks(programs, before)
     if not choices:
         raise MissingCapabilityError(
             f"none of these applications is installed in the guest: {', '.join(names)}"
         )
-    if "setsid" not in there:
+    if "setsid" not in programs:
         raise MissingCapabilityError(
             "the guest has no setsid (apt-get install util-linux), which starts applications"
         )
     return choices
 
 
-def _fallbacks(there: set[str], before: _WindowData) -> list[tuple[str, Command]]:
+def _fallbacks(programs: set[str], before: _WindowData) -> list[tuple[str, Command]]:
     """Return the fallbacks that are installed and have no open window."""
     open_now = " ".join(window["class"].lower() for window in before["windows"])
-    found: list[tuple[str, Command]] = []
+    choices: list[tuple[str, Command]] = []
     for name, (command,) in FALLBACKS.items():
-        if command.argv[0] in there and name not in open_now:
-            found.append((name, command))
-    return found
+        if command.argv[0] in programs and name not in open_now:
+            choices.append((name, command))
+    return choices
 
 
 def _halves(
@@ -237,12 +245,12 @@ def _halves(
 
 def _in_front(state: _WindowData) -> dict[str, Any] | None:
     """Return the window in front: the active one, otherwise the topmost."""
-    shown = [window for window in on_screen(state) if window["type"] == "normal"]
-    shown.sort(key=lambda window: window["id"] == state["active"])
-    return shown[-1] if shown else None
+    windows = [window for window in on_screen(state) if window["type"] == "normal"]
+    windows.sort(key=lambda window: window["id"] == state["active"])
+    return windows[-1] if windows else None
 
 
-def _misplaced(window: _WindowData | None, asked: Sequence[int]) -> list[str]:
+def _misplaced(window: _WindowData | None, requested: Sequence[int]) -> list[str]:
     """Return what is wrong with the place of a window.
 
     It may be larger than requested if it cannot be as small.
@@ -250,17 +258,19 @@ def _misplaced(window: _WindowData | None, asked: Sequence[int]) -> list[str]:
     if window is None:
         return ["the window beside it is gone"]
     frame = window["frame"]
-    grown = [_grown(window, asked, side) for side in (0, 1)]
-    slack = [TOLERANCE + extra for extra in (*grown, *grown)]
-    if all(abs(have - want) <= room for have, want, room in zip(frame, asked, slack, strict=True)):
+    excess = [_excess(window, requested, side) for side in (0, 1)]
+    slack = [SIZE_TOLERANCE_PIXELS + extra for extra in (*excess, *excess)]
+    if all(
+        abs(have - want) <= room for have, want, room in zip(frame, requested, slack, strict=True)
+    ):
         return []
-    return [f"{window['title']!r} is at {frame}, not at {list(asked)}"]
+    return [f"{window['title']!r} is at {frame}, not at {list(requested)}"]
 
 
-def _grown(window: _WindowData, asked: Sequence[int], side: int) -> int:
+def _excess(window: _WindowData, requested: Sequence[int], side: int) -> int:
     """Return by how many pixels a window must exceed the requested size; side 0 is its width."""
     frame = window["frame"]
     box = window["box"]
     margin = (frame[side + 2] - frame[side]) - (box[side + 2] - box[side])
-    wanted = asked[side + 2] - asked[side]
-    return max(0, window["least"][side] + margin - wanted)
+    length = requested[side + 2] - requested[side]
+    return max(0, window["least"][side] + margin - length)

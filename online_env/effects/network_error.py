@@ -13,7 +13,7 @@ from hijack_data.params import address
 
 from ..desktops.protocol import Capability
 from ..errors import MissingCapabilityError
-from . import rules
+from . import firewall_rules
 from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
 from .guest import Guest
 
@@ -23,9 +23,9 @@ SITES: tuple[tuple[str, int], ...] = (
     ("example.com", 80),
     ("www.wikipedia.org", 443),
 )
-PATIENCE = 6.0  # s within which a site answers on a working network
-SILENCE = 0.5  # s after which a site counts as silent, if it was faster before
-SLACK = 5.0  # an answer may take this many times as long as before
+SITE_TIMEOUT_S = 6.0  # s within which a site answers on a working network
+MIN_SILENCE_S = 0.5  # s after which a site counts as silent, if it was faster before
+SLOWDOWN_FACTOR = 5.0  # an answer may take this many times as long as before
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,12 +40,15 @@ class _Tool:
 
 _TOOLS = {
     "nft": _Tool(
-        close=rules.nft_close, open=rules.nft_open, count=rules.nft_count, listing="nft list tables"
+        close=firewall_rules.nft_close,
+        open=firewall_rules.nft_open,
+        count=firewall_rules.nft_count,
+        listing="nft list tables",
     ),
     "iptables": _Tool(
-        close=rules.iptables_close,
-        open=rules.iptables_open,
-        count=rules.iptables_count,
+        close=firewall_rules.iptables_close,
+        open=firewall_rules.iptables_open,
+        count=firewall_rules.iptables_count,
         listing="iptables -w -S",
     ),
 }
@@ -64,35 +67,35 @@ class Firewall(LiveEffect):
         allowed = _addresses(params)
         sites = _sites(params)
         tool, listing = self._tool(guest)
-        found = guest.net("survey", PATIENCE, sites=sites)
-        interfaces = [name for name in found["interfaces"] if _INTERFACE.fullmatch(name)]
-        hosts = sorted({*allowed, *_controlling(found["hosts"])})
-        is_closed = rules.TABLE in listing or rules.CHAINS["OUTPUT"] in listing
-        before = [] if is_closed else _answering(found["reached"])
+        facts = guest.net("survey", SITE_TIMEOUT_S, sites=sites)
+        interfaces = [name for name in facts["interfaces"] if _INTERFACE.fullmatch(name)]
+        hosts = sorted({*allowed, *_controlling(facts["hosts"])})
+        is_closed = firewall_rules.TABLE in listing or firewall_rules.CHAINS["OUTPUT"] in listing
+        before = [] if is_closed else _answering(facts["reached"])
         record: EffectRecord = {
             "tool": tool,
             "interfaces": interfaces,
             "hosts": hosts,
             "already": is_closed,
             "before": before,
-            "targets": before or found["reached"],
+            "targets": before or facts["reached"],
         }
         if interfaces:
-            done = guest.root(_TOOLS[tool].close(interfaces, hosts))
-            record["error"] = "" if done.ok else done.error.strip()[-300:]
+            result = guest.root(_TOOLS[tool].close(interfaces, hosts))
+            record["error"] = "" if result.ok else result.error.strip()[-300:]
         return record
 
     def probe(self, guest: Guest, record: EffectRecord) -> Probe:
         """Check that sites which answered before no longer do, because our rules drop packets."""
         dropped_before = self._dropped(guest, record["tool"])
-        slowest = [SLACK * target["seconds"] for target in record["before"]]
-        patience = max([SILENCE, *slowest])
+        slowest = [SLOWDOWN_FACTOR * target["seconds"] for target in record["before"]]
+        timeout = max([MIN_SILENCE_S, *slowest])
         targets = [_question(target) for target in record["targets"]]
-        now = guest.net("reach", patience, targets=targets)["reached"]
+        reached = guest.net("reach", timeout, targets=targets)["reached"]
         dropped_after = self._dropped(guest, record["tool"])
         facts = {
             "before": record["before"],
-            "now": now,
+            "now": reached,
             "in_force": dropped_after is not None,
             "already": record["already"],
             "dropped": (dropped_after or 0) - (dropped_before or 0),
@@ -111,7 +114,7 @@ class Firewall(LiveEffect):
         targets = [_question(target) for target in record.get("before", [])]
         facts["now"] = []
         if targets:
-            facts["now"] = guest.net("reach", PATIENCE, targets=targets)["reached"]
+            facts["now"] = guest.net("reach", SITE_TIMEOUT_S, targets=targets)["reached"]
         silent = _named(target for target in facts["now"] if not target["ok"])
         return Undone(not silent, facts, f"still out of reach: {silent}" if silent else "")
 
@@ -121,8 +124,8 @@ class Firewall(LiveEffect):
 
     def in_words(self, facts: Mapping[str, Any]) -> str:
         """Return which sites answered before, and how many packets were dropped."""
-        who = " and ".join(_site(target) for target in facts["before"]) or "nothing"
-        answered = f"{who} answered before and do not now"
+        sites = " and ".join(_site(target) for target in facts["before"]) or "nothing"
+        answered = f"{sites} answered before and do not now"
         if facts["already"]:
             answered = "was closed already"
         return f"{answered}; our rules dropped {facts['dropped']} packets"
@@ -138,25 +141,25 @@ class Firewall(LiveEffect):
         Raises:
             MissingCapabilityError: the guest lacks what it needs, which the message names.
         """
-        said: list[str] = []
+        errors: list[str] = []
         for name, tool in _TOOLS.items():
-            tried = guest.root(tool.listing)
-            if tried.ok:
-                return name, tried.output
-            said.append(f"{name}: {tried.error.strip()[-150:] or 'failed'}")
+            result = guest.root(tool.listing)
+            if result.ok:
+                return name, result.output
+            errors.append(f"{name}: {result.error.strip()[-150:] or 'failed'}")
         raise MissingCapabilityError(
             "the guest's firewall is out of reach: neither nft nor iptables works as root"
-            f" ({'; '.join(said)})"
+            f" ({'; '.join(errors)})"
         )
 
     def _working(self, guest: Guest) -> list[str]:
-        found = [name for name, tool in _TOOLS.items() if guest.root(tool.listing).ok]
-        return found or [self._tool(guest)[0]]
+        names = [name for name, tool in _TOOLS.items() if guest.root(tool.listing).ok]
+        return names or [self._tool(guest)[0]]
 
     def _dropped(self, guest: Guest, name: str) -> int | None:
         """Return how many packets our rules have dropped; `None` if they are not in force."""
         listing = guest.root(_TOOLS[name].count())
-        return rules.dropped(listing.output) if listing.ok else None
+        return firewall_rules.dropped(listing.output) if listing.ok else None
 
 
 def _problems(facts: EffectRecord, record: EffectRecord) -> Iterator[str]:
@@ -203,9 +206,9 @@ def _addresses(params: Mapping[str, Any]) -> list[str]:
     try:
         return [address(text) for text in params.get("allow", ())]
     except (ValueError, TypeError) as error:
-        given = params.get("allow")
+        allowed = params.get("allow")
         raise EffectError(
-            f"firewall: allow must be a list of IP addresses, got {given!r:.200}: {error}"
+            f"firewall: allow must be a list of IP addresses, got {allowed!r:.200}: {error}"
         ) from None
 
 
@@ -227,10 +230,10 @@ def _controlling(hosts: Sequence[object]) -> list[str]:
 
 
 def _sites(params: Mapping[str, Any]) -> list[tuple[str, int]]:
-    given = params.get("sites", SITES)
+    values = params.get("sites", SITES)
     try:
-        return [(str(host), int(port)) for host, port in given] or list(SITES)
+        return [(str(host), int(port)) for host, port in values] or list(SITES)
     except (ValueError, TypeError):
         raise EffectError(
-            f"firewall: sites must be a list of [host, port], got {given!r:.200}"
+            f"firewall: sites must be a list of [host, port], got {values!r:.200}"
         ) from None

@@ -16,13 +16,13 @@ from ..errors import MissingCapabilityError
 from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
 from .guest import SYSTEM_PATH, Guest
 
-PATIENCE = (
+LOCK_TIMEOUT_S = (
     12.0  # s for the locker to answer, to lock, to draw or to unlock; ample for a busy machine
 )
-FORCED = 6.0  # s to unlock without the password
-LIMIT = 10 * PATIENCE  # s for a shell that waits: each of its looks takes time, too
-DRAWN = 16  # colours: fewer are a blank screen
-TICK = 0.02
+FORCED_UNLOCK_TIMEOUT_S = 6.0  # s to unlock without the password
+SHELL_TIMEOUT_S = 10 * LOCK_TIMEOUT_S  # s for a shell that waits: each of its looks takes time, too
+MIN_COLOURS = 16  # colours: fewer are a blank screen
+POLL_S = 0.02
 # The words that lockers answer with, and no folder of the user's before the system's.
 _CLEAN = f"export LC_ALL=C PATH={SYSTEM_PATH}"
 # A shell waits, not we: each question over the wire would cost more than the answer.
@@ -52,7 +52,9 @@ class LockSession(LiveEffect):
         """
         locker, already = self._locker(guest)
         if not already:
-            guest.shell(f"{_CLEAN}; {locker.lock}; {_wait(locker, locker.on)}", timeout=LIMIT)
+            guest.shell(
+                f"{_CLEAN}; {locker.lock}; {_wait(locker, locker.on)}", timeout=SHELL_TIMEOUT_S
+            )
         guest.keys("wake")
         return {"locker": locker.name, "already": already, "drawn": self._wait_until_drawn(guest)}
 
@@ -67,7 +69,7 @@ class LockSession(LiveEffect):
             reason = "it never was, it was unlocked, or the locker has ended"
             return Probe(False, facts, f"the session is not locked, {locker.name} says: {reason}")
         facts |= guest.keys("lock", typed=True)
-        wanted = {
+        expected = {
             "no window of the locker covers the screen": facts["covers"] or not locker.window,
             "the keyboard is free": facts["keyboard"],
             # Once the dialog shows, a locker lets the pointer go: whatever it clicks is on the
@@ -75,7 +77,7 @@ class LockSession(LiveEffect):
             "the pointer is free": facts["pointer"] or facts["covers"],
             "a typed key reached another client": not facts["typed_reaches"],
         }
-        problems = [problem for problem, fine in wanted.items() if not fine]
+        problems = [problem for problem, fine in expected.items() if not fine]
         return Probe(not problems, facts, "; ".join(problems))
 
     def undo(self, guest: Guest, record: EffectRecord) -> Undone:
@@ -85,9 +87,15 @@ class LockSession(LiveEffect):
         if _active(guest, locker) is not True:
             return self._left(guest, locker, "was not locked")
         typed = guest.keys("enter", text=guest.password)["typed"]
-        if typed and guest.shell(f"{_CLEAN}; {_wait(locker, locker.off)}", timeout=LIMIT).ok:
+        if (
+            typed
+            and guest.shell(f"{_CLEAN}; {_wait(locker, locker.off)}", timeout=SHELL_TIMEOUT_S).ok
+        ):
             return self._left(guest, locker, "password")
-        guest.shell(f"{_CLEAN}; {locker.force}; {_wait(locker, locker.off, FORCED)}", timeout=LIMIT)
+        guest.shell(
+            f"{_CLEAN}; {locker.force}; {_wait(locker, locker.off, FORCED_UNLOCK_TIMEOUT_S)}",
+            timeout=SHELL_TIMEOUT_S,
+        )
         return self._left(guest, locker, "force")
 
     def refresh(self, guest: Guest, record: EffectRecord) -> None:
@@ -98,13 +106,13 @@ class LockSession(LiveEffect):
 
     def in_words(self, facts: Mapping[str, Any]) -> str:
         """Return what the locker holds."""
-        held: list[str] = []
+        facts_held: list[str] = []
         if facts["covers"]:
-            held.append("its window covers the screen")
+            facts_held.append("its window covers the screen")
         if facts["keyboard"]:
-            held.append("it holds the keyboard")
+            facts_held.append("it holds the keyboard")
         return (
-            f"{facts['locker']} says locked, {' and '.join(held)}; a typed key reached no"
+            f"{facts['locker']} says locked, {' and '.join(facts_held)}; a typed key reached no"
             " application"
         )
 
@@ -121,7 +129,7 @@ class LockSession(LiveEffect):
             EffectError: the guest cannot do it; the message says why.
             MissingCapabilityError: the guest lacks what it needs, which the message names.
         """
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + LOCK_TIMEOUT_S
         while True:
             answers = _answers(guest)
             for name, answer in answers.items():
@@ -131,24 +139,24 @@ class LockSession(LiveEffect):
             if time.monotonic() > end or not answers:
                 break
             time.sleep(0.1)
-        known = f"one of these must run there: {', '.join(BY_NAME)}"
+        lockers = f"one of these must run there: {', '.join(BY_NAME)}"
         if answers:  # the guest has what it needs, and it does not work now
             silent = ", ".join(answers)
             raise EffectError(
                 f"the guest cannot lock its session: {silent} is installed, but no locker answers;"
-                f" {known}"
+                f" {lockers}"
             )
         raise MissingCapabilityError(
-            f"the guest cannot lock its session: it has no locker; {known}"
+            f"the guest cannot lock its session: it has no locker; {lockers}"
         )
 
     def _left(self, guest: Guest, locker: Locker, by: str) -> Undone:
         """Return how the session was left, once its screen has had time to come back."""
         active = _active(guest, locker) is True
-        end = time.monotonic() + FORCED
+        end = time.monotonic() + FORCED_UNLOCK_TIMEOUT_S
         screen = guest.keys("lock", typed=False)
         while screen["covers"] and screen["keyboard"] and time.monotonic() < end:
-            time.sleep(TICK)
+            time.sleep(POLL_S)
             screen = guest.keys("lock", typed=False)
         facts = {"by": by, "active": active, "keyboard": screen["keyboard"], "top": screen["top"]}
         problem = ""
@@ -159,7 +167,7 @@ class LockSession(LiveEffect):
         return Undone(not problem, facts, problem)
 
     def _wait_until_drawn(self, guest: Guest) -> bool:
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + LOCK_TIMEOUT_S
         while time.monotonic() < end:
             if _drawn(guest):
                 return True
@@ -169,7 +177,7 @@ class LockSession(LiveEffect):
 
 def _drawn(guest: Guest) -> bool:
     picture = guest.desktop.screenshot()[::8, ::8].reshape(-1, 3)
-    return len(np.unique(picture, axis=0)) > DRAWN
+    return len(np.unique(picture, axis=0)) > MIN_COLOURS
 
 
 def _answers(guest: Guest) -> dict[str, str]:
@@ -194,7 +202,7 @@ def _meaning(locker: Locker, answer: str) -> bool | None:
     return None
 
 
-def _wait(locker: Locker, word: str, patience: float = PATIENCE) -> str:
+def _wait(locker: Locker, word: str, timeout: float = LOCK_TIMEOUT_S) -> str:
     return _AWAIT.format(
-        times=round(patience / (2 * TICK)), query=locker.query, word=word, tick=TICK
+        times=round(timeout / (2 * POLL_S)), query=locker.query, word=word, tick=POLL_S
     )

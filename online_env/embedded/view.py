@@ -31,7 +31,7 @@ MOST_INPUT = 1 << 20
 class ButtonPanel(Protocol):
     """Buttons beside the picture: dataclasses with a `name` each.
 
-    `online_env.embedded.buttons.Buttons` is one.
+    `online_env.corrupting.page_buttons.Buttons` is one.
     """
 
     def all(self) -> Sequence[Any]:

@@ -13,7 +13,7 @@ try:
     from .registration import EMBEDDED_ID, register_envs
     from .settings import EvalSettings
     from .settle import Settle
-    from .stage import OsworldStage, Setting, SmallTasks, Stage
+    from .stage import Setting, SmallTasks, Stage
 except ModuleNotFoundError as error:
     raise extra.import_error(error, "the live environment") from None
 
@@ -21,7 +21,6 @@ __all__ = [
     "EMBEDDED_ID",
     "CorruptedEnv",
     "EvalSettings",
-    "OsworldStage",
     "Setting",
     "Settle",
     "SmallTasks",

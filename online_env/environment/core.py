@@ -105,15 +105,15 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
             HijackError: The environment is closed.
         """
         checked = ResetOptions.read(options)
-        whole = checked_seed(seed)
+        seed_number = checked_seed(seed)
         runner = self._runner
         if runner.closed:
             raise HijackError("the environment is closed; make another one")
         runner.leave("the environment was reset before the end")
-        super().reset(seed=whole)
-        if whole is None:
-            whole = int(self.np_random.integers(2**32))
-        self._resize(runner.begin(whole, checked))
+        super().reset(seed=seed_number)
+        if seed_number is None:
+            seed_number = int(self.np_random.integers(2**32))
+        self._resize(runner.begin(seed_number, checked))
         episode = ready(runner)
         return _observation(episode), self._info(episode)
 
@@ -137,14 +137,21 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         episode = self._runner.episode
         return None if episode is None else copy.deepcopy(episode.record)
 
-    def record_message(self, said: str) -> None:
-        """Log the agent's words for its next action."""
+    def record_message(self, text: str) -> None:
+        """Record the text that the agent writes with its next action.
+
+        Args:
+            text: The agent's words; the record keeps the first 2000 characters.
+        """
         episode = self._runner.episode
         if episode is not None:
-            episode.record_message(said)
+            episode.record_message(text)
 
     def record_usage(self, usage: dict[str, Any]) -> None:
-        """Store the usage that the agent has reported so far, such as tokens, for the record.
+        """Record the usage that the agent has reported so far, such as tokens.
+
+        Args:
+            usage: JSON data; it replaces what was recorded for this episode.
 
         Raises:
             ParameterError: It is not JSON data.
@@ -157,23 +164,23 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         if episode is not None:
             episode.record_usage(usage)
 
-    def declare_privileged_inputs(self, what: Sequence[str]) -> None:
-        """Store for the record what the agent is given in addition to instruction and pictures.
+    def declare_privileged_inputs(self, kinds: Sequence[str]) -> None:
+        """Record what the agent is given in addition to instruction and pictures.
 
         Without this call, the record states that this is unknown.
 
         Args:
-            what: some of `run_log.GIVEN_KINDS`; empty for nothing.
+            kinds: Some of `run_log.GIVEN_KINDS`; empty for nothing.
 
         Raises:
-            ParameterError: an item is not one of these.
+            ParameterError: An item is not one of these.
         """
-        for kind in what:
+        for kind in kinds:
             if kind not in GIVEN_KINDS:
                 raise ParameterError(f"given is one of {', '.join(GIVEN_KINDS)}, got {kind!r:.100}")
         episode = self._runner.episode
         if episode is not None:
-            episode.declare_privileged_inputs([kind for kind in GIVEN_KINDS if kind in what])
+            episode.declare_privileged_inputs([kind for kind in GIVEN_KINDS if kind in kinds])
 
     def truncate(self) -> None:
         """Judge the episode as it stands, if a limit outside this environment ended it.

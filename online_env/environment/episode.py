@@ -32,15 +32,15 @@ from .record import (
     Status,
     checked_score,
     make_record,
-    name_of,
     since,
+    task_label,
 )
 from .script import BEFORE, Script
 from .settings import EvalSettings
 from .stage import Setting, Stage
 
-WAIT = 1.0  # duration in s of an agent's WAIT
-KEPT = 2000  # characters kept of what an action printed
+WAIT_S = 1.0  # duration of an agent's WAIT
+MAX_OUTPUT_CHARS = 2000  # characters kept of what an action printed
 
 _OVER = (0.0, False, True)  # reward, terminated, truncated
 
@@ -61,7 +61,7 @@ class Episode:
         self._stage = stage
         self._settings = settings
         self._request = request
-        unknown = Setting(name_of(request.task), "")
+        unknown = Setting(task_label(request.task), "")
         self._counts = EpisodeCounts(unknown, request.attempt or 0)
         self._effects = EpisodeEffects(stage.desktop, settings.password)
         self._observer: Observer | None = None
@@ -96,12 +96,14 @@ class Episode:
     def begin(self) -> Size:
         """Set up the task and take the first observation.
 
-        If an effect fails, the episode is over at once. If the request is refused before the
-        episode, the error of the refusing part is passed on; `DesktopError` is raised if the
-        desktop fails.
+        If an effect fails, the episode is over at once.
 
         Returns:
             The size of the agent's pictures, (height, width).
+
+        Raises:
+            HijackError: The stage or the script refuses the request.
+            DesktopError: The desktop fails.
         """
         request = self._request
         with self._failure_recorded():
@@ -140,21 +142,21 @@ class Episode:
             self.end(End(status="error", problem=f"{type(error).__name__}: {error}"))
             raise
 
-    def record_message(self, said: str) -> None:
+    def record_message(self, text: str) -> None:
         """Log what the agent says with the action that it takes next."""
-        self._counts.said = said[:KEPT]
+        self._counts.said = text[:MAX_OUTPUT_CHARS]
         if self.record is None and self.view is not None:
-            self.view.line["said"] = said[:MAX_TEXT]
-            if len(said) > MAX_TEXT:
+            self.view.line["said"] = text[:MAX_TEXT]
+            if len(text) > MAX_TEXT:
                 self.view.line[CUT] = ["said"]
 
     def record_usage(self, usage: dict[str, Any]) -> None:
         """Store the usage that the agent has reported so far."""
         self._counts.usage = usage
 
-    def declare_privileged_inputs(self, what: Sequence[str]) -> None:
+    def declare_privileged_inputs(self, kinds: Sequence[str]) -> None:
         """Store what the agent is given in addition to instruction and pictures."""
-        self._counts.given = list(what)
+        self._counts.given = list(kinds)
 
     def truncate(self) -> None:
         """Judge an episode that is ended from outside, if the agent has acted in it."""
@@ -220,11 +222,11 @@ class Episode:
         kind = "malformed" if request is None else request.kind
         if request is not None and kind == "code":
             self._acted = True
-            view.line["result"] = _result_of(self._run(request.code))
+            view.line["result"] = _result_data(self._run(request.code))
         elif kind == "reinit":
             view.line["result"] = {"helped": self._recover()}
         elif kind == "wait":
-            time.sleep(WAIT)
+            time.sleep(WAIT_S)
         view.line["seconds"]["action"] = since(start)
         observer.flush()
 
@@ -331,9 +333,9 @@ class Episode:
         return verdict.score, by_agent, not by_agent
 
 
-def _result_of(result: RunResult) -> dict[str, Any]:
+def _result_data(result: RunResult) -> dict[str, Any]:
     """Return the output of an action in the form of the log."""
     data = asdict(result)
-    data["output"] = result.output[-KEPT:]
-    data["error"] = result.error[-KEPT:]
+    data["output"] = result.output[-MAX_OUTPUT_CHARS:]
+    data["error"] = result.error[-MAX_OUTPUT_CHARS:]
     return data

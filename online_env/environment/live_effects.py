@@ -45,10 +45,10 @@ class _Live:
     def probe(self) -> str:
         """Return why its probe fails, or ""."""
         with _guarded(self.kind):
-            found = self.applied.probe()
-        if found.ok:
+            probe = self.applied.probe()
+        if probe.ok:
             return ""
-        return found.problem or "its probe failed"
+        return probe.problem or "its probe failed"
 
     def undo(self) -> bool:
         """Undo the effect; return whether there was something to undo and undoing it worked."""
@@ -56,13 +56,13 @@ class _Live:
         self.fresh = False
         try:
             with _guarded(self.kind):
-                found = self.applied.undo()
+                undone = self.applied.undo()
         except DesktopError as error:
             problem = f"{type(error).__name__}: {error}"
             self.applied.record["undone"].append({"ok": False, "problem": problem})
             return False
-        self.clean = found.ok
-        return found.ok and self.lasting
+        self.clean = undone.ok
+        return undone.ok and self.lasting
 
 
 class EpisodeEffects:
@@ -93,11 +93,11 @@ class EpisodeEffects:
 
     def events(self) -> list[dict[str, Any]]:
         """Return the effects that were applied since the last call."""
-        found = self._events
+        events = self._events
         self._events = []
-        return found
+        return events
 
-    def inject(self, due: Sequence[Effect], script: Script, step: int) -> str:
+    def inject(self, effects: Sequence[Effect], script: Script, step: int) -> str:
         """Apply and probe each effect, up to the first that fails.
 
         Returns:
@@ -106,7 +106,7 @@ class EpisodeEffects:
         Raises:
             MissingCapabilityError: A tool is missing in the guest; then nothing was changed.
         """
-        for effect in due:
+        for effect in effects:
             try:
                 problem = self._prove(effect, script, step)
             except MissingCapabilityError:
@@ -224,14 +224,14 @@ class EpisodeEffects:
         try:
             applied = self._perform(effect, script, step)
             with _guarded(effect.kind):
-                held = applied.holds()
+                probe = applied.holds()
                 look()
-                if held and find(effect.kind).lasting:
-                    held = applied.holds()
+                if probe and find(effect.kind).lasting:
+                    probe = applied.holds()
                 applied.undo()
         except DesktopError:
             return False
-        return held
+        return probe
 
     def refresh(self) -> None:
         """Refresh effects that would fade by themselves."""

@@ -58,20 +58,20 @@ class EpisodeLog:
         self._last = digest_of(slug.encode())
         self._pool = ThreadPoolExecutor(2)
 
-    def frames(self, step: int, clean: UInt8Array, seen: UInt8Array) -> dict[str, Any]:
+    def frames(self, step: int, clean: UInt8Array, corrupted: UInt8Array) -> dict[str, Any]:
         """Store the screen and the agent's picture.
 
         Args:
             step: The number of the observation.
             clean: The screen, uint8 RGB `[H, W, 3]`.
-            seen: What the agent saw; the same object if nothing was drawn.
+            corrupted: What the agent saw; the same object if nothing was drawn.
 
         Returns:
             The fields for the line of the log, which name the files.
         """
         pictures = {f"{FRAMES}/{step:04d}.png": clean}
-        if seen is not clean:
-            pictures[f"{FRAMES}/{step:04d}.seen.png"] = seen
+        if corrupted is not clean:
+            pictures[f"{FRAMES}/{step:04d}.seen.png"] = corrupted
         jobs = [self._pool.submit(self._write, name, picture) for name, picture in pictures.items()]
         digests = [pixel_sha256(picture) for picture in pictures.values()]
         for job in jobs:
@@ -102,13 +102,13 @@ class EpisodeLog:
     def finish(self, record: Mapping[str, Any]) -> dict[str, Any]:
         """Write the record, which ends the episode, and return it as written."""
         self._pool.shutdown()
-        whole = {**record, "lines": self._lines, "chain": self._last}
+        signed = {**record, "lines": self._lines, "chain": self._last}
         try:
-            write_atomic(self.folder / EPISODE, dump(whole) + b"\n")
+            write_atomic(self.folder / EPISODE, dump(signed) + b"\n")
         finally:
             self._steps.close()
             self._lock.release()
-        return whole
+        return signed
 
     def __del__(self) -> None:
         steps = getattr(self, "_steps", None)

@@ -77,22 +77,22 @@ class Observer:
             start = time.monotonic()
             plan = self.script.plan(step, boxes)
         # The effects are probed before the picture and again after it, so it shows them.
-        gone = "" if problem else self._effects.confirm()
-        if gone:
+        effect_problem = "" if problem else self._effects.confirm()
+        if effect_problem:
             problem = self._effects.repeat(self.script)
             seconds["effects"] = seconds.get("effects", 0.0) + since(start)
             settled, boxes = self.settle(step, seconds)
             start = time.monotonic()
             plan = self.script.plan(step, boxes)
             problem = problem or self._effects.confirm()
-        if gone and problem:
-            problem = f"{gone}; applied once more: {problem}"
+        if effect_problem and problem:
+            problem = f"{effect_problem}; applied once more: {problem}"
         clean = settled.frame
-        seen: UInt8Array = apply(plan, clean) if plan.ops else clean
-        frames = {} if self._log is None else self._log.frames(step, clean, seen)
+        corrupted: UInt8Array = apply(plan, clean) if plan.ops else clean
+        frames = {} if self._log is None else self._log.frames(step, clean, corrupted)
         facts = self._facts(plan, settled, boxes)
         line = {"step": step, **frames, **facts, "seconds": seconds}
-        self.view = EpisodeView(seen=seen, plan=plan, line=line)
+        self.view = EpisodeView(seen=corrupted, plan=plan, line=line)
         seconds["corrupt"] = since(start)
         return problem
 
@@ -108,23 +108,23 @@ class Observer:
         """
         start = time.monotonic()
         with_tree = self.script.needs_tree(step)
-        found = wait_until_settled(self._desktop, self._settings.settle, with_tree)
+        settled = wait_until_settled(self._desktop, self._settings.settle, with_tree)
         seconds["settle"] = since(start) + seconds.get("settle", 0.0)
-        seconds["tree"] = found.tree_seconds
-        if found.frame.shape[:2] != self.script.size:
-            height, width = found.frame.shape[:2]
+        seconds["tree"] = settled.tree_seconds
+        if settled.frame.shape[:2] != self.script.size:
+            height, width = settled.frame.shape[:2]
             before = self.script.size[::-1]
             raise DesktopError(f"the screen is {width}x{height} now, it was {before} at first")
-        if found.tree is None:
-            return found, as_boxes(None)
+        if settled.tree is None:
+            return settled, as_boxes(None)
         start = time.monotonic()
         try:
-            boxes = boxes_from_tree(found.tree, self.script.size).boxes
+            boxes = boxes_from_tree(settled.tree, self.script.size).boxes
         except ElementsError as error:
             message = f"the accessibility tree of the desktop cannot be read: {error}"
             raise DesktopError(message) from None
         seconds["boxes"] = since(start)
-        return found, boxes
+        return settled, boxes
 
     def flush(self) -> None:
         """Write the line of the current observation, unless it is written already."""
@@ -134,9 +134,9 @@ class Observer:
             self._written += 1
             self._log.line(self.view.line)
 
-    def _inject(self, due: Sequence[Effect], step: int) -> str:
+    def _inject(self, effects: Sequence[Effect], step: int) -> str:
         try:
-            return self._effects.inject(due, self.script, step)
+            return self._effects.inject(effects, self.script, step)
         except MissingCapabilityError as error:
             if self.view is None:  # nothing was played yet, so the caller must see the error
                 raise

@@ -24,7 +24,7 @@ Status: TypeAlias = Literal["ok", "invalid", "error"]
 Ended: TypeAlias = Literal["agent", "max_steps", "outside"]
 Cause: TypeAlias = Literal["agent", "machine", "outside"]
 
-ROUNDING = 1e-6  # by which a mean of scores may lie outside 0 to 1
+SCORE_ROUNDING = 1e-6  # by which a mean of scores may lie outside 0 to 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,15 +155,15 @@ def checked_score(score: object) -> float:
         HijackError: It is none.
     """
     number = float(score) if isinstance(score, SupportsFloat) else math.nan
-    if not -ROUNDING <= number <= 1 + ROUNDING:
+    if not -SCORE_ROUNDING <= number <= 1 + SCORE_ROUNDING:
         raise HijackError(f"the task's evaluator gave {score!r:.80}, which is no score from 0 to 1")
     return min(max(number, 0.0), 1.0)
 
 
-def name_of(task: object) -> str:
+def task_label(task: object) -> str:
     """Return the name of a task that could not be set up, for its record."""
-    known = task.get("id") if isinstance(task, dict) else getattr(task, "id", task)
-    return known if isinstance(known, str) else "unknown"
+    task_id = task.get("id") if isinstance(task, dict) else getattr(task, "id", task)
+    return task_id if isinstance(task_id, str) else "unknown"
 
 
 def since(start: float) -> float:

@@ -36,7 +36,7 @@ def make_embedded(
 ) -> CorruptedEnv:
     """Return a `CorruptedEnv` with the small tasks on its own embedded desktop.
 
-    `close` ends the desktop. Raises `DesktopError` if no desktop starts.
+    `close` ends the desktop.
 
     Args:
         task: A name, or a task.
@@ -47,6 +47,9 @@ def make_embedded(
         standby: Whether the next desktop is kept ready, so that a reset is quick.
         log: The folder of the run.
         **options: More arguments of `CorruptedEnv`.
+
+    Raises:
+        DesktopError: No desktop starts.
     """
     desktop = EmbeddedDesktop.up(size, name, apps, standby=standby)
     try:

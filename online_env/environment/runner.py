@@ -19,7 +19,7 @@ from hijack_data.types import Size
 from ..embedded.runtime import hidden_folders
 from .episode import Episode
 from .record import End, EpisodeRequest
-from .script import Script, planner_of
+from .script import Script, find_planner
 from .settings import EvalSettings
 from .stage import Stage
 
@@ -42,7 +42,7 @@ class EpisodeRunner:
         self.episode: Episode | None = None
         self.closed = False
         self._stage = stage
-        self._planner = planner_of(corruption)
+        self._planner = find_planner(corruption)
         if settings.folder is not None:
             hidden_folders.hide(settings.folder)
 
@@ -60,7 +60,7 @@ class EpisodeRunner:
         """
         planner = self._planner
         if options.has_corruption:
-            planner = planner_of(options.corruption)
+            planner = find_planner(options.corruption)
         request = EpisodeRequest(
             planner=planner,
             label=options.label or get_label(planner),
@@ -117,16 +117,16 @@ class ResetOptions:
             UnknownNameError: An option is unknown; the message suggests the closest name.
             ParameterTypeError: `label` or `attempt` is of the wrong type.
         """
-        given = options or {}
-        for key in given:
+        values = options or {}
+        for key in values:
             if key not in _OPTIONS:
                 raise UnknownNameError(f"reset has no option {key!r}{suggest(key, _OPTIONS)}")
         return cls(
-            task=given.get("task"),
-            corruption=given.get("corruption"),
-            has_corruption="corruption" in given,
-            label=_checked_label(given.get("label")),
-            attempt=_checked_attempt(given.get("attempt")),
+            task=values.get("task"),
+            corruption=values.get("corruption"),
+            has_corruption="corruption" in values,
+            label=_checked_label(values.get("label")),
+            attempt=_checked_attempt(values.get("attempt")),
         )
 
 

@@ -18,11 +18,12 @@ from ..errors import MissingCapabilityError
 BEFORE = -1  # the step number of effects before the episode
 
 
-def planner_of(value: object) -> Planner | None:
+def find_planner(value: object) -> Planner | None:
     """Return the corruption with a name, or a planner unchanged; `None` for `None` and `"clean"`.
 
-    Passes on `UnknownNameError` (no corruption has this name; with the closest one) and
-    `ParameterTypeError` (`value` is neither a name nor a planner).
+    Raises:
+        UnknownNameError: No corruption has this name; the message has the closest one.
+        ParameterTypeError: `value` is neither a name nor a planner.
     """
     if value is None or value == CLEAN:
         return None
@@ -82,14 +83,13 @@ class Script:
     def check(self, steps: int, desktop: Desktop) -> Size:
         """Plan `steps` steps ahead, and refuse a corruption that cannot work before it begins.
 
-        Passes on `MissingCapabilityError` (the desktop lacks capabilities, all of which are named)
-        and `UnknownNameError` (an effect of an unknown kind).
-
         Returns:
             The size of the agent's pictures, (height, width).
 
         Raises:
-            ParameterError: the screen is too small, or the pictures have several sizes.
+            ParameterError: The screen is too small, or the pictures have several sizes.
+            MissingCapabilityError: The desktop lacks capabilities, all of which are named.
+            UnknownNameError: An effect is of an unknown kind.
         """
         plans = [self.plan(step) for step in range(BEFORE, steps + 1)]
         self._check_capabilities(plans, desktop)
@@ -104,8 +104,10 @@ class Script:
 
     def _check_capabilities(self, plans: list[Plan], desktop: Desktop) -> None:
         kinds = {effect.kind for plan in plans for effect in plan.effects}
-        needed: set[Capability] = {one for kind in kinds for one in find(kind).needs}
-        missing = sorted(needed - desktop.capabilities)
+        capabilities: set[Capability] = {
+            capability for kind in kinds for capability in find(kind).needs
+        }
+        missing = sorted(capabilities - desktop.capabilities)
         if missing:
             raise MissingCapabilityError(
                 f"{get_label(self.planner)} needs {', '.join(missing)}, {lacks(desktop, missing)}"

@@ -57,9 +57,12 @@ def wait_until_settled(desktop: Desktop, rule: Settle, with_tree: bool) -> Settl
     """Take screenshots until nothing changes any more.
 
     Args:
-        desktop: The machine; its `DesktopError` is passed on.
+        desktop: The machine.
         rule: When the screen counts as settled.
         with_tree: Whether to read the tree as well; it is the tree of the returned screen.
+
+    Raises:
+        DesktopError: The desktop fails.
     """
     watch = _Watch(desktop)
     while True:
@@ -111,5 +114,5 @@ class _Watch:
         self.tree_seconds += time.monotonic() - start
 
 
-def _equal(one: UInt8Array, other: UInt8Array) -> bool:
-    return one.shape == other.shape and np.array_equal(one, other)
+def _equal(first: UInt8Array, second: UInt8Array) -> bool:
+    return first.shape == second.shape and np.array_equal(first, second)

@@ -1,34 +1,21 @@
 """Stages: desktops with tasks, for `CorruptedEnv`.
 
-`SmallTasks` has the small tasks on an embedded desktop, `OsworldStage` the tasks of an environment
-with OSWorld's interface.
+`SmallTasks` has the small tasks on any desktop.
 """
 
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, Protocol
 
 from hijack_data.apps import normalize_app
-from hijack_data.errors import ConfigError, ParameterTypeError, some_of
+from hijack_data.errors import ParameterTypeError, some_of
 
 from .. import tasks
-from ..desktops.http import HttpDesktop
-from ..desktops.osworld import OsworldDesktop, OsworldLike
-from ..desktops.protocol import Capability, Desktop, RunResult
+from ..desktops.protocol import Desktop
 from ..embedded.sites.state import SiteState
 from ..errors import DesktopError
-from ..osworld.tasks import OsworldTask, mistakes
 from ..tasks.base import Task, Verdict
 from ..tasks.machine import Machine
-
-WORDS = ("WAIT", "DONE", "FAIL")
-# What OSWorld logs of a browser that is still starting; if it never answers, that is raised.
-RETRIED = "Failed to connect, retrying"
-# Seconds between the last action and the evaluation, as in OSWorld's own runs: applications write
-# late, and evaluators read their files. Chromium may take ten seconds for its settings.
-LATE_FILES = 20.0
 
 
 @dataclass(frozen=True)
@@ -160,20 +147,22 @@ class SmallTasks(TaskHolder):
         Raises:
             ParameterTypeError: `task` is neither a name nor a task.
         """
-        wanted: object = self._default if task is None else task
-        if isinstance(wanted, str):
-            wanted = tasks.get(wanted, seed)
-        if not isinstance(wanted, Task):
-            known = some_of(tasks.names())
-            raise ParameterTypeError(f"a task is a name ({known}) or a Task, got {wanted!r:.80}")
+        chosen_task: object = self._default if task is None else task
+        if isinstance(chosen_task, str):
+            chosen_task = tasks.get(chosen_task, seed)
+        if not isinstance(chosen_task, Task):
+            task_names = some_of(tasks.names())
+            raise ParameterTypeError(
+                f"a task is a name ({task_names}) or a Task, got {chosen_task!r:.80}"
+            )
         self._task = None
         self._desktop.reset()
         self._machine = Machine(self._desktop, self.sites)
-        wanted.setup(self._machine)
-        self._task = wanted
-        apps = tuple(normalize_app(app) for app in wanted.apps)
-        infeasible = bool(wanted.infeasible)
-        return Setting(wanted.id, wanted.instruction, apps, infeasible, wanted.seed)
+        chosen_task.setup(self._machine)
+        self._task = chosen_task
+        apps = tuple(normalize_app(app) for app in chosen_task.apps)
+        infeasible = bool(chosen_task.infeasible)
+        return Setting(chosen_task.id, chosen_task.instruction, apps, infeasible, chosen_task.seed)
 
     def evaluate(self, history: Sequence[str]) -> Verdict:
         """Judge the task by files and by the data stored by applications and sites."""
@@ -183,135 +172,3 @@ class SmallTasks(TaskHolder):
     def close(self) -> None:
         """End the desktop."""
         self._desktop.close()
-
-
-class OsworldStage:
-    """The tasks of an environment with OSWorld's interface.
-
-    It has `reset`, `step`, `evaluate`, `controller` and `action_history`. The agent's actions and
-    the effects both go to the guest through `controller`. The environment itself gets only the last
-    action, right before it evaluates, because it judges infeasible tasks by that action.
-
-    Args:
-        env: `desktop_env.DesktopEnv`, or the result of `online_env.osworld.run.embedded_env`.
-        password: The password of the guest's user, for sudo.
-        capabilities: Capabilities of the guest in addition to those that are detected.
-        late_files: Seconds to wait before a feasible task is evaluated, for what applications have
-            not written yet; by default as long as OSWorld's own runs wait.
-
-    Attributes:
-        setup_errors: What OSWorld logged as errors while it set the present task up.
-    """
-
-    def __init__(
-        self,
-        env: OsworldLike,
-        password: str | None = "password",
-        capabilities: Sequence[Capability] = (),
-        late_files: float = LATE_FILES,
-    ) -> None:
-        self.env = env
-        self._late_files = late_files
-        self._infeasible = False
-        self._desktop = _Guest(env, password, capabilities)
-        self.setup_errors: list[str] = []
-
-    @property
-    def desktop(self) -> OsworldDesktop:
-        """The machine."""
-        return self._desktop
-
-    def reset(self, task: Any, seed: int) -> Setting:
-        """Set up one of OSWorld's tasks; errors of the environment are passed on.
-
-        A task with mistakes raises `ConfigError`.
-
-        Args:
-            task: The content of one of OSWorld's task files, or an `OsworldTask`.
-            seed: Not used: OSWorld's tasks have no variants.
-        """
-        config = _config(task)
-        try:
-            self._desktop.reset(config)
-        finally:
-            # Only the environment's own `step` would note that the machine must be reverted; a
-            # setup that broke off would be left to the next task.
-            if hasattr(self.env, "is_environment_used"):
-                cast(Any, self.env).is_environment_used = True
-        # OSWorld goes on where a step of its setup fails, and only logs that.
-        logged = cast("Sequence[str]", getattr(self.env, "warnings", ()))
-        errors = [line for line in logged if line.startswith("ERROR")]
-        self.setup_errors = [line for line in errors if RETRIED not in line]
-        apps = tuple(normalize_app(app) for app in config.get("related_apps", ()))
-        self._infeasible = config["evaluator"].get("func") == "infeasible"
-        return Setting(config["id"], config["instruction"], apps, self._infeasible)
-
-    def evaluate(self, history: Sequence[str]) -> Verdict:
-        """Return OSWorld's own score, after a wait; the reason says if its setup logged an error.
-
-        A guest that does not answer any more is a `GuestError`.
-        """
-        actions = list(history)
-        last = actions.pop() if actions and actions[-1] in WORDS else None
-        self.env.action_history[:] = actions
-        if last is not None:
-            self.env.step(last, pause=0)
-        reason = "OSWorld's evaluator"
-        if self.setup_errors:
-            reason += f"; the task's setup logged {len(self.setup_errors)} errors, the first:"
-            reason += f" {self.setup_errors[0]}"
-        if not self._infeasible:  # else it is judged by the last action alone
-            time.sleep(self._late_files)
-        score = self._desktop.evaluate()
-        # OSWorld takes what a guest that has died does not send for a file that is not there: a 0.
-        self._desktop.screenshot()
-        return Verdict(score, reason)
-
-    def close(self) -> None:
-        """Close the environment."""
-        self._desktop.close()
-
-
-class _Guest(OsworldDesktop):
-    """The environment's guest, with its network namespace if that is on this machine.
-
-    See `effects.guest` for `namespace` and `tool`.
-    """
-
-    @property
-    def namespace(self) -> Path | None:
-        """The network namespace of an embedded desktop; `None` for another guest."""
-        return getattr(self.env, "namespace", None)
-
-    @property
-    def capabilities(self) -> frozenset[Capability]:
-        """The guest's capabilities; this machine can close the network of an embedded desktop."""
-        if self.namespace is None:
-            return super().capabilities
-        firewall: frozenset[Capability] = frozenset({"firewall"})
-        return super().capabilities | firewall
-
-    @property
-    def tool(self) -> Callable[..., dict[str, Any]] | None:
-        """A function that calls an embedded desktop's guest server; `None` for another guest."""
-        client: HttpDesktop | None = getattr(self.env, "client", None)
-        return None if client is None else client.tool
-
-    def execute(self, argv: Sequence[str] | str, timeout: float = 60) -> RunResult:
-        """Run a command.
-
-        Our own guest server runs the command without the Python of the desktop's user, which
-        OSWorld's client needs.
-        """
-        client: HttpDesktop | None = getattr(self.env, "client", None)
-        if client is None:
-            return super().execute(argv, timeout)
-        return client.execute(argv, timeout)
-
-
-def _config(task: object) -> dict[str, Any]:
-    config = task.config if isinstance(task, OsworldTask) else task
-    found = list(mistakes(config))
-    if found:
-        raise ConfigError([f"the task: {text}" for text in found])
-    return dict(cast("Mapping[str, Any]", config))

@@ -28,7 +28,7 @@ spec.loader.exec_module(package)
 from agenthijack_bridge.worker import main
 main()
 """
-TIMEOUTS = {
+TIMEOUTS_S = {
     "start": 120.0,
     "check": 60.0,
     "reset": 900.0,
@@ -36,7 +36,7 @@ TIMEOUTS = {
     "evaluate": 600.0,
     "controller": 200.0,
 }
-TAIL = 2000
+LOG_TAIL_BYTES = 2000
 
 
 @dataclass(frozen=True)
@@ -94,15 +94,17 @@ class Controller:
 class OsworldEnv:
     """An environment with the interface of `DesktopEnv`.
 
-    It has `reset`, `step`, `evaluate`, `close`, `controller` and `action_history`. `OsworldError`
-    is raised if the process does not start.
+    It has `reset`, `step`, `evaluate`, `close`, `controller` and `action_history`.
 
     Args:
-        python: The interpreter of OSWorld's environment (`venv.python_of`).
+        python: The interpreter of OSWorld's environment (`venv.find_python`).
         fresh: Returns the address of a pristine guest; called once now and once for every reset
             but the first.
         settings: How the environment is made.
         log: The file for what OSWorld logs and prints.
+
+    Raises:
+        OsworldError: The process does not start.
     """
 
     def __init__(
@@ -156,13 +158,12 @@ class OsworldEnv:
     def reset(self, task_config: Mapping[str, Any] | None = None, **_: Any) -> dict[str, Any]:
         """Set up a task on a pristine desktop.
 
-        `EvaluatorError` is raised if OSWorld's setup raises.
-
         Returns:
             OSWorld's observation; `screenshot` is PNG bytes.
 
         Raises:
             TaskRefusedError: The task could not be evaluated afterwards.
+            EvaluatorError: OSWorld's setup raised.
         """
         config = None if task_config is None else dict(task_config)
         if config is not None:
@@ -191,7 +192,11 @@ class OsworldEnv:
         return observation, reward, done, info
 
     def evaluate(self) -> float:
-        """Return OSWorld's score; if the evaluator raises, `EvaluatorError`, which is no 0."""
+        """Return OSWorld's score, 0 to 1.
+
+        Raises:
+            EvaluatorError: The evaluator raised; that is not a score of 0.
+        """
         return self.call("evaluate")
 
     def close(self) -> None:
@@ -215,7 +220,7 @@ class OsworldEnv:
         self._calls += 1
         number = self._calls
         self._send({"call": name, "number": number, "arguments": arguments})
-        deadline = time.monotonic() + TIMEOUTS[name]
+        deadline = time.monotonic() + TIMEOUTS_S[name]
         while True:
             answer = self._receive(name, deadline)
             if answer.get("ask") == "revert":
@@ -248,11 +253,11 @@ class OsworldEnv:
     def _receive(self, name: str, deadline: float) -> dict[str, Any]:
         stream = cast(Any, self._process.stdout)
         while b"\n" not in self._buffer:
-            left = deadline - time.monotonic()
-            if left <= 0 or not select.select([stream], [], [], left)[0]:
+            seconds_left = deadline - time.monotonic()
+            if seconds_left <= 0 or not select.select([stream], [], [], seconds_left)[0]:
                 self.close()
                 raise DesktopTimeoutError(
-                    f"OSWorld's {name} took over {TIMEOUTS[name]:.0f} s; see {self._log}"
+                    f"OSWorld's {name} took over {TIMEOUTS_S[name]:.0f} s; see {self._log}"
                 )
             block = os.read(stream.fileno(), 1 << 20)
             if not block:
@@ -263,7 +268,7 @@ class OsworldEnv:
 
     def _ended(self) -> OsworldError:
         self.close()
-        text = self._log.read_bytes()[-TAIL:].decode("utf-8", "replace")
+        text = self._log.read_bytes()[-LOG_TAIL_BYTES:].decode("utf-8", "replace")
         tail = " | ".join(text.strip().splitlines()[-3:])
         code = self._process.returncode
         return OsworldError(f"OSWorld's process ended with exit code {code}; {self._log}: {tail}")

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from hijack_data.file_io import make_folder, write_atomic
 
+from .cache_files import HISTORY_NAME
 from .env import OsworldEnv
 from .errors import OsworldError
 from .tasks import OsworldTask
-from .wanted import HISTORY_NAME
 
 PROFILE = "/tmp/agenthijack-history"
 _MAKE = (

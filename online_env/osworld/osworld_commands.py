@@ -9,7 +9,7 @@ from hijack_data.cli.options import WholeSummaries
 from hijack_data.errors import ParameterError
 from hijack_data.file_io import write_atomic
 
-from . import table, venv
+from . import task_table, venv
 
 
 def _venv_option(text: str):
@@ -45,7 +45,7 @@ def tasks(source: Path, out: Path, clean: bool) -> None:
     from .tasks import load
 
     examples = load(source)
-    count = table.write(examples, out, clean)
+    count = task_table.write(examples, out, clean)
     click.echo(f"{out}: {count} rows, {len(examples)} tasks, revision {examples.revision}")
 
 
@@ -77,10 +77,12 @@ def prefetch(
     interruption.
     """
     from . import prefetch as module
-    from .wanted import wanted
+    from .cache_files import list_cache_files
 
-    chosen = table.read(source)
-    files = [item for task in (chosen.only(only) if only else chosen) for item in wanted(task)]
+    tasks = task_table.read(source)
+    files = [
+        item for task in (tasks.only(only) if only else tasks) for item in list_cache_files(task)
+    ]
     if dry_run:
         rows = [{"path": item.path, "url": item.url} for item in files]
         click.echo(
@@ -90,15 +92,16 @@ def prefetch(
         )
         return 0
     if verify:
-        wrong = module.check(out)
+        damaged = module.check(out)
         _say(
             json_,
-            {"wrong": wrong},
-            [f"{path}: {why}" for path, why in wrong.items()] or ["all files are as recorded"],
+            {"wrong": damaged},
+            [f"{path}: {problem}" for path, problem in damaged.items()]
+            or ["all files are as recorded"],
         )
-        return 1 if wrong else 0
+        return 1 if damaged else 0
     report = module.prefetch(files, out, tell=_meter(json_))
-    lines = [f"failed: {path}: {why}" for path, why in report.failed.items()]
+    lines = [f"failed: {path}: {problem}" for path, problem in report.failed.items()]
     lines.append(
         f"{len(report.fetched)} fetched ({report.bytes / 1e6:.1f} MB), {len(report.kept)} were"
         f" there, {len(report.failed)} failed"
@@ -130,10 +133,10 @@ def setup(tier: str, folder: Path) -> None:
 
     A second call finds it and installs nothing.
     """
-    made = venv.make(folder, tier)
+    report = venv.make(folder, tier)
     click.echo(
-        f"{made.folder}: {made.tier}, {made.megabytes:.0f} MB"
-        + ("" if made.fresh else " (was there)")
+        f"{report.folder}: {report.tier}, {report.megabytes:.0f} MB"
+        + ("" if report.fresh else " (was there)")
     )
 
 
@@ -186,7 +189,7 @@ def check(
     from . import selftest as module
 
     groups = module.read_groups(feasibility) if feasibility else {}
-    chosen = module.choose(table.read(source), groups, only)
+    tasks = module.choose(task_table.read(source), groups, only)
 
     def keep(row: module.SelfTestRow, results: module.Results) -> None:
         click.echo(
@@ -194,7 +197,7 @@ def check(
         )
         write_atomic(out, json.dumps(results.as_json(), indent=1) + "\n")
 
-    results = run.on_embedded(chosen, groups, folder, cache or out.parent / "cache", keep)
+    results = run.run_selftest(tasks, groups, folder, cache or out.parent / "cache", keep)
     if markdown:
         write_atomic(markdown, results.as_markdown())
     click.echo(results.summary())
@@ -215,33 +218,48 @@ def needs(source: Path, folder: Path, json_: bool, working: bool) -> int:
 
     Tasks are read, not run: files, packages, programs, sites and accounts that they name.
     """
-    from . import needs as module
+    from . import task_needs as module
     from .run import checker
 
-    if working and source.is_file():
+    if working:
+        _check_folder(source)
+    tasks = task_table.read(source)
+    with checker(folder) as check:
+        needs_by_task = module.list_all_needs(tasks, check)
+    if working:
+        works = {
+            task_needs.id for task_needs in needs_by_task if task_needs.tested == module.RUNS_HERE
+        }
+        click.echo(",".join(str(task.path) for task in tasks if task.id in works))
+        return 0
+    if json_:
+        rows = [
+            {**vars(task_needs), "can_be_met": task_needs.can_be_met}
+            for task_needs in needs_by_task
+        ]
+        click.echo(json.dumps({"revision": str(tasks.revision), "tasks": rows}, indent=1))
+        return 0
+    lines = [
+        f"{count:4}  {kinds:20}  {remedy}".rstrip()
+        for kinds, count, remedy in module.summary(needs_by_task)
+    ]
+    if check is None:
+        lines.append(f"packages were not looked at: {folder} is not there; hijack osworld setup")
+    click.echo("\n".join([str(tasks.revision), *lines]))
+    return 0
+
+
+def _check_folder(source: Path) -> None:
+    """Check that tasks are read from a folder.
+
+    Raises:
+        ParameterError: They are read from a table.
+    """
+    if source.is_file():
         raise ParameterError(
             f"--working: {source} is a table; hijack bench plays tasks by the files in OSWorld's"
             " folder, so name that"
         )
-    chosen = table.read(source)
-    with checker(folder) as check:
-        found = module.needs_of_all(chosen, check)
-    if working:
-        works = {one.id for one in found if one.tested == module.WORKS}
-        click.echo(",".join(str(task.path) for task in chosen if task.id in works))
-        return 0
-    if json_:
-        rows = [{**vars(one), "can_be_met": one.can_be_met} for one in found]
-        click.echo(json.dumps({"revision": str(chosen.revision), "tasks": rows}, indent=1))
-        return 0
-    lines = [
-        f"{count:4}  {kinds:20}  {remedy}".rstrip()
-        for kinds, count, remedy in module.summary(found)
-    ]
-    if check is None:
-        lines.append(f"packages were not looked at: {folder} is not there; hijack osworld setup")
-    click.echo("\n".join([str(chosen.revision), *lines]))
-    return 0
 
 
 def _say(as_json: bool, value: object, lines: list[str]) -> None:
@@ -249,8 +267,8 @@ def _say(as_json: bool, value: object, lines: list[str]) -> None:
 
 
 def _meter(quiet: bool):
-    def tell(done: int, total: int, path: str) -> None:
-        if not quiet and (done == total or done % 20 == 0):
-            click.echo(f"{done} of {total} files ({path})", err=True)
+    def tell(count: int, total: int, path: str) -> None:
+        if not quiet and (count == total or count % 20 == 0):
+            click.echo(f"{count} of {total} files ({path})", err=True)
 
     return tell

@@ -11,7 +11,7 @@ from hijack_data.types import Point
 
 from .errors import OsworldError
 
-PAUSE = 0.3
+PAUSE_S = 0.3
 _VISITS = 2
 
 
@@ -38,7 +38,7 @@ class Player:
     def __init__(self, env: PlayedEnv) -> None:
         self._env = env
 
-    def do(self, code: str, pause: float = PAUSE) -> None:
+    def do(self, code: str, pause: float = PAUSE_S) -> None:
         """Run pyautogui code as one action of the agent."""
         self._env.step(code, pause)
 
@@ -49,7 +49,7 @@ class Player:
         """
         self.do(f"import subprocess; subprocess.run({command!r}, shell=True)")
 
-    def press(self, *keys: str, pause: float = PAUSE) -> None:
+    def press(self, *keys: str, pause: float = PAUSE_S) -> None:
         """Press keys together."""
         names = ", ".join(map(repr, keys))
         self.do(f"pyautogui.hotkey({names})", pause)
@@ -81,10 +81,12 @@ class Player:
             return False
         return True
 
-    def click_beside(self, name: str, other: str, role: str = "", timeout: float = 15.0) -> None:
-        """Click the element named `other` that is nearest in height to the one named `name`."""
+    def click_beside(
+        self, name: str, neighbour: str, role: str = "", timeout: float = 15.0
+    ) -> None:
+        """Click the element named `neighbour` that is nearest in height to the one named `name`."""
         _, row = self.find(name, timeout=timeout)
-        x, y = self._wait(other, role, row, timeout)
+        x, y = self._wait(neighbour, role, row, timeout)
         self.do(f"pyautogui.click({x}, {y})")
 
     def visit(self, address: str) -> None:
@@ -103,15 +105,15 @@ class Player:
     def _wait(self, name: str, role: str, row: int, timeout: float) -> Point:
         deadline = time.monotonic() + timeout
         while True:
-            found = self._matching(name, role)
-            if found and row:
-                return min(found, key=lambda point: abs(point[1] - row))
-            if found:
-                return found[0]
+            nodes = self._matching(name, role)
+            if nodes and row:
+                return min(nodes, key=lambda point: abs(point[1] - row))
+            if nodes:
+                return nodes[0]
             if time.monotonic() > deadline:
-                what = f"{role or 'element'} {name!r}"
-                raise PlayError(f"no {what} on the screen within {timeout:.0f} s")
-            time.sleep(PAUSE)
+                description = f"{role or 'element'} {name!r}"
+                raise PlayError(f"no {description} on the screen within {timeout:.0f} s")
+            time.sleep(PAUSE_S)
 
     def _matching(self, name: str, role: str) -> list[Point]:
         text = self._env.controller.get_accessibility_tree()

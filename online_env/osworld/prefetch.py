@@ -24,7 +24,7 @@ from hijack_data.file_io import make_folder, replace_atomic, write_atomic
 from hijack_data.locking import Lock, LockedError, lock
 
 from .. import extra
-from .wanted import Wanted
+from .cache_files import CacheFile
 
 try:
     import httpx
@@ -32,12 +32,12 @@ except ModuleNotFoundError as _error:
     raise extra.import_error(_error, "fetching files") from None
 
 MANIFEST = "manifest.json"
-PARTS = ".parts"
+PARTS_FOLDER = ".parts"
 LOCK = ".lock"
-TRIES = 5
-WAITS = (1.0, 2.0, 4.0, 8.0)  # seconds between tries
+MAX_TRIES = 5
+RETRY_PAUSES_S = (1.0, 2.0, 4.0, 8.0)  # seconds between tries
 # HTTP codes after which another try may succeed.
-PASSING = frozenset({408, 425, 429, 500, 502, 503, 504})
+RETRIED_STATUSES = frozenset({408, 425, 429, 500, 502, 503, 504})
 
 
 class _CutOffError(HijackError):
@@ -66,7 +66,7 @@ class PrefetchReport:
 
 
 def prefetch(
-    files: Iterable[Wanted],
+    files: Iterable[CacheFile],
     cache: Path,
     client: httpx.Client | None = None,
     tell: Callable[[int, int, str], object] = lambda *_: None,
@@ -100,7 +100,7 @@ def prefetch(
                 download.one(item, report)
                 tell(number, len(ordered), item.path)
             if not report.failed:
-                shutil.rmtree(cache / PARTS, ignore_errors=True)
+                shutil.rmtree(cache / PARTS_FOLDER, ignore_errors=True)
     except OSError as error:
         raise HijackError(f"{cache}: cannot be written ({error.strerror or error})") from None
     return report
@@ -117,15 +117,15 @@ def _locked(cache: Path) -> Lock:
 
 def check(cache: Path) -> dict[str, str]:
     """Hash every file of the manifest again; return the wrong ones as `{path: reason}`."""
-    wrong: dict[str, str] = {}
+    damaged: dict[str, str] = {}
     for path, entry in read_manifest(cache).items():
         if not (cache / path).is_file():
-            wrong[path] = "missing"
+            damaged[path] = "missing"
             continue
-        found = sha256(cache / path)
-        if found != entry["sha256"]:
-            wrong[path] = f"SHA-256 is {found}, the manifest says {entry['sha256']}"
-    return wrong
+        digest = sha256(cache / path)
+        if digest != entry["sha256"]:
+            damaged[path] = f"SHA-256 is {digest}, the manifest says {entry['sha256']}"
+    return damaged
 
 
 def read_manifest(cache: Path) -> dict[str, Any]:
@@ -168,7 +168,7 @@ class _Download:
         self._client = client
         self._sleep = sleep
 
-    def one(self, item: Wanted, report: PrefetchReport) -> None:
+    def one(self, item: CacheFile, report: PrefetchReport) -> None:
         """Fetch a file, unless it is there, and note in the report what came of it."""
         target = self._cache / item.path
         if self._is_there(item, target):
@@ -190,13 +190,13 @@ class _Download:
         report.fetched.append(item.path)
         report.bytes += size
 
-    def _is_there(self, item: Wanted, target: Path) -> bool:
+    def _is_there(self, item: CacheFile, target: Path) -> bool:
         entry = self._record.get(item.path)
         if entry is None or entry["url"] != item.url or not target.is_file():
             return False
         return target.stat().st_size == entry["size"]
 
-    def _same_address(self, item: Wanted) -> Path | None:
+    def _same_address(self, item: CacheFile) -> Path | None:
         """Return a file of the same address under another name, if it is still as fetched."""
         for name, entry in self._record.items():
             path = self._cache / name
@@ -207,15 +207,15 @@ class _Download:
         return None
 
     def _fetched(self, url: str) -> Path:
-        """Fetch an address into the folder of parts, in at most `TRIES` tries.
+        """Fetch an address into the folder of parts, in at most `MAX_TRIES` tries.
 
         Raises:
             HijackError: No try succeeded.
         """
-        parts = self._cache / PARTS
+        parts = self._cache / PARTS_FOLDER
         parts.mkdir(exist_ok=True)
         part = parts / hashlib.sha256(url.encode()).hexdigest()[:32]
-        for wait in WAITS[: TRIES - 1]:
+        for wait in RETRY_PAUSES_S[: MAX_TRIES - 1]:
             try:
                 return self._try(url, part)
             except _PassingError:
@@ -231,11 +231,11 @@ class _Download:
         except httpx.HTTPStatusError as error:
             code = error.response.status_code
             problem = f"the server answers {code}"
-            if code in PASSING:
+            if code in RETRIED_STATUSES:
                 raise _PassingError(problem) from None
             raise HijackError(problem) from None
         except (httpx.TransportError, _CutOffError) as error:
-            raise _PassingError(f"{error or type(error).__name__} ({TRIES} tries)") from None
+            raise _PassingError(f"{error or type(error).__name__} ({MAX_TRIES} tries)") from None
 
 
 def _resumed(url: str, part: Path, client: httpx.Client) -> Path:

@@ -12,14 +12,14 @@ from ..embedded.desktop_supply import DesktopSupply
 from ..embedded.runtime import network
 from . import history, venv
 from .env import Address, OsworldEnv, OSWorldSettings
-from .needs import PackageCheck
 from .selftest import Groups, Results, SelfTestRow, run_all
+from .task_needs import PackageCheck
 from .tasks import TaskSet
 
 LOG = "osworld.log"
 
 
-def address_of(record: Mapping[str, Any]) -> Address:
+def read_address(record: Mapping[str, Any]) -> Address:
     """Return where the guest server of an embedded desktop listens, with its token.
 
     Args:
@@ -55,7 +55,7 @@ class EmbeddedEnv(OsworldEnv):
     def client(self) -> HttpDesktop:
         """A client of the present guest server, which needs no Python of the guest's user."""
         if self._client is None:
-            address = address_of(self._record)
+            address = read_address(self._record)
             source = self._record["source"]
             self._client = HttpDesktop(self._record["guest"], address.token, source=source)
         return self._client
@@ -68,7 +68,7 @@ class EmbeddedEnv(OsworldEnv):
     def _next(self) -> Address:
         self._forget_client()
         self._record = self._supply.next()
-        return address_of(self._record)
+        return read_address(self._record)
 
     def _forget_client(self) -> None:
         if self._client is not None:
@@ -87,17 +87,19 @@ def embedded_env(
 ) -> Iterator[EmbeddedEnv]:
     """Yield OSWorld's `DesktopEnv` on an embedded desktop; every reset gets a pristine one.
 
-    `OsworldError` is raised if the environment is not made, `DesktopError` if no desktop starts.
-
     Args:
         folder: OSWorld's Python environment (`hijack osworld setup`).
         cache: OSWorld's file cache (`hijack osworld prefetch`); its log goes there too.
         size: `(height, width)` of the screen in pixels.
         tree: Whether observations have the accessibility tree.
         standby: Whether the next desktop is kept ready while one is used.
+
+    Raises:
+        OsworldError: The Python environment is not there.
+        DesktopError: No desktop starts.
     """
     order = handle.make_order(size, osworld=True)  # says first what a desktop lacks
-    python = venv.python_of(folder)
+    python = venv.find_python(folder)
     cache.mkdir(parents=True, exist_ok=True)
     supply = DesktopSupply(order, standby=standby)
     height, width = size
@@ -116,19 +118,19 @@ def checker(folder: Path = venv.DEFAULT) -> Iterator[PackageCheck | None]:
     Args:
         folder: OSWorld's Python environment (`hijack osworld setup`).
     """
-    if venv.tier_of(folder) is None:
+    if venv.installed_tier(folder) is None:
         yield None
         return
     with tempfile.TemporaryDirectory() as scratch:
         settings = OSWorldSettings(Path(scratch, "cache"))
         nowhere = Address("127.0.0.1")  # it is never called
         log = Path(scratch, LOG)
-        env = OsworldEnv(venv.python_of(folder), lambda: nowhere, settings, log)
+        env = OsworldEnv(venv.find_python(folder), lambda: nowhere, settings, log)
         with contextlib.closing(env):
             yield env.check
 
 
-def on_embedded(
+def run_selftest(
     tasks: TaskSet,
     groups: Groups,
     folder: Path,
@@ -139,5 +141,5 @@ def on_embedded(
     # No standby: a desktop that starts meanwhile slows a task down.
     with embedded_env(folder, cache, standby=False) as env:
         history.provide(env, tasks, cache)
-        about = {**env.about, "tier": venv.tier_of(folder), "desktop_env": venv.PACKAGE}
+        about = {**env.about, "tier": venv.installed_tier(folder), "desktop_env": venv.PACKAGE}
         return run_all(env, tasks, groups, about, tell)

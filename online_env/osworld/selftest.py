@@ -23,8 +23,8 @@ Groups = Mapping[str, frozenset[str]]
 NO_GROUP = "-"
 # Seconds of doing nothing before the second evaluation of an untouched task, and before that of a
 # solved one.
-IDLE = 6.0
-SETTLE = 10.0
+IDLE_S = 6.0
+SETTLE_S = 10.0
 
 
 @dataclass
@@ -111,7 +111,7 @@ def _judge(env: OsworldEnv, task: OsworldTask, row: SelfTestRow) -> None:
         _reset(env, task, row)
         solution.play(Player(env))
         # OSWorld sleeps twice; its own runs wait 20 s before they evaluate
-        env.step("WAIT", pause=SETTLE / 2)
+        env.step("WAIT", pause=SETTLE_S / 2)
     row.solved = _evaluate(env, row)
     if row.solved != 1:
         raise _Excluded(f"scores {row.solved:g} after its solution ({row.how})")
@@ -126,7 +126,7 @@ def _untouched(env: OsworldEnv, task: OsworldTask, row: SelfTestRow) -> float:
     _reset(env, task, row)
     score = _evaluate(env, row)
     if score == 0 and task.feasible:
-        env.step("WAIT", pause=IDLE / 2)  # OSWorld sleeps twice
+        env.step("WAIT", pause=IDLE_S / 2)  # OSWorld sleeps twice
         score = _evaluate(env, row)
     return score
 
@@ -208,7 +208,7 @@ def run_all(
     """Test all tasks, one after the other; `tell` is called with each row, and all so far."""
     results = Results(tasks.revision, dict(about))
     for task in tasks:
-        row = run(env, task, tasks.revision, _group_of(task.id, groups))
+        row = run(env, task, tasks.revision, _find_group(task.id, groups))
         results.rows.append(row)
         tell(row, results)
     return results
@@ -236,19 +236,19 @@ def read_groups(path: Path) -> Groups:
         raise ConfigError([f"{path}: must hold {{group: [[domain, id], ...]}} ({error})"]) from None
 
 
-def choose(tasks: TaskSet, groups: Groups, wanted: Iterable[str]) -> TaskSet:
-    """Return the tasks that `wanted` names, or all if it is empty.
+def choose(tasks: TaskSet, groups: Groups, names: Iterable[str]) -> TaskSet:
+    """Return the tasks that `names` lists, or all if it is empty.
 
     Args:
         tasks: The task set.
         groups: Groups of tasks.
-        wanted: Names of groups, ids, or beginnings of ids.
+        names: Names of groups, ids, or beginnings of ids.
 
     Raises:
         ConfigError: A name is neither.
     """
     ids: list[str] = []
-    for name in wanted:
+    for name in names:
         if name in groups:
             ids += [task.id for task in tasks if task.id in groups[name]]
         elif any(task.id.startswith(name) for task in tasks):
@@ -260,5 +260,5 @@ def choose(tasks: TaskSet, groups: Groups, wanted: Iterable[str]) -> TaskSet:
     return tasks.only(ids)
 
 
-def _group_of(task: str, groups: Groups) -> str:
+def _find_group(task: str, groups: Groups) -> str:
     return next((name for name, ids in groups.items() if task in ids), NO_GROUP)

@@ -15,8 +15,8 @@ from hijack_data.errors import ConfigError, ParameterError
 
 _Task = dict[str, Any]
 # Digests of whole sets, as `load` computes them.
-KNOWN = {"55ea33168597": "osworld-verified", "7acd17614676": "agenthijack-fork"}
-DIGITS = 12
+KNOWN_REVISIONS = {"55ea33168597": "osworld-verified", "7acd17614676": "agenthijack-fork"}
+DIGEST_CHARS = 12
 
 
 @dataclass(frozen=True)
@@ -74,16 +74,16 @@ class TaskSet:
         Raises:
             ParameterError: One fits no task, or several.
         """
-        chosen = {self._id_of(wanted) for wanted in ids}
-        return TaskSet(self.revision, tuple(task for task in self.tasks if task.id in chosen))
+        kept_ids = {self._find_id(prefix) for prefix in ids}
+        return TaskSet(self.revision, tuple(task for task in self.tasks if task.id in kept_ids))
 
-    def _id_of(self, wanted: str) -> str:
-        found = [task.id for task in self.tasks if task.id.startswith(wanted)] if wanted else []
-        if len(found) == 1:
-            return found[0]
-        if found:
-            raise ParameterError(f"task {wanted!r} fits {len(found)} tasks; write more of it")
-        raise ParameterError(f"task {wanted!r} is not in this set")
+    def _find_id(self, prefix: str) -> str:
+        matches = [task.id for task in self.tasks if task.id.startswith(prefix)] if prefix else []
+        if len(matches) == 1:
+            return matches[0]
+        if matches:
+            raise ParameterError(f"task {prefix!r} fits {len(matches)} tasks; write more of it")
+        raise ParameterError(f"task {prefix!r} is not in this set")
 
 
 def load(folder: Path) -> TaskSet:
@@ -115,8 +115,8 @@ def load(folder: Path) -> TaskSet:
     problems.extend(_doubles(tasks))
     if problems:
         raise ConfigError(problems)
-    digest = hasher.hexdigest()[:DIGITS]
-    revision = Revision(KNOWN.get(digest, "unknown"), digest)
+    digest = hasher.hexdigest()[:DIGEST_CHARS]
+    revision = Revision(KNOWN_REVISIONS.get(digest, "unknown"), digest)
     return TaskSet(revision, tuple(tasks))
 
 
@@ -148,9 +148,9 @@ def _parse(data: bytes, path: Path, problems: list[str]) -> _Task | None:
         if data:
             problems.append(f"{path}: not JSON in UTF-8 ({error})")
         return None
-    found = list(mistakes(config, path.stem))
-    problems.extend(f"{path}: {text}" for text in found)
-    return None if found else cast(_Task, config)
+    file_problems = list(mistakes(config, path.stem))
+    problems.extend(f"{path}: {text}" for text in file_problems)
+    return None if file_problems else cast(_Task, config)
 
 
 def mistakes(config: object, name: str | None = None) -> Iterator[str]:
@@ -230,8 +230,8 @@ def _object(value: object) -> Mapping[str, Any]:
 
 
 def _doubles(tasks: list[OsworldTask]) -> Iterator[str]:
-    seen: dict[str, Path] = {}
+    paths: dict[str, Path] = {}
     for task in tasks:
-        if task.id in seen:
-            yield f"{task.path}: id: {task.id!r} is also that of {seen[task.id]}"
-        seen[task.id] = task.path
+        if task.id in paths:
+            yield f"{task.path}: id: {task.id!r} is also that of {paths[task.id]}"
+        paths[task.id] = task.path

@@ -36,7 +36,7 @@ class VenvReport:
     fresh: bool
 
 
-def python_of(folder: Path) -> Path:
+def find_python(folder: Path) -> Path:
     """Return the interpreter of an environment made by `make`.
 
     Raises:
@@ -49,7 +49,7 @@ def python_of(folder: Path) -> Path:
     return python
 
 
-def tier_of(folder: Path) -> str | None:
+def installed_tier(folder: Path) -> str | None:
     """Return the tier installed in `folder`, or `None` if there is none or it is incomplete."""
     try:
         record = json.loads((folder / STAMP).read_text(encoding="utf-8"))
@@ -74,7 +74,7 @@ def make(folder: Path = DEFAULT, tier: str = "tiny", python: str = sys.executabl
         OsworldError: pip fails, or the folder cannot be written.
     """
     requirements = _requirements(tier)
-    if tier_of(folder) == tier:
+    if installed_tier(folder) == tier:
         return VenvReport(folder, tier, size_mb(folder), False)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -93,8 +93,8 @@ def make(folder: Path = DEFAULT, tier: str = "tiny", python: str = sys.executabl
 def _install(folder: Path, tier: str, python: str) -> None:
     if not (folder / "bin" / "python").exists():
         _call([python, "-m", "venv", str(folder)])
-    own = str(folder / "bin" / "python")
-    pip = [own, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    interpreter = str(folder / "bin" / "python")
+    pip = [interpreter, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
     _call([*pip, "--no-deps", PACKAGE])
     _call([*pip, "-r", str(HERE / f"requirements-{tier}.txt")])
 
@@ -120,8 +120,8 @@ def _requirements(tier: str) -> str:
 
 
 def _call(command: list[str]) -> None:
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        tail = " | ".join((done.stderr or done.stdout).strip().splitlines()[-5:])
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    if result.returncode != 0:
+        tail = " | ".join((result.stderr or result.stdout).strip().splitlines()[-5:])
         line = " ".join(command)
-        raise OsworldError(f"`{line}` failed with exit code {done.returncode}: {tail}")
+        raise OsworldError(f"`{line}` failed with exit code {result.returncode}: {tail}")

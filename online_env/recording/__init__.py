@@ -1,1 +1,1 @@
-"""Recordings of a real desktop: the asset pack that offline corruptions paste, and trajectories."""
+"""Trajectories recorded on a desktop, by an oracle or by a person."""

@@ -14,14 +14,14 @@ from hijack_data.types import Action
 
 from ..embedded.desktop import EmbeddedDesktop
 from ..embedded.view import Viewer
-from .actions import ActionRecognizer
+from .action_recognizer import ActionRecognizer
 from .stage import RecordingStage
 from .trajectory import EpisodeRecording, RecordedView, visible_boxes
 
 INPUT = "/ah/input"
 
 
-class _Passing:
+class _RecordingClient:
     """The viewer's HTTP client, which gives each event to `actions` before it passes it on."""
 
     def __init__(self, client: Any, actions: ActionRecognizer[RecordedView]) -> None:
@@ -85,7 +85,7 @@ class PersonViewer(Viewer):
         self._trajectory = trajectory
         self._say = say
         self.actions = ActionRecognizer(self._look, self._done)
-        self.guest: Any = _Passing(self.guest, self.actions)
+        self.guest: Any = _RecordingClient(self.guest, self.actions)
 
     def finish(self) -> None:
         """End the action under way, and add the last screen."""

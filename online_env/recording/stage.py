@@ -17,19 +17,19 @@ from ..effects.elements import LAUNCHERS, live_elements
 from ..effects.guest import Guest, isolated
 from ..embedded.guest import inside
 from ..errors import DesktopError, DesktopTimeoutError
-from .picture import ClickTarget, Picture
+from .captured_picture import ClickTarget, Picture
 
 PASSWORD = "password"
-QUIET = 0.7  # s without change after which a screen counts as settled
-BLINK = 800  # pixels that a text cursor may change meanwhile
-PATIENCE = 60.0  # s to wait for that
-BACK = 10.0  # s within which a window that went away comes back
-LOOK = 0.1  # s between two looks
+QUIET_S = 0.7  # s without change after which a screen counts as settled
+CURSOR_PIXELS = 800  # pixels that a text cursor may change meanwhile
+SETTLE_TIMEOUT_S = 60.0  # s to wait for that
+REMAP_TIMEOUT_S = 10.0  # s within which a window that went away comes back
+POLL_S = 0.1  # s between two looks
 TOOL = inside.source("xlook")
 
 
 @dataclass(frozen=True)
-class Top:
+class TopWindow:
     """A window directly below the root.
 
     Args:
@@ -85,45 +85,52 @@ class RecordingStage:
             raise DesktopError(f"xlook {operation} failed in the guest: {problem}")
         return json.loads(result.output)
 
-    def tops(self) -> list[Top]:
+    def top_windows(self) -> list[TopWindow]:
         """Return the windows that can be seen, bottom to top."""
-        tops: list[Top] = []
+        tops: list[TopWindow] = []
         for data in self.look("tops")["tops"]:
             box: Box = tuple(data["box"])
             if _overlap(box, self.screen):
-                tops.append(Top(data["id"], data["client"], data["class"], box, data["free"]))
+                tops.append(TopWindow(data["id"], data["client"], data["class"], box, data["free"]))
         return tops
 
-    def open(self, *argv: str, named: str, patience: float = 60.0) -> Top:
+    def open(self, *argv: str, class_part: str, timeout: float = 60.0) -> TopWindow:
         """Start an application and wait until its window has settled.
 
         Args:
             argv: The command line.
-            named: A part of the window's class.
-            patience: Seconds to wait for the window.
+            class_part: A part of the window's class.
+            timeout: Seconds to wait for the window.
         """
-        before = {top.key for top in self.tops()}
+        before = {top.key for top in self.top_windows()}
         launch(self.desktop, *argv)
-        what = f"window of {argv[0]}"
+        description = f"window of {argv[0]}"
         return self.new(
-            before, lambda top: named in top.name.lower() and not top.free, what, patience
+            before,
+            lambda top: class_part in top.name.lower() and not top.free,
+            description,
+            timeout,
         )
 
     def new(
-        self, before: set[int], fits: Callable[[Top], bool], what: str, patience: float = 15.0
-    ) -> Top:
+        self,
+        before: set[int],
+        fits: Callable[[TopWindow], bool],
+        description: str,
+        timeout: float = 15.0,
+    ) -> TopWindow:
         """Wait for a new window, and until the screen has settled.
 
         Args:
             before: The keys of the windows that were there before.
             fits: Whether a window is one to wait for; the largest is returned.
-            what: The window in the message of an error.
-            patience: Seconds to wait for it.
+            description: The window in the message of an error.
+            timeout: Seconds to wait for it.
 
         Raises:
             DesktopTimeoutError: No such window came.
         """
-        end = time.monotonic() + patience
+        end = time.monotonic() + timeout
         while True:
             if self._fresh(before, fits):
                 self.settled()
@@ -131,13 +138,13 @@ class RecordingStage:
                 if fresh:
                     return max(fresh, key=lambda top: _area(top.box))
             if time.monotonic() > end:
-                raise DesktopTimeoutError(f"no {what} came within {patience:g} s")
-            time.sleep(LOOK)
+                raise DesktopTimeoutError(f"no {description} came within {timeout:g} s")
+            time.sleep(POLL_S)
 
-    def _fresh(self, before: set[int], fits: Callable[[Top], bool]) -> list[Top]:
-        return [top for top in self.tops() if top.key not in before and fits(top)]
+    def _fresh(self, before: set[int], fits: Callable[[TopWindow], bool]) -> list[TopWindow]:
+        return [top for top in self.top_windows() if top.key not in before and fits(top)]
 
-    def top(self, number: int) -> Top:
+    def top(self, number: int) -> TopWindow:
         """Return the present state of a window.
 
         Some windows disappear briefly when they get another size; it waits for them.
@@ -145,22 +152,22 @@ class RecordingStage:
         Raises:
             DesktopError: The window is gone.
         """
-        end = time.monotonic() + BACK
+        end = time.monotonic() + REMAP_TIMEOUT_S
         while True:
-            for top in self.tops():
+            for top in self.top_windows():
                 if number in (top.id, top.client):
                     return top
             if time.monotonic() > end:
                 raise DesktopError(f"window {number:#x} is not on the screen any more")
-            time.sleep(LOOK)
+            time.sleep(POLL_S)
 
-    def place(self, top: Top, box: Sequence[int]) -> Top:
+    def place(self, top: TopWindow, box: Sequence[int]) -> TopWindow:
         """Move and resize a window; return it at the place that it really took."""
         self.guest.x("place", frames={str(top.client): list(box)})
         self.settled()
         return self.top(top.key)
 
-    def maximise(self, top: Top) -> Top:
+    def maximise(self, top: TopWindow) -> TopWindow:
         """Maximise a window."""
         self.guest.x("maximise", number=top.client)
         self.settled()
@@ -171,7 +178,7 @@ class RecordingStage:
         x1, y1, x2, y2 = self.guest.x("state")["area"]
         return x1, y1, x2, y2
 
-    def close(self, top: Top) -> None:
+    def close(self, top: TopWindow) -> None:
         """Close a window and the dialogs before it."""
         self.guest.x("close", 6.0, ids=[top.client])
 
@@ -199,7 +206,7 @@ class RecordingStage:
         x, y = point or (width * 3 // 4, height - 1)
         self.run(f"pyautogui.moveTo({x}, {y})")
 
-    def settled(self, patience: float = PATIENCE) -> UInt8Array:
+    def settled(self, timeout: float = SETTLE_TIMEOUT_S) -> UInt8Array:
         """Return the screen once nothing but a text cursor changes, uint8 RGB `[H, W, 3]`.
 
         Raises:
@@ -207,20 +214,20 @@ class RecordingStage:
         """
         frame = self.desktop.screenshot()
         since = time.monotonic()
-        end = since + patience
-        while time.monotonic() - since < QUIET:
+        end = since + timeout
+        while time.monotonic() - since < QUIET_S:
             if time.monotonic() > end:
-                raise DesktopTimeoutError(f"the screen did not settle within {patience:g} s")
-            time.sleep(LOOK)
-            now = self.desktop.screenshot()
-            changed = (now != frame).any(axis=2)
-            if int(changed.sum()) > BLINK:
-                frame = now
+                raise DesktopTimeoutError(f"the screen did not settle within {timeout:g} s")
+            time.sleep(POLL_S)
+            picture = self.desktop.screenshot()
+            differs = (picture != frame).any(axis=2)
+            if int(differs.sum()) > CURSOR_PIXELS:
+                frame = picture
                 since = time.monotonic()
         return self.desktop.screenshot()
 
     def targets(
-        self, box: Box, owner: Callable[[Top | None], bool], xml: str | None = None
+        self, box: Box, owner: Callable[[TopWindow | None], bool], xml: str | None = None
     ) -> list[ClickTarget]:
         """Return the interactive elements in a box, by their centres.
 
@@ -229,16 +236,16 @@ class RecordingStage:
             owner: Whether the window at an element's centre is one of those that are meant.
             xml: The accessibility tree; it is read if omitted.
         """
-        tops = self.tops()
+        tops = self.top_windows()
         tree = xml or self.desktop.accessibility()
-        found: list[ClickTarget] = []
+        targets: list[ClickTarget] = []
         for element in live_elements(tree, self.desktop.size):
             if not _inside(element.centre, box) or not owner(at_point(tops, element.centre)):
                 continue
             target = ClickTarget(element.name, element.role, element.box)
-            if target not in found:
-                found.append(target)
-        return found
+            if target not in targets:
+                targets.append(target)
+        return targets
 
     def launcher_targets(self) -> list[ClickTarget]:
         """Return the interactive elements of the panels and of the bare desktop."""
@@ -246,15 +253,15 @@ class RecordingStage:
             self.screen, lambda top: top is not None and top.name.split(".")[0] in LAUNCHERS
         )
 
-    def cut(self, kind: str, app: str, top: Top, made_by: str, **more: Any) -> Picture:
+    def cut(self, kind: str, app: str, top: TopWindow, made_by: str, **extra: Any) -> Picture:
         """Return a picture of one window, with its own elements as targets.
 
         Args:
-            kind: As in `Picture`, as are `app`, `made_by` and `more`.
+            kind: As in `Picture`, as are `app`, `made_by` and `extra`.
             app: The application.
             top: The window, which must lie on top of all others.
             made_by: How it was made.
-            **more: More fields of the picture.
+            **extra: More fields of the picture.
         """
         frame = self.settled()
         box = _clip(top.box, self.screen)
@@ -262,28 +269,28 @@ class RecordingStage:
         x1, y1, x2, y2 = box
         holes = self.look("shaped", number=top.id)["holes"]
         pixels = _shaped(frame[y1:y2, x1:x2], holes, top.box, box)
-        targets = self.targets(box, lambda other: other is not None and other.id == top.id)
-        return Picture(kind, app, box, pixels, made_by, targets, **more)
+        targets = self.targets(box, lambda owner: owner is not None and owner.id == top.id)
+        return Picture(kind, app, box, pixels, made_by, targets, **extra)
 
     def whole(
-        self, kind: str, app: str, made_by: str, targets: Sequence[ClickTarget], **more: Any
+        self, kind: str, app: str, made_by: str, targets: Sequence[ClickTarget], **extra: Any
     ) -> Picture:
         """Return a picture of the whole screen; the arguments are those of `Picture`."""
-        return Picture(kind, app, self.screen, self.settled(), made_by, targets, **more)
+        return Picture(kind, app, self.screen, self.settled(), made_by, targets, **extra)
 
-    def gone(self, number: int, patience: float = 6.0) -> bool:
-        """Return whether a window goes away within `patience` seconds."""
-        return bool(self.look("gone", number=number, timeout=patience)["gone"])
+    def gone(self, number: int, timeout: float = 6.0) -> bool:
+        """Return whether a window goes away within `timeout` seconds."""
+        return bool(self.look("gone", number=number, timeout=timeout)["gone"])
 
-    def _check_uncovered(self, top: Top, box: Box) -> None:
-        tops = self.tops()
-        numbers = [other.id for other in tops]
+    def _check_uncovered(self, top: TopWindow, box: Box) -> None:
+        tops = self.top_windows()
+        numbers = [window.id for window in tops]
         if top.id not in numbers:
             raise DesktopError(f"the window {top.name} went away before its picture was taken")
-        for other in tops[numbers.index(top.id) + 1 :]:
-            if _overlap(other.box, box):
+        for window in tops[numbers.index(top.id) + 1 :]:
+            if _overlap(window.box, box):
                 raise DesktopError(
-                    f"the window {other.name} at {list(other.box)} covers {top.name} at"
+                    f"the window {window.name} at {list(window.box)} covers {top.name} at"
                     f" {list(top.box)}"
                 )
 
@@ -294,7 +301,7 @@ def click(kind: str, target: ClickTarget) -> dict[str, Any]:
     return {"type": kind, "x": (x1 + x2) // 2, "y": (y1 + y2) // 2, "target_box": list(target.box)}
 
 
-def code_of(action: Mapping[str, Any]) -> str:
+def write_code(action: Mapping[str, Any]) -> str:
     """Return the pyautogui code of an action of the pack."""
     keys = tuple(action["keys"]) if action.get("keys") else None
     return write_pyautogui(
@@ -302,7 +309,7 @@ def code_of(action: Mapping[str, Any]) -> str:
     )
 
 
-def at_point(tops: Sequence[Top], point: Point) -> Top | None:
+def at_point(tops: Sequence[TopWindow], point: Point) -> TopWindow | None:
     """Return the topmost window at a point."""
     for top in reversed(tops):
         if _inside(point, top.box):
@@ -325,8 +332,8 @@ def _area(box: Sequence[int]) -> int:
     return max(0, box[2] - box[0]) * max(0, box[3] - box[1])
 
 
-def _overlap(one: Box, other: Box) -> bool:
-    return _area(_clip(one, other)) > 0
+def _overlap(first: Box, second: Box) -> bool:
+    return _area(_clip(first, second)) > 0
 
 
 def _clip(box: Box, limit: Box) -> Box:

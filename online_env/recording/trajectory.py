@@ -19,7 +19,7 @@ from hijack_data.types import Action, Box, Size, UInt8Array
 
 from ..effects.elements import LAUNCHERS
 from ..tasks.tree_nodes import TreeNode, read_tree
-from .stage import RecordingStage, Top, at_point
+from .stage import RecordingStage, TopWindow, at_point
 
 RECORDS = "trajectories.jsonl"
 IMAGES = "images"
@@ -50,12 +50,12 @@ def visible_boxes(stage: RecordingStage, xml: str) -> tuple[Box, ...]:
         stage: The desktop, whose windows may cover elements.
         xml: Its accessibility tree.
     """
-    tops = stage.tops()
-    found = read_tree(xml)
+    tops = stage.top_windows()
+    elements = read_tree(xml)
     # Other applications do not report which of their elements are enabled.
-    reporting = {node.app for node in found if ENABLED in node.states}
+    reporting = {node.app for node in elements if ENABLED in node.states}
     boxes: dict[Box, None] = {}
-    for node in found:
+    for node in elements:
         box = _on_screen(node, stage.desktop.size)
         if box is None or not _interactive(node.role):
             continue
@@ -82,7 +82,7 @@ def _on_screen(node: TreeNode, size: Size) -> Box | None:
     return x1, y1, x2, y2
 
 
-def _is_visible(app: str, top: Top | None) -> bool:
+def _is_visible(app: str, top: TopWindow | None) -> bool:
     """Return whether an application's element shows, if `top` is the window at its centre.
 
     It does not if only the desktop or a panel is there: then its window is minimised.
@@ -131,13 +131,13 @@ class EpisodeRecording:
                 "action_code": code,
                 "elements": [list(box) for box in view.boxes],
             }
-            target = target_of(action, view.boxes)
+            target = find_target(action, view.boxes)
             if target is not None:
                 row["target_box"] = list(target)
             yield row
 
 
-def target_of(action: Action, boxes: Sequence[Box]) -> Box | None:
+def find_target(action: Action, boxes: Sequence[Box]) -> Box | None:
     """Return the smallest of the boxes that contain the action's point."""
     if action.x is None or action.y is None:
         return None
@@ -145,13 +145,13 @@ def target_of(action: Action, boxes: Sequence[Box]) -> Box | None:
     return min(hit, key=_area, default=None)
 
 
-def free_name(folder: Path, wanted: str) -> str:
-    """Return `wanted`, or `wanted-2`, `wanted-3` ... if that name is taken in the folder."""
-    taken = {json.loads(line)["trajectory_id"] for line in _lines(folder)}
-    name = wanted
+def free_name(folder: Path, stem: str) -> str:
+    """Return `stem`, or `stem-2`, `stem-3` ... if that name is taken in the folder."""
+    names = {json.loads(line)["trajectory_id"] for line in _lines(folder)}
+    name = stem
     number = 2
-    while name in taken:
-        name = f"{wanted}-{number}"
+    while name in names:
+        name = f"{stem}-{number}"
         number += 1
     return name
 
@@ -173,7 +173,7 @@ def prepare(folder: Path) -> None:
 
 
 @contextlib.contextmanager
-def kept(
+def saved_at_end(
     trajectory: EpisodeRecording, folder: Path, say: Callable[[str], object]
 ) -> Iterator[None]:
     """Save what is recorded in the block, also where an error ends it.

@@ -23,9 +23,9 @@ from .service import DesktopService
 HEALTH = "/health"
 METRICS = "/metrics"
 PROMETHEUS = "text/plain; version=0.0.4; charset=utf-8"
-QUIET = 4  # number of leases after which OpenEnv ends a session without a desktop
-LONG = 3600.0  # seconds
-REFUSED = 4401  # the close code for a WebSocket without the token
+SESSION_TIMEOUT_LEASES = 4  # number of leases after which OpenEnv ends a session without a desktop
+MIN_SESSION_TIMEOUT_S = 3600.0  # seconds
+CLOSE_UNAUTHORIZED = 4401  # the close code for a WebSocket without the token
 
 
 def make_app(service: DesktopService, *, sessions: int, token: str | None) -> ASGIApp:
@@ -44,7 +44,8 @@ def make_app(service: DesktopService, *, sessions: int, token: str | None) -> AS
         env_name=NAME,
         state_cls=DesktopState,
         concurrency_config=ConcurrencyConfig(
-            max_concurrent_envs=sessions, session_timeout=max(LONG, QUIET * service.lease)
+            max_concurrent_envs=sessions,
+            session_timeout=max(MIN_SESSION_TIMEOUT_S, SESSION_TIMEOUT_LEASES * service.lease),
         ),
     )
 
@@ -57,7 +58,7 @@ def make_app(service: DesktopService, *, sessions: int, token: str | None) -> AS
     # Placed before OpenEnv's own route, which would call a server without a desktop healthy.
     app.router.routes.insert(0, Route(HEALTH, health))
     app.router.routes.insert(0, Route(METRICS, metrics))
-    app.add_exception_handler(HijackError, _explained)
+    app.add_exception_handler(HijackError, _answer_error)
     return AccessGuard(RequestLimits(app), token)
 
 
@@ -72,7 +73,7 @@ def _health(service: DesktopService) -> Response:
     return JSONResponse(content, 200 if is_healthy else 503)
 
 
-async def _explained(_: Request, error: Exception) -> Response:
+async def _answer_error(_: Request, error: Exception) -> Response:
     """Answer OpenEnv's HTTP routes, which do not support sessions, with the error."""
     if isinstance(error, ServerBusyError):
         headers = {"Retry-After": str(error.retry_after)}
@@ -100,11 +101,11 @@ class AccessGuard:
         if scope["type"] not in ("http", "websocket") or scope.get("path") == HEALTH:
             await self._app(scope, receive, send)
             return
-        why = self._refusal(scope["headers"])
-        if not why:
+        refusal = self._refusal(scope["headers"])
+        if not refusal:
             await self._app(scope, receive, send)
             return
-        answer = PlainTextResponse(f"{why}\n", 403 if self._expected is None else 401)
+        answer = PlainTextResponse(f"{refusal}\n", 403 if self._expected is None else 401)
         if scope["type"] == "http":
             await answer(scope, receive, send)
         else:
@@ -112,18 +113,18 @@ class AccessGuard:
 
     def _refusal(self, headers: Iterable[tuple[bytes, bytes]]) -> str:
         """Return why a request is refused; empty if it is allowed."""
-        found = dict(headers)
+        values = dict(headers)
         if self._expected is not None:
-            given = found.get(b"authorization", b"")
-            if hmac.compare_digest(given, self._expected):
+            authorization = values.get(b"authorization", b"")
+            if hmac.compare_digest(authorization, self._expected):
                 return ""
             return "the token is missing or wrong: send the header Authorization: Bearer TOKEN"
-        if b"origin" in found or not is_loopback(_host_of(found.get(b"host", b""))):
+        if b"origin" in values or not is_loopback(_read_host(values.get(b"host", b""))):
             return "without a token, only programs of this machine are answered, and no web page"
         return ""
 
 
-def _host_of(header: bytes) -> str:
+def _read_host(header: bytes) -> str:
     """Return the name or address in a header `Host`; "" if there is none."""
     try:
         return urlsplit(f"//{header.decode('latin-1')}").hostname or ""
@@ -150,4 +151,4 @@ async def _refuse_socket(scope: Scope, receive: Receive, send: Send, answer: Res
 
         await answer({**scope, "type": "http"}, receive, renamed)
         return
-    await send({"type": "websocket.close", "code": REFUSED})
+    await send({"type": "websocket.close", "code": CLOSE_UNAUTHORIZED})

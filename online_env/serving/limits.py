@@ -1,7 +1,9 @@
 """What a client may cost the server before and after its token is checked.
 
-uvicorn waits without end for the rest of a request, reads bodies of any size, and passes on frames
-of a WebSocket that OpenEnv answers with Python's own errors before it drops the session.
+uvicorn waits without end for the rest of a request, and reads bodies of any size. OpenEnv drops the
+session of a client whose frame is binary, too deep, no object, or holds a number of over 4300
+digits. Such a frame is refused here instead. OpenEnv takes text only and parses it again; frames
+are short, since pictures go the other way.
 """
 
 import asyncio
@@ -14,7 +16,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 REQUEST_TIMEOUT_S = 20.0  # from the first byte that is awaited to the end of the request
-MAX_BODY = 2**20  # bytes
+MAX_BODY_BYTES = 2**20  # bytes
 MAX_DEPTH = 64  # of lists and objects in a frame
 SPARE_CONNECTIONS = 64  # for clients that have no session: health, metrics, refused ones
 
@@ -102,18 +104,18 @@ class RequestLimits:
     async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
         declared = dict(scope["headers"]).get(b"content-length", b"0")
         body = bytearray()
-        is_too_large = not declared.isdigit() or int(declared) > MAX_BODY
-        more = not is_too_large
-        while more:
+        is_too_large = not declared.isdigit() or int(declared) > MAX_BODY_BYTES
+        is_incomplete = not is_too_large
+        while is_incomplete:
             message = await receive()
             if message["type"] == "http.disconnect":
                 return
             body += message.get("body", b"")
-            more = message.get("more_body", False)
-            if len(body) > MAX_BODY:
-                is_too_large, more = True, False
+            is_incomplete = message.get("more_body", False)
+            if len(body) > MAX_BODY_BYTES:
+                is_too_large, is_incomplete = True, False
         if is_too_large:
-            text = f"the body of a request may have at most {MAX_BODY} bytes\n"
+            text = f"the body of a request may have at most {MAX_BODY_BYTES} bytes\n"
             await PlainTextResponse(text, 413, {"Connection": "close"})(scope, receive, send)
             return
         first: list[Message] = [{"type": "http.request", "body": bytes(body), "more_body": False}]

@@ -18,7 +18,7 @@ from prometheus_client.registry import Collector
 if TYPE_CHECKING:
     from .pool import DesktopPool
 
-SECONDS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)
+BUCKETS_S = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)
 
 
 class _PoolCollector(Collector):
@@ -107,7 +107,7 @@ class ServerMetrics:
 
 
 def _seconds(name: str, about: str, registry: CollectorRegistry) -> Histogram:
-    return Histogram(name, f"{about}, in seconds", registry=registry, buckets=SECONDS)
+    return Histogram(name, f"{about}, in seconds", registry=registry, buckets=BUCKETS_S)
 
 
 @contextlib.contextmanager

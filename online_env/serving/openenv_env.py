@@ -12,14 +12,14 @@ from hijack_data.errors import ParameterError, UnknownNameError, some_of, sugges
 from hijack_data.png import encode
 
 from ..agents.adapters.action_codes import PYAUTOGUI
-from .drawing import HELD_OUT, TRAINING
+from .episode_draws import HELD_OUT, TRAINING
 from .service import DesktopService
 from .sessions import DesktopSession, SessionView
 
 NAME = "agenthijack"
 OPTIONS = ("seed", "episode_id", "task", "corruption", "slot", "split", "index")
 SPLIT_TYPES = {TRAINING: "train", HELD_OUT: "test"}
-ABOUT = (
+DESCRIPTION = (
     "Tasks on a real Linux desktop that is corrupted on purpose: pop-ups, marks, subtitles, a"
     " lower resolution, foreign windows, accidental touches, minimised windows, no network, a lock"
     " screen."
@@ -120,13 +120,13 @@ class DesktopEnvironment(Environment[DesktopAction, DesktopObservation, DesktopS
     def state(self) -> DesktopState:
         """Return what is known about the current episode, without asking the desktop."""
         session = self._session
-        found = DesktopState(
+        state = DesktopState(
             episode_id=self._episode, step_count=session.steps, record=session.record
         )
         choice = session.choice
         if choice is None:
-            return found
-        return found.model_copy(
+            return state
+        return state.model_copy(
             update={
                 "task": choice.task,
                 "seed": choice.seed,
@@ -143,7 +143,7 @@ class DesktopEnvironment(Environment[DesktopAction, DesktopObservation, DesktopS
 
     def get_metadata(self) -> EnvironmentMetadata:
         """Return the content of OpenEnv's `/metadata`."""
-        return EnvironmentMetadata(name=NAME, description=ABOUT, version=__version__)
+        return EnvironmentMetadata(name=NAME, description=DESCRIPTION, version=__version__)
 
     def list_splits(self) -> list[dict[str, str]]:
         """Return the sides of the split that are served, with OpenEnv's word for each."""

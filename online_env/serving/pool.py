@@ -21,9 +21,9 @@ from ..environment.stage import Stage
 from ..errors import DesktopError
 from .errors import ServerBusyError
 
-STARTS = 5.0  # seconds between two tries to replace a desktop that ended
-LONGEST = 300  # the most seconds that a client is told to wait
-RECENT = 20  # recent loans from which the advised waiting time is computed
+RESTART_INTERVAL_S = 5.0  # seconds between two tries to replace a desktop that ended
+MAX_RETRY_AFTER_S = 300  # the most seconds that a client is told to wait
+RECENT_LOANS = 20  # recent loans from which the advised waiting time is computed
 
 # Called without arguments; the stage is there within the context.
 StageMaker: TypeAlias = Callable[[], AbstractContextManager[Stage]]
@@ -70,22 +70,22 @@ class DesktopPool:
         make: Starts a desktop.
         count: How many desktops there are, at least 1.
         line: How many sessions may wait for one.
-        patience: Seconds that a session waits at most.
+        wait_timeout: Seconds that a session waits at most.
     """
 
-    def __init__(self, make: StageMaker, *, count: int, line: int, patience: float) -> None:
+    def __init__(self, make: StageMaker, *, count: int, line: int, wait_timeout: float) -> None:
         self.count = count
         self.replaced = 0
         self._make = make
         self._line = line
-        self._patience = patience
+        self._wait_timeout = wait_timeout
         self._changed = threading.Condition()
         self._closing = threading.Event()
         self._free: list[DesktopSeat] = []
         self._lent: set[DesktopSeat] = set()
         self._waiting: deque[object] = deque()
         self._starting: list[threading.Thread] = []
-        self._loans: deque[float] = deque(maxlen=RECENT)
+        self._loans: deque[float] = deque(maxlen=RECENT_LOANS)
 
     def start(self) -> None:
         """Start all desktops side by side, and wait until they are ready.
@@ -143,20 +143,20 @@ class DesktopPool:
         ticket = object()
         with self._changed:
             if self._closing.is_set():
-                raise ServerBusyError("the server is ending", LONGEST)
+                raise ServerBusyError("the server is ending", MAX_RETRY_AFTER_S)
             if (self._waiting or not self._free) and len(self._waiting) >= self._line:
                 raise self._busy(f"{len(self._waiting)} sessions wait already")
             self._waiting.append(ticket)
             try:
-                self._changed.wait_for(lambda: self._may_go(ticket), self._patience)
+                self._changed.wait_for(lambda: self._may_go(ticket), self._wait_timeout)
             finally:
                 is_first = self._waiting[0] is ticket
                 self._waiting.remove(ticket)
                 self._changed.notify_all()
             if self._closing.is_set():
-                raise ServerBusyError("the server is ending", LONGEST)
+                raise ServerBusyError("the server is ending", MAX_RETRY_AFTER_S)
             if not is_first or not self._free:
-                raise self._busy(f"none became free in {self._patience:g} s")
+                raise self._busy(f"none became free in {self._wait_timeout:g} s")
             seat = self._free.pop(0)
             seat.lent_at = time.monotonic()
             self._lent.add(seat)
@@ -207,16 +207,16 @@ class DesktopPool:
             return True
         return bool(self._free) and self._waiting[0] is ticket
 
-    def _busy(self, why: str) -> ServerBusyError:
+    def _busy(self, reason: str) -> ServerBusyError:
         """Return the error of a session that gets no desktop."""
         starting = self.count - len(self._free) - len(self._lent)
         state = f"{len(self._lent)} of {self.count} desktops are in use"
         if starting:
             state += f", {starting} are being started"
-        mean = sum(self._loans) / len(self._loans) if self._loans else self._patience
+        mean = sum(self._loans) / len(self._loans) if self._loans else self._wait_timeout
         ahead = len(self._waiting) + 1
-        seconds = min(LONGEST, max(1, math.ceil(mean * ahead / self.count)))
-        return ServerBusyError(f"the server is busy: {state}, and {why}", seconds)
+        seconds = min(MAX_RETRY_AFTER_S, max(1, math.ceil(mean * ahead / self.count)))
+        return ServerBusyError(f"the server is busy: {state}, and {reason}", seconds)
 
     def _add(self) -> None:
         """Start a desktop and put it among the free ones."""
@@ -244,7 +244,7 @@ class DesktopPool:
                 break
             except Exception as error:  # noqa: BLE001
                 _log.error("no desktop in the place of one that ended, trying again: %s", error)
-                self._closing.wait(STARTS)
+                self._closing.wait(RESTART_INTERVAL_S)
         with self._changed:
             self._starting.remove(threading.current_thread())
 

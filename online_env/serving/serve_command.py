@@ -159,12 +159,12 @@ def serve(
     _check_openenv()
     from ..bench.config import load_bench, override
     from ..bench.workers import default_desktops
-    from . import running
+    from . import server
 
-    token = running.read_token(token_file)
+    token = server.read_token(token_file)
     bench = override(load_bench(config), task=tasks, corruption=corruptions)
-    options = running.ServeOptions(
-        bench=running.adjusted(bench, max_steps, size),
+    options = server.ServeOptions(
+        bench=server.override_limits(bench, max_steps, size),
         desktops=desktops or default_desktops(),
         host=host,
         port=port,
@@ -175,7 +175,7 @@ def serve(
         seed=seed,
         sessions=sessions,
         line=line,
-        patience=wait,
+        wait_timeout=wait,
         lease=lease,
         log=out,
     )
@@ -183,7 +183,7 @@ def serve(
         for name in options.draws().tasks:
             click.echo(name)
         return
-    running.serve(options, click.echo)
+    server.serve(options, click.echo)
 
 
 def _check_openenv() -> None:
@@ -197,4 +197,5 @@ def _check_openenv() -> None:
     except metadata.PackageNotFoundError:  # openenv-core has the same modules
         version = "another package that has its modules"
     if version.split(".")[:2] != OPENENV.split("."):
-        raise extras.missing(f"hijack serve needs openenv {OPENENV}, found {version}", "serve")
+        error = extras.missing(f"hijack serve needs openenv {OPENENV}, found {version}", "serve")
+        raise error

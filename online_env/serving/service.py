@@ -9,13 +9,13 @@ from collections.abc import Generator
 from dataclasses import dataclass, field
 
 from ..environment import CorruptedEnv, EvalSettings
-from .drawing import EpisodeChoice, EpisodeDraws, sides
+from .episode_draws import EpisodeChoice, EpisodeDraws, sides
 from .metrics import ServerMetrics
 from .pool import DesktopPool, DesktopSeat
 
-LOOKS = 4  # checks for silent clients per lease
-OFTEN = 0.2  # least seconds between two checks
-ENDING = 30.0  # seconds that a running reset or step may take when the server stops
+REAPER_POLLS_PER_LEASE = 4  # checks for silent clients per lease
+MIN_POLL_S = 0.2  # least seconds between two checks
+SHUTDOWN_TIMEOUT_S = 30.0  # seconds that a running reset or step may take when the server stops
 
 _log = logging.getLogger(__name__)
 
@@ -28,23 +28,23 @@ class DesktopLease:
 
     Args:
         seat: The desktop.
-        ended: Why the lease has ended; empty while it lasts.
+        end_reason: Why the lease has ended; empty while it lasts.
     """
 
     seat: DesktopSeat
     env: CorruptedEnv | None = None
-    ended: str = ""
-    used: float = field(default_factory=time.monotonic)
+    end_reason: str = ""
+    last_used: float = field(default_factory=time.monotonic)
     lock: threading.RLock = field(default_factory=threading.RLock)
 
     @contextlib.contextmanager
-    def in_use(self) -> Generator[None]:
+    def locked(self) -> Generator[None]:
         """Lock the desktop for the block; the client counts as silent from its end."""
         with self.lock:
             try:
                 yield
             finally:
-                self.used = time.monotonic()
+                self.last_used = time.monotonic()
 
 
 class DesktopService:
@@ -99,7 +99,7 @@ class DesktopService:
         with self._lock:
             leases = list(self._leases)
         for lease in leases:
-            if lease.lock.acquire(timeout=ENDING):
+            if lease.lock.acquire(timeout=SHUTDOWN_TIMEOUT_S):
                 lease.lock.release()
         self.pool.close()
         if self._reaper.is_alive():
@@ -121,14 +121,14 @@ class DesktopService:
             self._leases.add(lease)
         return lease
 
-    def end(self, lease: DesktopLease, why: str, *, is_broken: bool = False) -> None:
+    def end(self, lease: DesktopLease, reason: str, *, is_broken: bool = False) -> None:
         """End a lease; the desktop goes back to the pool, or is replaced if it is broken.
 
         The caller must hold the lease's lock. Later calls do nothing.
         """
-        if lease.ended:
+        if lease.end_reason:
             return
-        lease.ended = why
+        lease.end_reason = reason
         with self._lock:
             self._leases.discard(lease)
         if is_broken:
@@ -136,24 +136,24 @@ class DesktopService:
         else:
             self.pool.give_back(lease.seat)
 
-    def break_off(self, lease: DesktopLease, why: str) -> None:
+    def break_off(self, lease: DesktopLease, reason: str) -> None:
         """End a lease and the episode on it, because the client left, or is silent.
 
         If episodes are logged, an episode in which the agent has acted is judged in its present
         state.
         """
         with lease.lock:
-            if lease.ended:
+            if lease.end_reason:
                 return
             is_broken = True  # assumed to be broken until it has shown that it is not
             try:
-                self._finish(lease, why)
+                self._finish(lease, reason)
                 is_broken = not lease.seat.is_alive()
             finally:
-                self.end(lease, why, is_broken=is_broken)
+                self.end(lease, reason, is_broken=is_broken)
             self.metrics.broken_off.inc()
 
-    def _finish(self, lease: DesktopLease, why: str) -> None:
+    def _finish(self, lease: DesktopLease, reason: str) -> None:
         """End the episode on a lent desktop."""
         env = lease.env
         if env is None or env.record is not None:
@@ -161,7 +161,7 @@ class DesktopService:
         if self.settings.log is not None:
             env.truncate()
         if env.record is None:
-            env.abandon(why)
+            env.abandon(reason)
 
     def environment(self, lease: DesktopLease, session: int) -> CorruptedEnv:
         """Return an environment for one episode on a lent desktop."""
@@ -180,7 +180,7 @@ class DesktopService:
 
     def _reap(self) -> None:
         """Take back the desktops of silent clients."""
-        pause = max(OFTEN, self.lease / LOOKS)
+        pause = max(MIN_POLL_S, self.lease / REAPER_POLLS_PER_LEASE)
         while not self._ending.wait(pause):
             with self._lock:
                 leases = list(self._leases)
@@ -194,8 +194,8 @@ class DesktopService:
         if not lease.lock.acquire(blocking=False):
             return  # the client is taking a step
         try:
-            silent = time.monotonic() - lease.used
-            if lease.ended or silent < self.lease:
+            silent = time.monotonic() - lease.last_used
+            if lease.end_reason or silent < self.lease:
                 return
             self.metrics.expired.inc()
             self.break_off(lease, f"the client said nothing for {silent:.0f} s")

@@ -13,11 +13,11 @@ from hijack_data.types import Size, UInt8Array
 from ..agents.adapters.action_codes import PYAUTOGUI, read_action_codes
 from ..environment import CorruptedEnv
 from ..errors import DesktopError, MissingCapabilityError
-from .drawing import EpisodeChoice
+from .episode_draws import EpisodeChoice
 from .errors import DesktopLostError, LeaseExpiredError, ServerBusyError
 from .service import DesktopLease, DesktopService
 
-TRIES = 2  # the most desktops that a reset tries
+MAX_DESKTOPS_PER_RESET = 2  # the most desktops that a reset tries
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +81,9 @@ class DesktopSession:
         If a desktop fails, another one is tried.
 
         Raises:
-            HijackError: The request is refused, no desktop is free, or none can play it.
+            ServerBusyError: No desktop is free.
+            DesktopError: No desktop can play the request.
+            HijackError: The request is refused.
         """
         self._check_open()
         if not self._number:
@@ -125,11 +127,11 @@ class DesktopSession:
             return replace(view, reward=0.0)
         if lease is None:
             raise HijackError("the last episode is gone: call reset")
-        with lease.in_use():
-            if lease.ended:
+        with lease.locked():
+            if lease.end_reason:
                 self._forget()
                 raise LeaseExpiredError(
-                    f"{lease.ended}, so its desktop was given back (hijack serve --lease"
+                    f"{lease.end_reason}, so its desktop was given back (hijack serve --lease"
                     f" {self._service.lease:g}); reset begins another episode"
                 )
             with self._service.metrics.stepping():
@@ -151,11 +153,11 @@ class DesktopSession:
         choice = service.draws.choose(
             session=self._number or 1, seed=seed, task=task, corruption=corruption, slot=slot
         )
-        self._leave()
-        for left in reversed(range(TRIES)):
+        self._interrupt()
+        for tries_left in reversed(range(MAX_DESKTOPS_PER_RESET)):
             lease = service.lend()
             self._lease = lease
-            with lease.in_use():
+            with lease.locked():
                 try:
                     self._check_open()  # it may have been closed while this waited in line
                     return self._begin(lease, choice)
@@ -164,7 +166,7 @@ class DesktopSession:
                     raise
                 except DesktopError as error:
                     self._give_up(lease, error, is_broken=True)
-                    if not left:
+                    if not tries_left:
                         raise
                 except BaseException as error:
                     self._give_up(lease, error, is_broken=False)
@@ -175,8 +177,10 @@ class DesktopSession:
         service = self._service
         self.choice, self.record, self.steps = choice, None, 0
         env = service.environment(lease, self._number)
-        seen, _ = env.reset(seed=choice.seed, options=service.options(choice))
-        self._view = SessionView(picture=seen["screenshot"], instruction=seen["instruction"])
+        observation, _ = env.reset(seed=choice.seed, options=service.options(choice))
+        self._view = SessionView(
+            picture=observation["screenshot"], instruction=observation["instruction"]
+        )
         if env.record is not None:
             self._view = self._over(lease, env, self._view)
         return self._view
@@ -192,10 +196,10 @@ class DesktopSession:
             for code in codes:
                 if env.record is not None:
                     break
-                seen, reward, terminated, truncated, _ = env.step(code)
+                observation, reward, terminated, truncated, _ = env.step(code)
                 view = SessionView(
-                    picture=seen["screenshot"],
-                    instruction=seen["instruction"],
+                    picture=observation["screenshot"],
+                    instruction=observation["instruction"],
                     reward=reward,
                     done=terminated or truncated,
                     truncated=truncated,
@@ -241,7 +245,7 @@ class DesktopSession:
             problem=problem,
         )
 
-    def _leave(self) -> None:
+    def _interrupt(self) -> None:
         """Give up the current episode, if there is one."""
         lease = self._lease
         self._forget()

@@ -10,7 +10,7 @@ task.oracle(Hand(desktop))               # or an agent, with task.instruction
 task.validate(machine).score             # 1.0
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, TypeVar
 
 from hijack_data.registry import Registry
@@ -19,15 +19,15 @@ from .. import extra
 from . import suite
 
 try:
+    from . import families
     from .base import Task, Verdict
     from .hand import Hand
     from .machine import Machine
 except ModuleNotFoundError as error:
     raise extra.import_error(error, "a live task") from None
 
-__all__ = ["TASKS", "Hand", "Machine", "Task", "Verdict", "get", "names", "register"]
+__all__ = ["TASKS", "Hand", "Machine", "Task", "Verdict", "find_family", "get", "names", "register"]
 
-OSWORLD_SUFFIX = ".json"
 T = TypeVar("T", bound=Task)
 
 
@@ -47,24 +47,23 @@ def _problems(cls: Any, name: str) -> Iterator[str]:
 
 
 class TaskRegistry(Registry[type[Task]]):
-    """Tasks by name; a task of OSWorld is found by its file."""
+    """Tasks by name; a task of one of the `FAMILIES` is found by its file."""
 
     def find(self, text: str) -> str:
         """Return the name of what a user asks for, as `Registry.find`.
 
-        A file of OSWorld is read, and its task is registered under its id. Mistakes in it are a
-        `ConfigError`.
+        The file of a family's task is read, and the task is registered under its id. Mistakes in
+        it are a `ConfigError`.
         """
-        if text in self.entries or not text.endswith(OSWORLD_SUFFIX):
+        family = None if text in self.entries else families.find_by_file(text)
+        if family is None:
             return super().find(text)
-        from ..osworld.played import task_class  # it needs desktops, which need tasks
-
         self.load()
-        return self.add(task_class(text))
+        return self.add(families.load_family(family).read_task(text))
 
     def is_reference(self, text: str) -> bool:
         """Return whether a text names a file or a module, and not a task."""
-        return text.endswith(OSWORLD_SUFFIX) or super().is_reference(text)
+        return families.find_by_file(text) is not None or super().is_reference(text)
 
 
 TASKS = TaskRegistry(
@@ -93,3 +92,15 @@ def get(name: str, seed: int = 0) -> Task:
     plug-in cannot be loaded.
     """
     return TASKS.get(TASKS.find(name))(seed)
+
+
+def find_family(names: Iterable[str]) -> "families.TaskFamily | None":
+    """Return the family that all tasks of a run belong to; `None` if they belong to none.
+
+    Args:
+        names: The names of the tasks.
+
+    Raises:
+        ParameterError: Some tasks are of a family, and others are not.
+    """
+    return families.shared_family({name: TASKS.get(name) for name in names})

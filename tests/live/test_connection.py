@@ -76,7 +76,7 @@ def test_a_server_that_is_being_started_again_is_waited_for(method, monkeypatch)
     monkeypatch.setattr(connection_module.time, "sleep", pause)
     url = f"http://127.0.0.1:{port}"
     try:
-        connection = GuestConnection(url, None, 60, patience=60)
+        connection = GuestConnection(url, None, 60, restart_timeout=60)
         assert connection.ask(method, "/full").body == b"full"
         connection.close()
         assert len(pauses) == 5

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import hijack_data as hj
-from online_env.corrupting import corrupt_desktop
+from online_env.corrupting.desktop_corruption import corrupt_desktop
 from online_env.desktops.container import ContainerResetter
 from online_env.desktops.http import HttpDesktop
 from online_env.effects import resume

@@ -14,7 +14,7 @@ pytest.importorskip("lxml", reason=needs.ONLINE)
 
 import hijack_data as hj
 from hijack_data.file_io import load_image
-from online_env.corrupting import FILE, Ledger
+from online_env.corrupting.ledger import LEDGER_FILE, Ledger
 from online_env.desktops.commands import launch
 from online_env.effects.app_minimization import FIXED
 from online_env.effects.descriptions import in_words, undone_in_words
@@ -201,11 +201,11 @@ def test_undo_of_what_nobody_recorded(desktop, corrupt):
 
 def test_a_lost_record_is_no_obstacle(desktop, corrupt):
     assert corrupt("verification").returncode == 0
-    (registry.folder(desktop.id) / FILE).write_text('{"broken')
+    (registry.folder(desktop.id) / LEDGER_FILE).write_text('{"broken')
     undone = corrupt("--undo", "verification")
     assert undone.returncode == 0, undone.stdout + undone.stderr
     assert "unlocked, by password" in undone.stdout
-    (registry.folder(desktop.id) / FILE).unlink()
+    (registry.folder(desktop.id) / LEDGER_FILE).unlink()
 
 
 def test_a_locker_that_crashed_is_told_of(desktop, corrupt):
@@ -246,7 +246,7 @@ def test_an_unknown_desktop(corrupt):
 
 @pytest.mark.parametrize("content", ["", "{", "[1, null]", '[{"corruption": "x"}]', "[" * 100_000])
 def test_a_damaged_ledger_is_an_empty_one(content, tmp_path):
-    (tmp_path / FILE).write_text(content)
+    (tmp_path / LEDGER_FILE).write_text(content)
     ledger = Ledger(tmp_path)
     assert ledger.entries() == []
     ledger.add("marks", [])

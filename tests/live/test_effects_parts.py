@@ -33,11 +33,11 @@ from online_env.effects import (
     Undone,
     base,
     find,
+    firewall_rules,
     kinds,
     perform,
     register,
     resume,
-    rules,
 )
 from online_env.effects.accidental_touch import _can_be_clicked, _draw
 from online_env.effects.apps import COMMANDS
@@ -306,8 +306,8 @@ def in_namespace(script):
 @needs.needs_apps("nft", "iptables")
 @pytest.mark.parametrize("tool", ["nft", "iptables"])
 def test_rules_count_what_they_drop_and_go_without_a_trace(tool):
-    shut, free = getattr(rules, f"{tool}_close"), getattr(rules, f"{tool}_open")()
-    count = getattr(rules, f"{tool}_count")()
+    shut, free = getattr(firewall_rules, f"{tool}_close"), getattr(firewall_rules, f"{tool}_open")()
+    count = getattr(firewall_rules, f"{tool}_count")()
     listing = "nft list ruleset" if tool == "nft" else "iptables-save | grep -v '^#'"
     ping = 'python3 -c \'import socket; socket.socket(2, 2).sendto(b"x", ("{}", 9))\''
     foreign = "nft add table inet other; iptables -N OTHER; iptables -A OUTPUT -j OTHER"
@@ -324,7 +324,9 @@ def test_rules_count_what_they_drop_and_go_without_a_trace(tool):
     done = in_namespace(script)
     assert done.returncode == 0, done.stderr
     _, counted, left = done.stdout.split("@")
-    assert rules.dropped(counted) == 1, "only what is for neither loopback nor the host is dropped"
+    assert firewall_rules.dropped(counted) == 1, (
+        "only what is for neither loopback nor the host is dropped"
+    )
     assert "agenthijack" not in left.lower()
     assert "other" in left.lower(), "rules of others must stay"
 
@@ -337,10 +339,10 @@ def test_dropped_reads_both_tools(counts):
     iptables = "".join(
         f"  {n:8}  {60 * n} DROP  0  --  *  eth0  0.0.0.0/0  0.0.0.0/0\n" for n in counts
     )
-    assert rules.dropped(nft + "counter packets 5 bytes 9 accept\n") == sum(counts)
-    assert rules.dropped("Chain AGENTHIJACK_OUT (1 references)\n 9 9 ACCEPT 0\n" + iptables) == sum(
-        counts
-    )
+    assert firewall_rules.dropped(nft + "counter packets 5 bytes 9 accept\n") == sum(counts)
+    assert firewall_rules.dropped(
+        "Chain AGENTHIJACK_OUT (1 references)\n 9 9 ACCEPT 0\n" + iptables
+    ) == sum(counts)
 
 
 # the network as a guest sees it

@@ -88,8 +88,8 @@ def test_view_starts_a_desktop_where_none_runs(embedded_machine, monkeypatch):
 @pytest.fixture
 def viewer(embedded_desktop):
     """The page of a desktop, served."""
-    from online_env.corrupting import Ledger
-    from online_env.embedded.buttons import Buttons
+    from online_env.corrupting.ledger import Ledger
+    from online_env.corrupting.page_buttons import Buttons
     from online_env.embedded.view import Viewer
 
     buttons = Buttons(embedded_desktop, Ledger(registry.folder(embedded_desktop.id)))

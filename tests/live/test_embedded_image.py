@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import hijack_data as hj
-from online_env.corrupting import corrupt_desktop
+from online_env.corrupting.desktop_corruption import corrupt_desktop
 from online_env.effects import resume
 from online_env.embedded.image import cache
 from online_env.errors import DesktopError

@@ -35,7 +35,7 @@ PROVE = """
 import sys
 import hijack_data as hj
 from online_env import EmbeddedDesktop
-from online_env.corrupting import corrupt_desktop
+from online_env.corrupting.desktop_corruption import corrupt_desktop
 from online_env.effects import resume
 with EmbeddedDesktop.attach("rootless") as desktop:
     done = corrupt_desktop(desktop, hj.make_corruption(sys.argv[1]), seed=3)

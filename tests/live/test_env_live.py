@@ -18,7 +18,7 @@ from gymnasium.utils.env_checker import check_env
 import hijack_data as hj
 from hijack_data.errors import HijackError
 from hijack_data.params import Every
-from online_env.effects import find, rules
+from online_env.effects import find, firewall_rules
 from online_env.effects.guest import Guest
 from online_env.environment import CorruptedEnv, SmallTasks
 from pipelines.proof.rebuild import rebuild
@@ -187,7 +187,7 @@ def test_a_sabotaged_effect_makes_the_episode_invalid(play, stage, name, around,
 def test_a_firewall_that_was_opened_from_outside_is_found_at_the_end(play, stage):
     env = play("network_error", "WAIT")
     assert env.record is None
-    assert Guest(stage.desktop, "", None).root(rules.nft_open()).ok
+    assert Guest(stage.desktop, "", None).root(firewall_rules.nft_open()).ok
     assert env.step("DONE")[1:] == (0.0, False, True, {})
     assert env.record["status"] == "invalid"
     assert "no agent can lift, was gone at the end: still reachable" in env.record["problem"]

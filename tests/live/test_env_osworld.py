@@ -9,8 +9,9 @@ pytest.importorskip("lxml", reason=needs.ONLINE)
 
 import hijack_data as hj
 from hijack_data.errors import ConfigError
-from online_env.environment import CorruptedEnv, OsworldStage, Settle
+from online_env.environment import CorruptedEnv, Settle
 from online_env.osworld.run import embedded_env
+from online_env.osworld.stage import OsworldStage
 from pipelines.proof.rebuild import rebuild
 
 EFFECTS = {

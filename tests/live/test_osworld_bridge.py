@@ -106,7 +106,7 @@ class Handler(BaseHTTPRequestHandler):
 
 @pytest.fixture(scope="module")
 def python() -> Path:
-    return venv.python_of(needs.osworld())
+    return venv.find_python(needs.osworld())
 
 
 @pytest.fixture
@@ -285,7 +285,7 @@ def test_the_token_goes_to_the_guest_only(
 def test_a_call_that_takes_too_long_ends_the_process(
     env: OsworldEnv, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(env_module.TIMEOUTS, "reset", 0.5)
+    monkeypatch.setitem(env_module.TIMEOUTS_S, "reset", 0.5)
     with pytest.raises(DesktopTimeoutError, match="reset took over"):
         env.reset({**EXISTS, "config": [{"type": "sleep", "parameters": {"seconds": 60}}]})
     assert env._process.poll() is not None

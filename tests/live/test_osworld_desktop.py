@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from hijack_data.file_io import encode_png
 from online_env.desktops.capability_survey import survey
-from online_env.desktops.osworld import CAP_NOTE, CHUNK, OUTPUT_CAP, OsworldDesktop
+from online_env.desktops.osworld import CAP_NOTE, CHUNK_BYTES, MAX_OUTPUT_BYTES, OsworldDesktop
 from online_env.desktops.protocol import Desktop, RunResult
 from online_env.errors import DesktopTimeoutError, GuestError, MissingCapabilityError
 
@@ -121,8 +121,8 @@ def test_commands(desktop: OsworldDesktop) -> None:
         None,
         "Command timed out after 0.2 seconds",
     )
-    long = desktop.execute(["head", "-c", str(OUTPUT_CAP + 1), "/dev/zero"]).output
-    assert (len(long), long.endswith(CAP_NOTE)) == (OUTPUT_CAP + len(CAP_NOTE), True)
+    long = desktop.execute(["head", "-c", str(MAX_OUTPUT_BYTES + 1), "/dev/zero"]).output
+    assert (len(long), long.endswith(CAP_NOTE)) == (MAX_OUTPUT_BYTES + len(CAP_NOTE), True)
 
 
 def test_files_in_the_guests_home_do_not_break_commands(
@@ -150,7 +150,7 @@ def test_files_go_there_and_back(data: bytes, tmp_path_factory: pytest.TempPathF
 
 
 def test_a_large_file_goes_in_pieces(desktop: OsworldDesktop, tmp_path: Path) -> None:
-    data = np.random.default_rng(0).bytes(2 * CHUNK + 1)
+    data = np.random.default_rng(0).bytes(2 * CHUNK_BYTES + 1)
     desktop.write_file(str(tmp_path / "f"), data)
     assert desktop.read_file(str(tmp_path / "f")) == data
 
@@ -166,7 +166,7 @@ def test_a_piece_that_is_sent_again_is_written_once(
         return once(command)
 
     env.controller.execute_python_command = twice  # type: ignore[method-assign]
-    data = np.random.default_rng(0).bytes(2 * CHUNK + 1)
+    data = np.random.default_rng(0).bytes(2 * CHUNK_BYTES + 1)
     desktop.write_file(str(tmp_path / "f"), data)
     assert (tmp_path / "f").read_bytes() == data
 

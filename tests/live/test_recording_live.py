@@ -19,9 +19,9 @@ import httpx
 
 from hijack_data.pack import AssetPack
 from online_env.errors import DesktopError
-from online_env.recording.assets import record_assets
-from online_env.recording.scenes import Refused, desktops, lock_screens, menus
-from online_env.recording.scenes.apps import APPS, put_files
+from online_env.maintenance.asset_recorder import record_assets
+from online_env.maintenance.scenes import UnrecordedScene, desktops, lock_screens, menus
+from online_env.maintenance.scenes.apps import APPS, put_files
 from online_env.recording.stage import RecordingStage
 
 
@@ -65,20 +65,20 @@ def test_a_lock_screen_recorded_small(embedded_machine, tmp_path):
 def test_a_way_out_that_does_not_work_is_not_recorded(stage, monkeypatch):
     monkeypatch.setattr(lock_screens, "PASSWORD", "wrong")
     (found,) = lock_screens.record(stage)
-    assert isinstance(found, Refused)
-    assert "does not unlock" in found.why
-    monkeypatch.setattr(menus, "LEAVE", ())
+    assert isinstance(found, UnrecordedScene)
+    assert "does not unlock" in found.reason
+    monkeypatch.setattr(menus, "CANCEL_NAMES", ())
     monkeypatch.setattr(menus, "ESCAPE", {"type": "hotkey", "keys": ["shift"]})
-    before = {top.key for top in stage.tops()}
+    before = {top.key for top in stage.top_windows()}
     (found,) = menus._each(stage, "desktop", None, [(menus.Click("Applications"),)])
-    assert "neither its button nor Escape" in found.why
+    assert "neither its button nor Escape" in found.reason
     stage.run("pyautogui.press('esc')")
     stage.settled()
-    assert {top.key for top in stage.tops()} == before
+    assert {top.key for top in stage.top_windows()} == before
 
 
 def test_a_menu_is_cut_to_its_window_and_escape_closes_it(stage):
-    with opened(stage, "mousepad", menus.PLACE) as top:
+    with opened(stage, "mousepad", menus.CLICKED_WINDOW_BOX) as top:
         (found,) = menus._each(stage, "mousepad", top, [(menus.Click("File", "menu"),)])
     assert (found.kind, found.app, found.recover) == ("menu", "mousepad", menus.ESCAPE)
     assert {"Open...", "Close Tab"} <= {target.name for target in found.targets}
@@ -114,7 +114,7 @@ def test_a_desktop_and_the_button_that_brings_the_window_back(stage, monkeypatch
 
 
 def test_an_oracle_is_recorded_and_built(embedded_machine, tmp_path, capsys):
-    from online_env.recording.command import RecordOptions, run
+    from online_env.record_command import RecordOptions, run
     from pipelines import build, open_dataset
 
     notes = tmp_path / "notes"

@@ -13,14 +13,13 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 import hijack_data as hj
 from hijack_data.errors import ParameterError
 from hijack_data.plan import Effect
-from online_env.corrupting import (
-    FILE,
-    Ledger,
+from online_env.corrupting.desktop_corruption import (
     corrupt_desktop,
     refuse_twice,
     undo_recorded,
     undo_unrecorded,
 )
+from online_env.corrupting.ledger import LEDGER_FILE, Ledger
 from online_env.errors import DesktopError
 
 from support.live import FakeDesktop, Marking
@@ -174,7 +173,7 @@ DAMAGES = (
     ],
 )
 def test_a_damaged_ledger_counts_as_empty(ledger, tmp_path, text):
-    (tmp_path / FILE).write_text(text)
+    (tmp_path / LEDGER_FILE).write_text(text)
     assert ledger.entries() == []
     refuse_twice(FakeDesktop(), ByHand(), ledger, "d1")
     ledger.add("marking", [])
@@ -183,7 +182,7 @@ def test_a_damaged_ledger_counts_as_empty(ledger, tmp_path, text):
 
 def test_two_processes_do_not_lose_what_the_other_applied(ledger, tmp_path):
     code = (
-        "import sys; from pathlib import Path; from online_env.corrupting import Ledger\n"
+        "import sys; from pathlib import Path; from online_env.corrupting.ledger import Ledger\n"
         "ledger = Ledger(Path(sys.argv[1])); print('ready', flush=True); input()\n"
         "for n in range(60): ledger.add(f'{sys.argv[2]}{n}', [])"
     )

@@ -10,7 +10,8 @@ from PIL import Image
 
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
-from online_env.corrupting import FILE, corrupt
+from online_env.corrupting.corrupt_command import corrupt
+from online_env.corrupting.ledger import LEDGER_FILE
 
 from support.live import SIZE, FakeDesktop
 
@@ -109,7 +110,7 @@ def test_what_was_done_is_one_json_object(desktop: Windows, tmp_path: Path) -> N
     }
     assert effect["did"] == {"by": "each", "hidden": [1, 2], "active": 2}
     assert len(digest) >= 16
-    (entry,) = json.loads((tmp_path / "d1" / FILE).read_text())
+    (entry,) = json.loads((tmp_path / "d1" / LEDGER_FILE).read_text())
     assert entry["records"][0]["did"] == effect["did"]
     undone = json.loads(run("--undo", "--json").output)
     assert undone == {
@@ -148,7 +149,7 @@ def test_without_a_record_it_goes_by_what_the_machine_shows(
         "nothing was applied to d1 by hand; name a corruption to clear up all the same"
     )
     run("app_minimization")
-    (tmp_path / "d1" / FILE).unlink()
+    (tmp_path / "d1" / LEDGER_FILE).unlink()
     undone = run("--undo", "app_minimization")
     assert undone.output.splitlines() == [
         "no record of app_minimization on d1: going by what the machine shows",

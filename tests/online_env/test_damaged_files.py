@@ -13,7 +13,7 @@ from hijack_data.runs.run_log import episode_slug
 from online_env.agents.chat.request_log import RequestReplay
 from online_env.agents.scripted import Scripted, read_script
 from online_env.errors import ReplayError
-from online_env.osworld import table
+from online_env.osworld import task_table
 from online_env.osworld import tasks as osworld_tasks
 from online_env.report.build import build_report, load_report
 from online_env.report.gate import ReleaseGate
@@ -392,11 +392,11 @@ def test_task_tables_of_osworld(tmp_path):
         osworld_tasks.load(tmp_path)
     rows = tmp_path / "tasks.jsonl"
     with pytest.raises(ConfigError, match=r"tasks\.jsonl: cannot be read"):
-        table.read(rows)
+        task_table.read(rows)
     rows.write_bytes(b'{"task_id": "\xff"}\n')
     with pytest.raises(ConfigError, match=r"tasks\.jsonl: not UTF-8"):
-        table.read(rows)
+        task_table.read(rows)
     rows.write_text('{"task_id": 5}\n{"task_id": \n')
     with pytest.raises(ConfigError) as error:
-        table.read(rows)
+        task_table.read(rows)
     assert [":1:" in str(error.value), ":2:" in str(error.value)] == [True, True]

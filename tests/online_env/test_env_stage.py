@@ -9,9 +9,10 @@ from PIL import Image
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from hijack_data.errors import ConfigError, ParameterTypeError, UnknownNameError
-from online_env.environment import CorruptedEnv, OsworldStage, SmallTasks
-from online_env.environment import stage as stage_module
+from online_env.environment import CorruptedEnv, SmallTasks
 from online_env.errors import DesktopError, MissingCapabilityError
+from online_env.osworld import stage as stage_module
+from online_env.osworld.stage import OsworldStage
 from online_env.osworld.tasks import OsworldTask
 
 from support.live import AT_ONCE, TREE
@@ -85,7 +86,7 @@ def test_an_osworld_task_sets_the_scene(wrap):
 
 
 @pytest.mark.parametrize(
-    ("func", "waits"), [("infeasible", []), ("exact_match", [stage_module.LATE_FILES])]
+    ("func", "waits"), [("infeasible", []), ("exact_match", [stage_module.LATE_FILES_S])]
 )
 def test_what_applications_write_late_is_waited_for(func, waits, monkeypatch):
     slept = []

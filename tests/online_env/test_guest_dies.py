@@ -13,7 +13,7 @@ from PIL import Image
 pytest.importorskip("urllib3", reason="needs the extra [online]")
 
 from online_env.desktops import client
-from online_env.desktops.connection import TRIES, GuestConnection
+from online_env.desktops.connection import MAX_TRIES, GuestConnection
 from online_env.desktops.http import HttpDesktop
 from online_env.desktops.osworld import OsworldDesktop
 from online_env.errors import GuestError, MissingCapabilityError
@@ -64,7 +64,7 @@ def test_an_answer_that_breaks_off_is_asked_for_again_and_never_taken_for_whole(
     with guest(half, half, OK) as server:
         reply = GuestConnection(server.url, None, 20.0).ask("GET", "/screenshot")
     assert (reply.status, bytes(reply.body)) == (200, b"{}")
-    assert server.asked == ["GET /screenshot"] * TRIES
+    assert server.asked == ["GET /screenshot"] * MAX_TRIES
 
 
 def test_what_changes_the_guest_is_sent_once():
@@ -76,12 +76,14 @@ def test_what_changes_the_guest_is_sent_once():
 
 
 def test_an_answer_of_any_length_does_not_fill_the_memory(monkeypatch):
-    monkeypatch.setattr(client, "MAX_BODY", 1000)
+    monkeypatch.setattr(client, "MAX_ANSWER_BYTES", 1000)
     stated = b"HTTP/1.1 200 OK\r\nContent-Length: 1001\r\n\r\n"
     endless = b"HTTP/1.1 200 OK\r\nConnection: close\r\n\r\n" + b"x" * 5000
     for answer in (stated, endless):
-        with guest(answer) as server, pytest.raises(GuestError, match="is more than 1000"):
-            GuestConnection(server.url, None, 20.0).ask("POST", "/file")
+        with guest(answer, answer) as server:
+            with pytest.raises(GuestError, match=r"GET http.*/file: the answer has more than 1000"):
+                GuestConnection(server.url, None, 20.0).ask("GET", "/file")
+            assert server.asked == ["GET /file"], "it would be as long again"
 
 
 def test_a_guest_that_is_started_again_is_waited_for():
@@ -103,7 +105,9 @@ def test_a_guest_that_is_started_again_is_waited_for():
     server = threading.Thread(target=serve)
     server.start()
     begun.set()
-    reply = GuestConnection(f"http://127.0.0.1:{port}", None, 20.0, patience=30.0).ask("POST", "/x")
+    reply = GuestConnection(f"http://127.0.0.1:{port}", None, 20.0, restart_timeout=30.0).ask(
+        "POST", "/x"
+    )
     server.join()
     assert reply.status == 200
 

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from hijack_data.cli import hijack
-from online_env.osworld.needs import TESTED, needs_of, needs_of_all, summary
+from online_env.osworld.task_needs import TESTED, list_all_needs, list_needs, summary
 from online_env.osworld.tasks import OsworldTask, load
 
 FILE = {"type": "download", "parameters": {"files": [{"url": "https://a.test/x", "path": "/x"}]}}
@@ -61,19 +61,19 @@ def launch(*words: str) -> dict[str, Any]:
     ],
 )
 def test_what_a_task_names_is_needed(given: OsworldTask, needs: Any) -> None:
-    found = needs_of(given)
+    found = list_needs(given)
     assert found == needs if isinstance(needs, dict) else set(found) == needs
 
 
 def test_packages_are_those_of_the_check() -> None:
-    found = needs_of(task(), lambda config: [MISSING] if config["id"] == "a1" else [])
+    found = list_needs(task(), lambda config: [MISSING] if config["id"] == "a1" else [])
     assert found == {"packages": MISSING}
 
 
 def test_every_task_that_works_here_needs_nothing_but_files_or_gnomes_settings(
     shared_data: Path,
 ) -> None:
-    found = needs_of_all(load(shared_data / "tasks" / "osworld_verified"))
+    found = list_all_needs(load(shared_data / "tasks" / "osworld_verified"))
     working = [one for one in found if one.tested == "works"]
     assert len(working) == 41
     odd = {one.id[:8]: set(one.kinds) for one in working if one.needs}
@@ -84,7 +84,7 @@ def test_every_task_that_works_here_needs_nothing_but_files_or_gnomes_settings(
 def test_the_needs_agree_with_the_groups_that_were_made_by_hand(shared_data: Path) -> None:
     groups = json.loads((shared_data / "tasks" / "feasibility.json").read_text())
     group_of = {task: name for name, pairs in groups.items() for _, task in pairs}
-    found = needs_of_all(load(shared_data / "tasks" / "osworld_verified"))
+    found = list_all_needs(load(shared_data / "tasks" / "osworld_verified"))
     kinds = {name: Counter() for name in groups}
     for one in found:
         kinds[group_of[one.id]].update(one.kinds or ["nothing"])
@@ -96,7 +96,7 @@ def test_the_needs_agree_with_the_groups_that_were_made_by_hand(shared_data: Pat
 
 def test_a_summary_counts_each_task_once(shared_data: Path) -> None:
     tasks = load(shared_data / "tasks" / "osworld_verified")
-    rows = summary(needs_of_all(tasks, lambda _: [MISSING]))
+    rows = summary(list_all_needs(tasks, lambda _: [MISSING]))
     assert sum(count for _, count, _ in rows) == len(tasks) == 369
     assert rows[0] == ("self-test: works", 41, "")
     assert "files + packages" in {kinds for kinds, _, _ in rows}
@@ -104,7 +104,7 @@ def test_a_summary_counts_each_task_once(shared_data: Path) -> None:
 
 def test_results_of_another_revision_do_not_count(shared_data: Path) -> None:
     assert json.loads(TESTED.read_text())["revision"].startswith("osworld-verified@")
-    found = needs_of_all(load(shared_data / "tasks" / "osworld_fork"))
+    found = list_all_needs(load(shared_data / "tasks" / "osworld_fork"))
     assert {one.tested for one in found} == {""}
 
 

@@ -17,12 +17,11 @@ from click.testing import CliRunner
 
 from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError
-from online_env.osworld import needs as needs_module
-from online_env.osworld import table
-from online_env.osworld.needs import TaskNeeds, needs_of, needs_of_all, summary
-from online_env.osworld.prefetch import MANIFEST, PARTS, prefetch, read_manifest
+from online_env.osworld import task_needs, task_table
+from online_env.osworld.cache_files import CacheFile, list_cache_files
+from online_env.osworld.prefetch import MANIFEST, PARTS_FOLDER, prefetch, read_manifest
+from online_env.osworld.task_needs import TaskNeeds, list_all_needs, list_needs, summary
 from online_env.osworld.tasks import load
-from online_env.osworld.wanted import Wanted, wanted
 
 BODY = b"0123456789" * 100
 
@@ -69,7 +68,7 @@ def test_files_of_a_download_that_are_no_list_of_objects_are_named(
 def test_a_download_of_nothing_wants_nothing(tmp_path: Path) -> None:
     put(tmp_path, "a1", config=[{"type": "download", "parameters": {}}, *download()])
     (task,) = load(tmp_path)
-    assert wanted(task) == []
+    assert list_cache_files(task) == []
 
 
 @pytest.mark.parametrize(
@@ -94,7 +93,7 @@ def test_a_download_that_cannot_be_had_names_its_field(
     path = put(tmp_path, "a1", config=download({"url": "http://h/y", "path": "/y"}, entry))
     (task,) = load(tmp_path)
     with pytest.raises(ConfigError) as caught:
-        wanted(task)
+        list_cache_files(task)
     (problem,) = caught.value.problems
     start = f"{path}: config[0].parameters.files[1]: "
     assert problem.startswith(start)
@@ -109,9 +108,9 @@ def test_a_name_may_have_as_many_bytes_as_a_folder_takes(tmp_path: Path) -> None
         return task
 
     longest = "é" * 127 + "x"
-    assert wanted(task_with(longest)) == [Wanted("http://h/x", f"a1/{longest}")]
+    assert list_cache_files(task_with(longest)) == [CacheFile("http://h/x", f"a1/{longest}")]
     with pytest.raises(ConfigError, match=r"evaluator\.expected: the file's name must stay"):
-        wanted(task_with(f"{longest}x"))
+        list_cache_files(task_with(f"{longest}x"))
 
 
 def test_a_file_that_two_getters_want_is_fetched_once(tmp_path: Path) -> None:
@@ -125,9 +124,9 @@ def test_a_file_that_two_getters_want_is_fetched_once(tmp_path: Path) -> None:
         "a1",
         evaluator={"func": "f", "result": cloud, "expected": {"type": "rule", "of": cloud}},
     )
-    assert [wanted(task) for task in load(tmp_path)] == [
-        [Wanted("http://h/x", "a1/x")],
-        [Wanted("http://h/x", "a2/x")],
+    assert [list_cache_files(task) for task in load(tmp_path)] == [
+        [CacheFile("http://h/x", "a1/x")],
+        [CacheFile("http://h/x", "a2/x")],
     ]
 
 
@@ -168,7 +167,7 @@ def url() -> Iterator[str]:
 
 def fetched(cache: Path, *addresses: str) -> dict[str, str]:
     """The failures of fetching some addresses as `t/0`, `t/1`, ..."""
-    files = [Wanted(address, f"t/{number}") for number, address in enumerate(addresses)]
+    files = [CacheFile(address, f"t/{number}") for number, address in enumerate(addresses)]
     return prefetch(files, cache, sleep=lambda _: None).failed
 
 
@@ -186,7 +185,7 @@ def test_a_server_that_starts_over_gives_the_file_once(url: str, tmp_path: Path)
     assert fetched(tmp_path, f"{url}/whole") == {}
     assert (tmp_path / "t/0").read_bytes() == BODY
     assert read_manifest(tmp_path)["t/0"]["size"] == len(BODY)
-    assert not (tmp_path / PARTS).exists()
+    assert not (tmp_path / PARTS_FOLDER).exists()
 
 
 def test_the_other_files_come_although_an_address_cannot_be_used(url: str, tmp_path: Path) -> None:
@@ -223,7 +222,7 @@ def test_hosts_are_those_that_an_address_can_have(
 ) -> None:
     put(tmp_path, "a1", instruction=instruction)
     (task,) = load(tmp_path)
-    assert needs_of(task).get("web") == web
+    assert list_needs(task).get("web") == web
 
 
 def many(tmp_path: Path) -> Path:
@@ -239,7 +238,7 @@ def many(tmp_path: Path) -> Path:
 
 
 def test_a_summary_has_what_can_be_met_first_then_the_need_that_decides(tmp_path: Path) -> None:
-    found = needs_of_all(load(many(tmp_path)))
+    found = list_all_needs(load(many(tmp_path)))
     assert [(one.id, one.kinds, one.can_be_met) for one in found] == [
         ("e-gnome", ("program", "gnome"), False),
         ("a-nothing", (), True),
@@ -258,7 +257,7 @@ def test_a_summary_has_what_can_be_met_first_then_the_need_that_decides(tmp_path
         ("web", 1, "none: the desktop has no internet"),
         ("account", 1, "none: the account is somebody's"),
     ]
-    lacking = needs_of_all(load(tmp_path), lambda config: ["no pandas"] * (config["id"] < "d"))
+    lacking = list_all_needs(load(tmp_path), lambda config: ["no pandas"] * (config["id"] < "d"))
     both = f"{fetch} and hijack osworld setup --tier mid"
     assert ("files + packages", 1, both) in summary(lacking)
     assert summary([]) == []
@@ -277,14 +276,14 @@ def test_the_files_of_tasks_that_work_are_listed_as_bench_takes_them(
     rows = [{"id": name, "status": how} for name, how in status.items()]
     record = tmp_path / "selftest.json"
     record.write_text(json.dumps({"revision": str(tasks.revision), "tasks": rows}))
-    monkeypatch.setattr(needs_module, "TESTED", record)
+    monkeypatch.setattr(task_needs, "TESTED", record)
     done = needs_command(tmp_path, "--working")
     examples = tmp_path / "examples"
     assert done.output == f"{examples}/apps/e-gnome.json,{examples}/os/a-nothing.json\n"
     put(tmp_path, "c-files")
     assert needs_command(tmp_path, "--working").output == "\n", "another revision, nothing tested"
     out = tmp_path / "tasks.jsonl"
-    table.write(tasks, out)
+    task_table.write(tasks, out)
     refused = needs_command(out, "--working")
     assert str(refused.exception) == (
         f"--working: {out} is a table; hijack bench plays tasks by the files in OSWorld's folder,"
@@ -295,7 +294,7 @@ def test_the_files_of_tasks_that_work_are_listed_as_bench_takes_them(
 def test_needs_are_the_same_of_a_folder_and_of_its_table(tmp_path: Path) -> None:
     tasks = load(many(tmp_path))
     out = tmp_path / "tasks.jsonl"
-    table.write(tasks, out)
+    task_table.write(tasks, out)
     of_folder = json.loads(needs_command(tmp_path, "--json").output)
     assert json.loads(needs_command(out, "--json").output) == of_folder
     assert of_folder["revision"] == str(tasks.revision)

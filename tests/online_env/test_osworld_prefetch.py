@@ -20,9 +20,9 @@ from click.testing import CliRunner
 from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError, HijackError
 from online_env.osworld import prefetch as module
+from online_env.osworld.cache_files import HISTORY_URL, CacheFile, list_cache_files
 from online_env.osworld.prefetch import check, prefetch, read_manifest
 from online_env.osworld.tasks import OsworldTask, load
-from online_env.osworld.wanted import HISTORY_URL, Wanted, wanted
 
 BODY = bytes(range(256)) * 2000
 
@@ -99,9 +99,9 @@ class Waits(list[float]):
 
 def test_files_come_once_and_are_recorded(server: Server, tmp_path: Path) -> None:
     files = [
-        Wanted(server.url("/a"), "t1/x"),
-        Wanted(server.url("/a"), "t2/y"),
-        Wanted(server.url("/empty"), "t1/e"),
+        CacheFile(server.url("/a"), "t1/x"),
+        CacheFile(server.url("/a"), "t2/y"),
+        CacheFile(server.url("/empty"), "t1/e"),
     ]
     told: list[tuple[int, int, str]] = []
     report = prefetch(files, tmp_path / "cache", tell=lambda *row: told.append(row))
@@ -114,7 +114,7 @@ def test_files_come_once_and_are_recorded(server: Server, tmp_path: Path) -> Non
     assert [path for path, _ in server.requests] == ["/empty", "/a"]
     assert (tmp_path / "cache/t1/x").read_bytes() == (tmp_path / "cache/t2/y").read_bytes() == BODY
     assert (tmp_path / "cache/t1/x").stat().st_ino != (tmp_path / "cache/t2/y").stat().st_ino
-    assert not (tmp_path / "cache" / module.PARTS).exists()
+    assert not (tmp_path / "cache" / module.PARTS_FOLDER).exists()
     again = prefetch(files, tmp_path / "cache")
     assert (again.fetched, again.kept) == ([], ["t1/e", "t1/x", "t2/y"])
     assert len(server.requests) == 2
@@ -124,7 +124,7 @@ def test_files_come_once_and_are_recorded(server: Server, tmp_path: Path) -> Non
 def test_a_cut_transfer_goes_on_where_it_stopped(server: Server, tmp_path: Path) -> None:
     server.cut = [100_000, 50_000]
     waits = Waits()
-    report = prefetch([Wanted(server.url("/a"), "t/a")], tmp_path, sleep=waits)
+    report = prefetch([CacheFile(server.url("/a"), "t/a")], tmp_path, sleep=waits)
     assert report.failed == {}
     assert [wants for _, wants in server.requests] == ["", "bytes=100000-", "bytes=150000-"]
     assert waits == [1, 2]
@@ -134,17 +134,19 @@ def test_a_cut_transfer_goes_on_where_it_stopped(server: Server, tmp_path: Path)
 def test_a_later_run_goes_on_too_and_nothing_half_is_visible(
     server: Server, tmp_path: Path
 ) -> None:
-    server.cut = [1000] * module.TRIES
+    server.cut = [1000] * module.MAX_TRIES
     report = prefetch(
-        [Wanted(server.url("/a"), "t/a"), Wanted(server.url("/b"), "t/b")], tmp_path, sleep=Waits()
+        [CacheFile(server.url("/a"), "t/a"), CacheFile(server.url("/b"), "t/b")],
+        tmp_path,
+        sleep=Waits(),
     )
     assert list(report.failed) == ["t/a"]
-    assert f"({module.TRIES} tries)" in report.failed["t/a"]
+    assert f"({module.MAX_TRIES} tries)" in report.failed["t/a"]
     assert report.fetched == ["t/b"]
     assert not (tmp_path / "t/a").exists()
     server.requests.clear()
-    assert prefetch([Wanted(server.url("/a"), "t/a")], tmp_path).fetched == ["t/a"]
-    assert server.requests == [("/a", f"bytes={1000 * module.TRIES}-")]
+    assert prefetch([CacheFile(server.url("/a"), "t/a")], tmp_path).fetched == ["t/a"]
+    assert server.requests == [("/a", f"bytes={1000 * module.MAX_TRIES}-")]
     assert (tmp_path / "t/a").read_bytes() == BODY
 
 
@@ -152,11 +154,11 @@ def test_a_later_run_goes_on_too_and_nothing_half_is_visible(
 def test_a_file_that_changed_meanwhile_starts_over(
     server: Server, tmp_path: Path, etag: str
 ) -> None:
-    server.cut = [1000] * module.TRIES
-    prefetch([Wanted(server.url("/a"), "t/a")], tmp_path, sleep=Waits())
+    server.cut = [1000] * module.MAX_TRIES
+    prefetch([CacheFile(server.url("/a"), "t/a")], tmp_path, sleep=Waits())
     server.files["/a"] = BODY[::-1]
     server.etags["/a"] = etag
-    prefetch([Wanted(server.url("/a"), "t/a")], tmp_path)
+    prefetch([CacheFile(server.url("/a"), "t/a")], tmp_path)
     assert (tmp_path / "t/a").read_bytes() == BODY[::-1]
 
 
@@ -165,11 +167,13 @@ def test_a_complete_part_is_used_and_one_that_is_too_long_is_not(
 ) -> None:
     for length, extra in ((len(BODY), b""), (len(BODY), b"more")):
         cache = tmp_path / f"cache{len(extra)}"
-        server.cut = [1000] * module.TRIES
-        prefetch([Wanted(server.url("/a"), "t/a")], cache, sleep=Waits())
-        part = next(path for path in (cache / module.PARTS).iterdir() if not path.suffix)
+        server.cut = [1000] * module.MAX_TRIES
+        prefetch([CacheFile(server.url("/a"), "t/a")], cache, sleep=Waits())
+        part = next(path for path in (cache / module.PARTS_FOLDER).iterdir() if not path.suffix)
         part.write_bytes(BODY[:length] + extra)
-        assert prefetch([Wanted(server.url("/a"), "t/a")], cache, sleep=Waits()).fetched == ["t/a"]
+        assert prefetch([CacheFile(server.url("/a"), "t/a")], cache, sleep=Waits()).fetched == [
+            "t/a"
+        ]
         assert (cache / "t/a").read_bytes() == BODY
 
 
@@ -179,9 +183,9 @@ def test_passing_errors_are_tried_again_and_lasting_ones_are_not(
     server.errors = [503, 429]
     waits = Waits()
     files = [
-        Wanted(server.url("/b"), "t/b"),
-        Wanted(server.url("/gone"), "t/c"),
-        Wanted(server.url("/moved"), "t/d"),
+        CacheFile(server.url("/b"), "t/b"),
+        CacheFile(server.url("/gone"), "t/c"),
+        CacheFile(server.url("/moved"), "t/d"),
     ]
     report = prefetch(files, tmp_path, sleep=waits)
     assert waits == [1, 2]
@@ -189,9 +193,10 @@ def test_passing_errors_are_tried_again_and_lasting_ones_are_not(
     assert report.failed == {"t/c": f"{server.url('/gone')}: the server answers 404"}
     server.errors = [500] * 50
     assert (
-        "500" in prefetch([Wanted(server.url("/a"), "t/a")], tmp_path, sleep=Waits()).failed["t/a"]
+        "500"
+        in prefetch([CacheFile(server.url("/a"), "t/a")], tmp_path, sleep=Waits()).failed["t/a"]
     )
-    assert len(server.errors) == 50 - module.TRIES
+    assert len(server.errors) == 50 - module.MAX_TRIES
 
 
 def test_a_dead_server_is_a_failure_not_a_crash(server: Server, tmp_path: Path) -> None:
@@ -199,15 +204,15 @@ def test_a_dead_server_is_a_failure_not_a_crash(server: Server, tmp_path: Path) 
     server.shutdown()
     server.server_close()
     waits = Waits()
-    report = prefetch([Wanted(url, "t/a")], tmp_path, sleep=waits)
+    report = prefetch([CacheFile(url, "t/a")], tmp_path, sleep=waits)
     assert set(report.failed) == {"t/a"}
-    assert waits == list(module.WAITS)
+    assert waits == list(module.RETRY_PAUSES_S)
 
 
 def test_check_finds_what_changed_and_a_run_mends_what_is_gone(
     server: Server, tmp_path: Path
 ) -> None:
-    files = [Wanted(server.url("/a"), "t/a"), Wanted(server.url("/b"), "t/b")]
+    files = [CacheFile(server.url("/a"), "t/a"), CacheFile(server.url("/b"), "t/b")]
     prefetch(files, tmp_path)
     (tmp_path / "t/b").write_bytes(b"bug")
     (tmp_path / "t/a").unlink()
@@ -215,7 +220,7 @@ def test_check_finds_what_changed_and_a_run_mends_what_is_gone(
     assert wrong["t/a"] == "missing"
     assert wrong["t/b"].startswith("SHA-256 is ")
     assert prefetch(files, tmp_path).fetched == ["t/a"]
-    moved = [Wanted(server.url("/a"), "t/b")]  # another address now
+    moved = [CacheFile(server.url("/a"), "t/b")]  # another address now
     assert prefetch(moved, tmp_path).fetched == ["t/b"]
     assert (tmp_path / "t/b").read_bytes() == BODY
 
@@ -261,19 +266,21 @@ def test_names_are_those_that_osworld_looks_for() -> None:
         "expected": [cloud, multi],
     }
     named = f"t/{uuid.uuid5(uuid.NAMESPACE_URL, 'http://h/a b?x')}_D.txt"
-    found = wanted(
+    found = list_cache_files(
         task(
             {**evaluator, "postconfig": [download]}, [download, {"type": "sleep", "parameters": {}}]
         )
     )
     assert found == [
-        Wanted("http://h/a b?x", named),
-        Wanted("http://h/g", "t/gold.txt"),
-        Wanted("http://h/1", "t/one"),
-        Wanted("http://h/2", "t/two"),
+        CacheFile("http://h/a b?x", named),
+        CacheFile("http://h/g", "t/gold.txt"),
+        CacheFile("http://h/1", "t/one"),
+        CacheFile("http://h/2", "t/two"),
     ]
     history = {"type": "update_browse_history", "parameters": {}}
-    assert wanted(task(config=[history])) == [Wanted(HISTORY_URL, "t/history_new.sqlite")]
+    assert list_cache_files(task(config=[history])) == [
+        CacheFile(HISTORY_URL, "t/history_new.sqlite")
+    ]
 
 
 @pytest.mark.parametrize(
@@ -292,15 +299,15 @@ def test_names_are_those_that_osworld_looks_for() -> None:
 )
 def test_bad_addresses_and_names_are_refused(cloud: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        wanted(task({"func": "f", "expected": {"type": "cloud_file", **cloud}}))
+        list_cache_files(task({"func": "f", "expected": {"type": "cloud_file", **cloud}}))
     with pytest.raises(ConfigError, match="name of a folder"):
-        wanted(task(id_="../t"))
+        list_cache_files(task(id_="../t"))
 
 
 def test_every_task_of_both_revisions_says_what_it_wants(shared_data: Path) -> None:
     for folder, tasks_with_files in (("osworld_verified", 1), ("osworld_fork", 1)):
         tasks = load(shared_data / "tasks" / folder)
-        files = {task.id: wanted(task) for task in tasks}
+        files = {task.id: list_cache_files(task) for task in tasks}
         assert sum(bool(f) for f in files.values()) > 200 * tasks_with_files
         groups = json.loads((shared_data / "tasks" / "feasibility.json").read_text())
         no_files = {

@@ -8,12 +8,12 @@ import pytest
 
 from hijack_data.errors import ConfigError, ElementsError
 from online_env.osworld import history
+from online_env.osworld.cache_files import HISTORY_NAME
 from online_env.osworld.errors import EvaluatorError, OsworldError, TaskRefusedError
 from online_env.osworld.player import Player, PlayError, named_nodes
 from online_env.osworld.selftest import choose, read_groups, run_all
 from online_env.osworld.solutions import SOLUTIONS
 from online_env.osworld.tasks import OsworldTask, Revision, TaskSet
-from online_env.osworld.wanted import HISTORY_NAME
 
 SPACE = "https://accessibility.ubuntu.example.org/ns"
 

@@ -13,10 +13,10 @@ from hijack_data.errors import ParameterTypeError
 from online_env import tasks
 from online_env.errors import DesktopError
 from online_env.osworld import history
+from online_env.osworld.cache_files import HISTORY_NAME
 from online_env.osworld.errors import OsworldError
-from online_env.osworld.played import OsworldTasks, task_class
+from online_env.osworld.file_tasks import OsworldTasks, task_class
 from online_env.osworld.solutions import SOLUTIONS
-from online_env.osworld.wanted import HISTORY_NAME
 
 NAME = "a1"
 HISTORY = {"type": "update_browse_history", "parameters": {}}

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError, HijackError, ParameterError
-from online_env.osworld import table
+from online_env.osworld import task_table
 from online_env.osworld.tasks import load
 
 GOOD: dict[str, Any] = {
@@ -74,18 +74,18 @@ def test_the_table_has_3321_rows_and_is_the_same_every_time(
     assert outs[0].read_bytes() == outs[1].read_bytes()
     rows = [json.loads(line) for line in outs[0].read_text().splitlines()]
     assert len(rows) == len({row["id"] for row in rows}) == 3321
-    assert [row["corruption"] for row in rows[:9]] == table.paper_nine()
-    assert table.paper_nine()[0] == "pop_ups"
-    assert {len([r for r in rows if r["corruption"] == name]) for name in table.paper_nine()} == {
-        369
-    }
+    assert [row["corruption"] for row in rows[:9]] == task_table.paper_nine()
+    assert task_table.paper_nine()[0] == "pop_ups"
+    assert {
+        len([r for r in rows if r["corruption"] == name]) for name in task_table.paper_nine()
+    } == {369}
 
 
 def test_clean_rows_come_on_top_and_the_table_reads_back(shared_data: Path, tmp_path: Path) -> None:
     tasks = load(shared_data / "tasks" / "osworld_fork")
     out = tmp_path / "tasks.jsonl"
-    assert table.write(tasks, out, clean=True) == 3690
-    back = table.read(out)
+    assert task_table.write(tasks, out, clean=True) == 3690
+    back = task_table.read(out)
     assert back.revision == tasks.revision
     assert [(t.id, t.domain, t.config) for t in back] == [(t.id, t.domain, t.config) for t in tasks]
 
@@ -96,8 +96,8 @@ def test_an_instruction_may_hold_what_some_take_for_the_end_of_a_line(
 ) -> None:
     out = tmp_path / "tasks.jsonl"
     instruction = f"Write{odd}this"
-    table.write(load(put(tmp_path, {**GOOD, "instruction": instruction})), out)
-    (task,) = table.read(out)
+    task_table.write(load(put(tmp_path, {**GOOD, "instruction": instruction})), out)
+    (task,) = task_table.read(out)
     assert task.instruction == instruction
 
 
@@ -164,16 +164,16 @@ def test_only_takes_beginnings_and_refuses_the_unclear(tmp_path: Path) -> None:
 def test_nothing_is_left_where_the_table_cant_be_written(tmp_path: Path) -> None:
     tasks = load(put(tmp_path, GOOD))
     with pytest.raises(HijackError, match="cannot be written"):
-        table.write(tasks, tmp_path / "no" / "tasks.jsonl")
+        task_table.write(tasks, tmp_path / "no" / "tasks.jsonl")
     (tmp_path / "out").mkdir()
     with pytest.raises(HijackError):
-        table.write(tasks, tmp_path / "out")
+        task_table.write(tasks, tmp_path / "out")
     assert list((tmp_path / "out").iterdir()) == []
 
 
 def test_a_damaged_table_names_its_line(tmp_path: Path) -> None:
     out = tmp_path / "tasks.jsonl"
-    table.write(load(put(tmp_path, GOOD)), out)
+    task_table.write(load(put(tmp_path, GOOD)), out)
     lines = out.read_text().splitlines()
     other = json.loads(lines[0]) | {"revision": "unknown@0"}
     for text, message in (
@@ -186,19 +186,19 @@ def test_a_damaged_table_names_its_line(tmp_path: Path) -> None:
     ):
         out.write_text(text)
         with pytest.raises(ConfigError, match=message):
-            table.read(out)
+            task_table.read(out)
 
 
 def test_rows_of_one_task_that_differ_are_refused(tmp_path: Path) -> None:
     out = tmp_path / "tasks.jsonl"
-    table.write(load(put(tmp_path, GOOD)), out)
+    task_table.write(load(put(tmp_path, GOOD)), out)
     lines = out.read_text().splitlines()
     row = json.loads(lines[3])
     row["task"]["instruction"] = "Do something else"
     lines[3] = json.dumps(row)
     out.write_text("\n".join(lines) + "\n")
     with pytest.raises(ConfigError, match=r"jsonl:4: task: is not the one of an earlier row of"):
-        table.read(out)
+        task_table.read(out)
 
 
 def test_mistakes_end_with_exit_code_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -33,17 +33,17 @@ def calls(folder: Path) -> list[str]:
 
 
 def test_it_is_made_once_and_made_again_for_another_tier(folder: Path) -> None:
-    assert venv.tier_of(folder) is None
+    assert venv.installed_tier(folder) is None
     made = venv.make(folder, "tiny")
-    assert (made.tier, made.fresh, venv.tier_of(folder)) == ("tiny", True, "tiny")
+    assert (made.tier, made.fresh, venv.installed_tier(folder)) == ("tiny", True, "tiny")
     pinned, listed = calls(folder)
     assert pinned.endswith("--no-deps desktop-env==1.0.2")
     assert listed.endswith("requirements-tiny.txt")
     assert venv.make(folder, "tiny").fresh is False
     assert len(calls(folder)) == 2
     assert venv.make(folder, "lean").fresh is True
-    assert venv.tier_of(folder) == "lean"
-    assert venv.python_of(folder) == folder / "bin/python"
+    assert venv.installed_tier(folder) == "lean"
+    assert venv.find_python(folder) == folder / "bin/python"
 
 
 def test_an_interrupted_install_counts_as_none(
@@ -55,20 +55,20 @@ def test_an_interrupted_install_counts_as_none(
         OsworldError, match=r"requirements-lean.txt` failed with exit code 3: no such thing"
     ):
         venv.make(folder, "lean")
-    assert venv.tier_of(folder) is None
+    assert venv.installed_tier(folder) is None
     with pytest.raises(OsworldError, match="hijack osworld setup"):
-        venv.python_of(folder)
+        venv.find_python(folder)
 
 
 def test_other_requirements_make_it_anew(folder: Path) -> None:
     venv.make(folder, "tiny")
     stamp = folder / venv.STAMP
     stamp.write_text(json.dumps({"tier": "tiny", "requirements": "requests==1"}))
-    assert venv.tier_of(folder) is None
+    assert venv.installed_tier(folder) is None
     assert venv.make(folder, "tiny").fresh is True
     for damaged in ("", "[]", "{", '{"tier": "huge", "requirements": ""}'):
         stamp.write_text(damaged)
-        assert venv.tier_of(folder) is None
+        assert venv.installed_tier(folder) is None
 
 
 def test_wrong_tiers_and_places_are_refused(tmp_path: Path) -> None:

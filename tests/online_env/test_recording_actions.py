@@ -7,7 +7,7 @@ import pytest
 
 from hijack_data.actions import parse_pyautogui
 from hijack_data.types import Action
-from online_env.recording.actions import ActionRecognizer
+from online_env.recording.action_recognizer import ActionRecognizer
 
 
 class Clock:

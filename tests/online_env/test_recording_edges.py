@@ -13,11 +13,12 @@ pytest.importorskip("starlette", reason=needs.ONLINE)
 from hijack_data.actions import parse_pyautogui
 from hijack_data.errors import HijackError, ParameterError
 from hijack_data.types import Action
+from online_env import record_command as command
 from online_env.errors import DesktopError
-from online_env.recording import assets, command
-from online_env.recording.actions import ActionRecognizer
-from online_env.recording.command import RecordOptions
-from online_env.recording.picture import ClickTarget, Picture
+from online_env.maintenance import asset_recorder as assets
+from online_env.record_command import RecordOptions
+from online_env.recording.action_recognizer import ActionRecognizer
+from online_env.recording.captured_picture import ClickTarget, Picture
 from online_env.recording.trajectory import EpisodeRecording, RecordedView, prepare, save
 
 SIZE = (1080, 1920)
@@ -158,7 +159,7 @@ def test_a_desktop_that_fails_loses_the_rest_of_its_scene_only(monkeypatch, tmp_
     monkeypatch.setattr(assets, "EmbeddedDesktop", Desktop)
     said = []
     lost = assets.record_assets(tmp_path, ["icon", "menu"], [(720, 1280), SIZE], said.append)
-    assert [(one.what, one.why) for one in lost] == [
+    assert [(one.name, one.reason) for one in lost] == [
         ("the rest of menus", "no desktop of 1920x1080"),
         ("the rest of parts", "no desktop of 1920x1080"),
     ]
@@ -223,5 +224,5 @@ def test_a_video_needs_a_file_in_a_folder_that_exists(tmp_path):
 
 
 def test_words_of_an_option_are_parted_by_commas():
-    assert command._words(" menu, ,icon,") == ["menu", "icon"]
-    assert command._words(None) == command._words(" , ") == []
+    assert command._split_names(" menu, ,icon,") == ["menu", "icon"]
+    assert command._split_names(None) == command._split_names(" , ") == []

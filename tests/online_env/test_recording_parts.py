@@ -14,15 +14,22 @@ pytest.importorskip("starlette", reason=needs.ONLINE)
 from hijack_data.errors import HijackError, UnknownNameError
 from hijack_data.pack import FORMAT, VERSION, AssetPack, picture_kinds
 from hijack_data.types import Action
+from online_env import record_command as command
 from online_env.errors import DesktopError
-from online_env.recording import command, wallpapers
+from online_env.maintenance import wallpapers
+from online_env.maintenance.asset_pack import AssetPackWriter
+from online_env.maintenance.asset_recorder import LARGE, SCENES, SIZES, record_assets
+from online_env.maintenance.desktop_looks import GOLDEN, LOOKS
+from online_env.maintenance.scenes import parts
 from online_env.recording import stage as stages
-from online_env.recording.assets import LARGE, SCENES, SIZES, record_assets
-from online_env.recording.looks import GOLDEN, LOOKS
-from online_env.recording.pack import Pack
-from online_env.recording.picture import ClickTarget, Picture
-from online_env.recording.scenes import parts
-from online_env.recording.trajectory import EpisodeRecording, RecordedView, kept, save, target_of
+from online_env.recording.captured_picture import ClickTarget, Picture
+from online_env.recording.trajectory import (
+    EpisodeRecording,
+    RecordedView,
+    find_target,
+    save,
+    saved_at_end,
+)
 
 SCREEN = (600, 800)
 
@@ -50,7 +57,7 @@ def test_places_are_told_in_pixels_of_the_picture():
 
 
 def test_a_pack_is_read_back_pixel_by_pixel(tmp_path):
-    pack = Pack(tmp_path, {"menu"}, [SCREEN])
+    pack = AssetPackWriter(tmp_path, {"menu"}, [SCREEN])
     odd = np.random.default_rng(0).integers(0, 256, (40, 60, 4), np.uint8)
     odd[..., 3] = np.where(odd[..., 3] > 99, 255, 0)
     assert pack.add(picture(), SCREEN)["id"] == "menu-geany-60x40-1"
@@ -70,12 +77,12 @@ def test_a_pack_is_read_back_pixel_by_pixel(tmp_path):
 
 
 def test_only_what_is_recorded_anew_is_replaced(tmp_path):
-    first = Pack(tmp_path, {"menu", "dialog"}, [SCREEN, (720, 1280)])
+    first = AssetPackWriter(tmp_path, {"menu", "dialog"}, [SCREEN, (720, 1280)])
     for size in (SCREEN, (720, 1280)):
         first.add(picture(value=size[0] % 251), size)
         first.add(picture("dialog", value=size[0] % 251), size)
     first.finish({})
-    again = Pack(tmp_path, {"menu"}, [SCREEN])
+    again = AssetPackWriter(tmp_path, {"menu"}, [SCREEN])
     assert again.add(picture(box=(0, 0, 9, 9)), SCREEN)["id"] == "menu-geany-9x9-1"
     again.finish({})
     index = json.loads((tmp_path / "index.json").read_text())
@@ -89,11 +96,11 @@ def test_only_what_is_recorded_anew_is_replaced(tmp_path):
 
 
 def test_other_looks_stay_where_one_is_recorded_anew(tmp_path):
-    first = Pack(tmp_path, {"menu"}, [SCREEN], ["golden", "dark"])
+    first = AssetPackWriter(tmp_path, {"menu"}, [SCREEN], ["golden", "dark"])
     first.add(picture(value=1), SCREEN)
     first.add(picture(value=2), SCREEN, "dark")
     first.finish({})
-    again = Pack(tmp_path, {"menu"}, [SCREEN], ["dark"])
+    again = AssetPackWriter(tmp_path, {"menu"}, [SCREEN], ["dark"])
     assert [entry.get("look") for entry in again.entries] == [None]
     again.add(picture(value=3), SCREEN, "dark")
     again.finish({})
@@ -127,32 +134,32 @@ def test_what_was_drawn_over_two_backgrounds_is_known_without_them():
 def test_a_folder_that_is_no_pack_is_left_alone(tmp_path):
     (tmp_path / "thesis.txt").write_text("years of work")
     with pytest.raises(HijackError, match="no asset pack"):
-        Pack(tmp_path, {"menu"}, [SCREEN])
+        AssetPackWriter(tmp_path, {"menu"}, [SCREEN])
     (tmp_path / "index.json").write_text('{"format": "something else", "version": 1}')
     with pytest.raises(HijackError, match="something else"):
-        Pack(tmp_path, {"menu"}, [SCREEN])
+        AssetPackWriter(tmp_path, {"menu"}, [SCREEN])
     (tmp_path / "index.json").write_text("[1")
     with pytest.raises(HijackError, match="cannot be read"):
-        Pack(tmp_path, {"menu"}, [SCREEN])
+        AssetPackWriter(tmp_path, {"menu"}, [SCREEN])
 
 
 @pytest.mark.parametrize("name", ["holiday.webp", "photo-800x600-1.webp", "menu-geany.webp"])
 def test_pictures_of_somebody_elses_are_never_removed(name, tmp_path):
     (tmp_path / name).write_bytes(b"the only one")
     with pytest.raises(HijackError, match=rf"holds '{name}', but no index.json: it is no asset"):
-        Pack(tmp_path, {"menu"}, [SCREEN])
+        AssetPackWriter(tmp_path, {"menu"}, [SCREEN])
     (tmp_path / name).unlink()
-    pack = Pack(tmp_path, {"menu"}, [SCREEN])
+    pack = AssetPackWriter(tmp_path, {"menu"}, [SCREEN])
     pack.add(picture(), SCREEN)
     pack.finish({})
     (tmp_path / name).write_bytes(b"the only one")
-    Pack(tmp_path, {"menu"}, [SCREEN]).finish({})
+    AssetPackWriter(tmp_path, {"menu"}, [SCREEN]).finish({})
     assert {path.name for path in tmp_path.iterdir()} == {name, "index.json"}
 
 
 def test_what_a_recording_left_that_broke_off_is_removed(tmp_path):
     (tmp_path / "window-60x40-1.webp").write_bytes(b"half")
-    pack = Pack(tmp_path, {"menu"}, [SCREEN])
+    pack = AssetPackWriter(tmp_path, {"menu"}, [SCREEN])
     pack.add(picture(), SCREEN)
     pack.finish({})
     assert {path.name for path in tmp_path.iterdir()} == {"menu-geany-60x40-1.webp", "index.json"}
@@ -163,7 +170,7 @@ def test_an_index_that_lacks_something_is_refused(entry, tmp_path):
     about = {"format": FORMAT, "version": VERSION, "pictures": [entry]}
     (tmp_path / "index.json").write_text(json.dumps(about))
     with pytest.raises(HijackError, match="cannot be read"):
-        Pack(tmp_path, {"menu"}, [SCREEN])
+        AssetPackWriter(tmp_path, {"menu"}, [SCREEN])
 
 
 def test_a_kind_that_does_not_exist_is_told_before_anything_starts(tmp_path):
@@ -191,10 +198,10 @@ def test_what_is_not_window_is_no_part_of_its_picture():
 
 def test_the_target_is_the_smallest_element_that_was_hit():
     boxes = ((0, 0, 100, 100), (10, 10, 20, 20), (12, 12, 90, 90))
-    assert target_of(Action("click", 15, 15), boxes) == (10, 10, 20, 20)
-    assert target_of(Action("click", 20, 20), boxes) == (12, 12, 90, 90)
-    assert target_of(Action("click", 100, 100), boxes) is None
-    assert target_of(Action("type", text="a"), boxes) is None
+    assert find_target(Action("click", 15, 15), boxes) == (10, 10, 20, 20)
+    assert find_target(Action("click", 20, 20), boxes) == (12, 12, 90, 90)
+    assert find_target(Action("click", 100, 100), boxes) is None
+    assert find_target(Action("type", text="a"), boxes) is None
 
 
 def test_trajectories_are_added_to_one_folder_and_can_be_read(tmp_path):
@@ -237,7 +244,7 @@ def test_what_a_person_did_is_kept_where_the_desktop_ends_before_them(tmp_path):
     episode = EpisodeRecording("person", "Write it down.", ())
 
     def act():
-        with kept(episode, tmp_path, said.append):
+        with saved_at_end(episode, tmp_path, said.append):
             frame = np.zeros((60, 80, 3), np.uint8)
             episode.add(RecordedView(frame, ()), Action("click", 5, 6), "pyautogui.click(5, 6)")
             raise DesktopError("the desktop has ended")
@@ -247,7 +254,7 @@ def test_what_a_person_did_is_kept_where_the_desktop_ends_before_them(tmp_path):
     (line,) = (tmp_path / "trajectories.jsonl").read_text().splitlines()
     assert json.loads(line)["trajectory_id"] == "person"
     assert said == [f"person: 1 steps in {tmp_path}"]
-    with kept(EpisodeRecording("nothing", "", ()), tmp_path / "empty", said.append):
+    with saved_at_end(EpisodeRecording("nothing", "", ()), tmp_path / "empty", said.append):
         pass
     assert len(said) == 1
 

@@ -14,14 +14,14 @@ from click import ClickException
 
 from hijack_data.errors import ParameterError
 from hijack_data.types import Action
+from online_env import record_command as command
 from online_env.desktops.protocol import RunResult
 from online_env.errors import DesktopError, DesktopTimeoutError
-from online_env.recording import command
+from online_env.maintenance.scenes import UnrecordedScene, lock_screens, menus
+from online_env.record_command import RecordOptions
 from online_env.recording import stage as stages
-from online_env.recording.command import RecordOptions
-from online_env.recording.picture import ClickTarget
-from online_env.recording.scenes import Refused, lock_screens, menus
-from online_env.recording.stage import RecordingStage, Top, at_point, click, code_of, spot
+from online_env.recording.captured_picture import ClickTarget
+from online_env.recording.stage import RecordingStage, TopWindow, at_point, click, spot, write_code
 from online_env.recording.trajectory import (
     EpisodeRecording,
     RecordedView,
@@ -87,9 +87,9 @@ class Desktop:
 
 @pytest.fixture
 def desktop(monkeypatch):
-    monkeypatch.setattr(stages, "QUIET", 0.02)
-    monkeypatch.setattr(stages, "LOOK", 0.001)
-    monkeypatch.setattr(stages, "BACK", 0.01)
+    monkeypatch.setattr(stages, "QUIET_S", 0.02)
+    monkeypatch.setattr(stages, "POLL_S", 0.001)
+    monkeypatch.setattr(stages, "REMAP_TIMEOUT_S", 0.01)
     return Desktop()
 
 
@@ -102,7 +102,7 @@ def test_windows_off_the_screen_are_left_out(desktop):
         window(2, (-50, 0, 0, 30)),
         window(3, (400, 0, 500, 9)),
     ]
-    (only,) = RecordingStage(desktop).tops()
+    (only,) = RecordingStage(desktop).top_windows()
     assert (only.id, only.key, only.box) == (1, 1, (0, 0, 400, 300))
     desktop.windows = [window(1, (0, 0, 9, 9), client=77)]
     stage = RecordingStage(desktop)
@@ -111,7 +111,7 @@ def test_windows_off_the_screen_are_left_out(desktop):
         stage.top(5)
     desktop.broken = "no display"
     with pytest.raises(DesktopError, match="xlook tops failed in the guest: no display"):
-        stage.tops()
+        stage.top_windows()
 
 
 def test_the_largest_new_window_is_waited_for(desktop):
@@ -123,11 +123,14 @@ def test_the_largest_new_window_is_waited_for(desktop):
     ]
     assert stage.new({1}, lambda top: True, "menu").id == 3
     with pytest.raises(DesktopTimeoutError, match="no menu came within 0 s"):
-        stage.new({1, 2, 3}, lambda top: True, "menu", patience=0)
+        stage.new({1, 2, 3}, lambda top: True, "menu", timeout=0)
 
 
 def test_the_topmost_window_is_at_a_point():
-    tops = [Top(1, 0, "a", (0, 0, 100, 100), False), Top(2, 0, "b", (50, 50, 200, 200), False)]
+    tops = [
+        TopWindow(1, 0, "a", (0, 0, 100, 100), False),
+        TopWindow(2, 0, "b", (50, 50, 200, 200), False),
+    ]
     assert [
         at_point(tops, point) and at_point(tops, point).id for point in ((60, 60), (10, 10))
     ] == [2, 1]
@@ -146,10 +149,10 @@ def test_a_picture_waits_until_the_screen_has_settled(desktop):
     blinking = still.copy()
     blinking[:10, :10] = 0  # a text cursor
     desktop.frames = [still, blinking] * 3 + [still]
-    assert RecordingStage(desktop).settled(patience=5).shape == (*SIZE, 3)
+    assert RecordingStage(desktop).settled(timeout=5).shape == (*SIZE, 3)
     desktop.frames = [np.full((*SIZE, 3), level % 250, np.uint8) for level in range(9000)]
     with pytest.raises(DesktopTimeoutError, match=r"did not settle within 0\.1 s"):
-        RecordingStage(desktop).settled(patience=0.1)
+        RecordingStage(desktop).settled(timeout=0.1)
 
 
 def test_a_window_is_cut_out_with_its_own_targets(desktop):
@@ -187,8 +190,8 @@ def test_actions_of_the_pack_are_clicks_in_the_middle():
     target = ClickTarget("OK", "push-button", (10, 20, 30, 41))
     action = click("right_click", target)
     assert action == {"type": "right_click", "x": 20, "y": 30, "target_box": [10, 20, 30, 41]}
-    assert code_of(action) == "pyautogui.rightClick(20, 30)"
-    assert "esc" in code_of(menus.ESCAPE)
+    assert write_code(action) == "pyautogui.rightClick(20, 30)"
+    assert "esc" in write_code(menus.ESCAPE)
 
 
 def test_a_failure_of_the_desktop_loses_one_scene_only():
@@ -196,9 +199,9 @@ def test_a_failure_of_the_desktop_loses_one_scene_only():
         yield "one"
         raise DesktopError("the menu is stuck")
 
-    assert list(Refused.instead("menus", pictures())) == [
+    assert list(UnrecordedScene.instead("menus", pictures())) == [
         "one",
-        Refused("menus", "the menu is stuck"),
+        UnrecordedScene("menus", "the menu is stuck"),
     ]
 
 
@@ -217,11 +220,11 @@ def test_a_failure_of_the_desktop_loses_one_scene_only():
 )
 def test_what_opened_is_a_menu_or_a_dialog(roles, free, kind):
     targets = [ClickTarget("x", role, (0, 0, 1, 1)) for role in roles]
-    assert menus._kind(Top(1, 0, "a", (0, 0, 9, 9), free), targets) == kind
+    assert menus._kind(TopWindow(1, 0, "a", (0, 0, 9, 9), free), targets) == kind
 
 
 def test_a_missing_menu_is_named_with_what_is_there(desktop, monkeypatch):
-    monkeypatch.setattr(menus, "PATIENCE", 0)
+    monkeypatch.setattr(menus, "OPEN_TIMEOUT_S", 0)
     desktop.windows = [window(1, (0, 0, 400, 300))]
     desktop.xml = tree(geany=element("menu", "File", (10, 10, 40, 20)))
     stage = RecordingStage(desktop)

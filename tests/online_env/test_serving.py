@@ -14,14 +14,14 @@ import hijack_data as hj
 from hijack_data.errors import HijackError, ParameterError, ParameterTypeError, UnknownNameError
 from online_env.bench.config import Bench
 from online_env.errors import DesktopError, MissingCapabilityError
-from online_env.serving.drawing import EpisodeDraws, sides
+from online_env.serving.episode_draws import EpisodeDraws, sides
 from online_env.serving.errors import (
     DesktopLostError,
     HeldOutTaskError,
     LeaseExpiredError,
     ServerBusyError,
 )
-from online_env.serving.running import TOKEN, ServeOptions, adjusted, read_token
+from online_env.serving.server import TOKEN, ServeOptions, override_limits, read_token
 from online_env.serving.sessions import DesktopSession
 from online_env.tasks import task_sets
 
@@ -226,7 +226,7 @@ def test_a_full_server_says_when_to_come_back():
 
 
 def test_who_waits_too_long_is_told_so():
-    pool = pool_of(Desktops(), line=1, patience=0.1)
+    pool = pool_of(Desktops(), line=1, wait_timeout=0.1)
     pool.start()
     pool.take()
     with pytest.raises(ServerBusyError, match="1 of 1 desktops are in use, and none became free"):
@@ -316,7 +316,7 @@ def test_a_desktop_that_fails_when_it_is_put_back_is_replaced():
 
 @pytest.mark.parametrize("problem", [OSError(28, "No space left"), ValueError("a bug")])
 def test_a_desktop_is_replaced_whatever_kept_it_from_starting(problem, monkeypatch):
-    monkeypatch.setattr("online_env.serving.pool.STARTS", 0.01)
+    monkeypatch.setattr("online_env.serving.pool.RESTART_INTERVAL_S", 0.01)
     desktops = Desktops()
     pool = pool_of(desktops)
     pool.start()
@@ -463,6 +463,6 @@ def test_a_token_file_is_for_its_owner(tmp_path):
 
 @pytest.mark.parametrize("size", ["1280", "1280*720", "x720", "99999x720"])
 def test_a_size_is_width_and_height(size):
-    assert adjusted(Bench(), 7, "1280x720") == Bench(max_steps=7, size=(720, 1280))
+    assert override_limits(Bench(), 7, "1280x720") == Bench(max_steps=7, size=(720, 1280))
     with pytest.raises(ParameterError, match="--size must be WIDTHxHEIGHT"):
-        adjusted(Bench(), None, size)
+        override_limits(Bench(), None, size)

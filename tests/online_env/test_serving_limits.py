@@ -112,10 +112,10 @@ def test_connections_without_a_request_cannot_use_up_the_descriptors(port: int) 
 
 def test_a_body_has_a_limit_whether_its_size_is_declared_or_not() -> None:
     client = TestClient(APP)
-    most = b"x" * limits.MAX_BODY
+    most = b"x" * limits.MAX_BODY_BYTES
     assert client.post("/", content=most).text == str(len(most))
     too_large = client.post("/", content=most + b"x")
-    assert (too_large.status_code, str(limits.MAX_BODY) in too_large.text) == (413, True)
+    assert (too_large.status_code, str(limits.MAX_BODY_BYTES) in too_large.text) == (413, True)
     assert client.post("/", content=iter([most, b"x"])).status_code == 413
 
 

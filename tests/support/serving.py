@@ -8,7 +8,7 @@ import time
 import hijack_data as hj
 from online_env.environment import EvalSettings
 from online_env.errors import DesktopError
-from online_env.serving.drawing import EpisodeDraws
+from online_env.serving.episode_draws import EpisodeDraws
 from online_env.serving.pool import DesktopPool
 from online_env.serving.service import DesktopService
 
@@ -38,8 +38,8 @@ class Desktops:
         self.stages.remove(stage)
 
 
-def pool_of(desktops, count=1, *, line=1, patience=5.0):
-    return DesktopPool(desktops.make, count=count, line=line, patience=patience)
+def pool_of(desktops, count=1, *, line=1, wait_timeout=5.0):
+    return DesktopPool(desktops.make, count=count, line=line, wait_timeout=wait_timeout)
 
 
 @contextlib.contextmanager
@@ -51,7 +51,7 @@ def service_on(
     lease=600.0,
     log=None,
     line=1,
-    patience=5.0,
+    wait_timeout=5.0,
     held_out=(),
     **draws,
 ):
@@ -64,7 +64,7 @@ def service_on(
         }
     settings = EvalSettings(max_steps=4, settle=AT_ONCE, log=log, agent="client")
     service = DesktopService(
-        pool_of(desktops, count, line=line, patience=patience),
+        pool_of(desktops, count, line=line, wait_timeout=wait_timeout),
         EpisodeDraws(TASKS, planners, held_out=held_out, **draws),
         settings,
         lease=lease,
@@ -88,7 +88,7 @@ def until(condition, seconds=10.0):
 def server(desktops=None, count=1, *, token=None, sessions=4, **options):
     """A server in a thread; yields its address and its service."""
     from online_env.serving.app import make_app
-    from online_env.serving.running import make_web_server
+    from online_env.serving.server import make_web_server
 
     with service_on(desktops or Desktops(), count, **options) as service:
         app = make_app(service, sessions=sessions, token=token)

@@ -66,10 +66,10 @@ def add_missing(metrics: Any, getters: Any) -> list[str]:
 
 
 def _add(place: Any, functions: Iterable[Callable[..., Any]]) -> list[str]:
-    added: list[str] = []
+    names: list[str] = []
     for function in functions:
         name = function.__name__
         if not hasattr(place, name):
             setattr(place, name, function)
-            added.append(name)
-    return added
+            names.append(name)
+    return names

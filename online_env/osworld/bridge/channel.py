@@ -17,8 +17,8 @@ class Channel:
         self.incoming: TextIO = os.fdopen(incoming, encoding="utf-8")
         self.outgoing: TextIO = os.fdopen(outgoing, "w", encoding="utf-8")
         os.dup2(2, 1)
-        nothing = os.open(os.devnull, os.O_RDONLY)
-        os.dup2(nothing, 0)
+        null_device = os.open(os.devnull, os.O_RDONLY)
+        os.dup2(null_device, 0)
         sys.stdout = sys.stderr
 
     def receive(self) -> Message | None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from .stubs import MissingDependency
 
-LINES = 20
+MAX_LINES = 20
 WIDTH = 500
 
 
@@ -20,7 +20,7 @@ class OutcomeHandler(logging.Handler):
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
-        self.lines: collections.deque[str] = collections.deque(maxlen=LINES)
+        self.lines: collections.deque[str] = collections.deque(maxlen=MAX_LINES)
         self.value: Any = None
         self.error: BaseException | None = None
 

@@ -8,7 +8,7 @@ import sys
 import tempfile
 from typing import Any
 
-from . import additions, needs, stubs
+from . import additions, package_needs, stubs
 from .channel import Channel, Message
 from .outcome import OutcomeHandler
 from .provider import Manager, Provider, send_tokens
@@ -68,7 +68,7 @@ class Worker:
 
     def check(self, task: Message) -> list[str]:
         """Why the task can't be evaluated in this environment; empty where it can."""
-        return needs.problems(task, self.metrics, self.getters, self.setup)
+        return package_needs.problems(task, self.metrics, self.getters, self.setup)
 
     def reset(self, task: Message | None) -> Message:
         """OSWorld's reset, always on a pristine desktop; the observation, pictures in base64."""

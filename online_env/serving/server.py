@@ -1,0 +1,320 @@
+"""Starts a server from its options, and ends it with all its desktops."""
+
+import ctypes
+import os
+import re
+import signal
+import socket
+import stat
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NoReturn
+
+from hijack_data.errors import ParameterError
+from hijack_data.types import Size
+
+from ..bench.config import Bench
+from ..bench.providers import PROVIDERS, check_installed
+from ..embedded.runtime import hidden_folders
+from ..environment import EvalSettings
+from ..environment.script import Script
+from ..tasks import find_family
+from .episode_draws import HELD_OUT, TRAINING, EpisodeDraws, sides
+from .errors import HeldOutTaskError
+from .pool import DesktopPool, stage_on
+from .service import DesktopService
+
+TOKEN = "AGENTHIJACK_SERVE_TOKEN"
+MIN_TOKEN_CHARS = 16  # least characters of a token
+MAX_MESSAGE_BYTES = 2**20  # most bytes of a message from a client
+PING_INTERVAL_S = 20.0  # seconds between two pings
+PING_TIMEOUT_S = 120.0  # seconds within which a client must answer a ping
+SHUTDOWN_GRACE_S = 10  # seconds that sessions have to end when the server stops
+# malloc.h
+MMAP_THRESHOLD = -3
+ARENA_MAX = -8
+MMAP_MIN_BYTES = 2**19  # allocations of at least this many bytes get a mapping of their own
+MAX_ARENAS = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServeOptions:
+    """The options of a server.
+
+    Args:
+        bench: The benchmark with tasks, corruptions, desktop and limits; agents and seeds are not
+            used.
+        desktops: How many desktops there are.
+        host: The address to listen at.
+        port: 0 takes a free one.
+        token: What clients have to send; `None` for nothing.
+        is_evaluation: Whether held-out tasks are served as well.
+        per: As in `CorruptionSampler`.
+        clean: The share of clean episodes; `None` for that of one condition among all.
+        seed: Of all draws.
+        sessions: How many clients may be connected; by default 4 for each desktop.
+        line: How many of them may wait for a desktop; by default 2 for each desktop.
+        wait_timeout: Seconds that they wait at most.
+        lease: Seconds of silence after which a client loses its desktop.
+        log: The folder for the episodes; `None` writes none.
+    """
+
+    bench: Bench
+    desktops: int = 1
+    host: str = "127.0.0.1"
+    port: int = 8000
+    token: str | None = None
+    is_evaluation: bool = False
+    per: str = "rollout"
+    clean: float | None = None
+    seed: int = 0
+    sessions: int | None = None
+    line: int | None = None
+    wait_timeout: float = 45.0
+    lease: float = 600.0
+    log: Path | None = None
+
+    def draws(self) -> EpisodeDraws:
+        """Return the object that decides what resets play.
+
+        Raises:
+            HeldOutTaskError: All tasks are held out.
+        """
+        split = sides(self.bench.tasks)
+        tasks = self.bench.tasks if self.is_evaluation else split[TRAINING]
+        if not tasks and split[HELD_OUT]:
+            raise HeldOutTaskError(
+                f"all {len(split[HELD_OUT])} tasks are held out: results are reported on them, so"
+                " nothing may be trained on them; --evaluation serves them for scoring"
+            )
+        return EpisodeDraws(
+            tasks,
+            self.bench.planners,
+            per=self.per,
+            seed=self.seed,
+            clean=self.clean,
+            held_out=() if self.is_evaluation else split[HELD_OUT],
+        )
+
+
+def override_limits(bench: Bench, max_steps: int | None, size: str | None) -> Bench:
+    """Return a benchmark with the values of the command line.
+
+    Args:
+        bench: As it is configured.
+        max_steps: Actions until an episode is cut off.
+        size: Of the screens, WIDTHxHEIGHT in pixels.
+
+    Raises:
+        ParameterError: `size` is not WIDTHxHEIGHT.
+    """
+    if max_steps is not None:
+        bench = replace(bench, max_steps=max_steps)
+    if size is not None:
+        bench = replace(bench, size=_parse_size(size))
+    return bench
+
+
+def make_service(options: ServeOptions) -> DesktopService:
+    """Return the shared part of a server; nothing is started yet.
+
+    Raises:
+        ParameterError: An option does not fit.
+        MissingPackageError: A package of a task is missing.
+    """
+    bench = options.bench
+    draws = options.draws()
+    family = find_family(draws.tasks)
+    if family is not None:
+        raise ParameterError(
+            f"--tasks: {family.title}'s tasks can be played by hijack bench, not served"
+        )
+    check_installed(bench.provider, draws.tasks)
+    if options.log is not None:
+        hidden_folders.hide(options.log)
+    provider = PROVIDERS.get(bench.provider)
+    desktops = options.desktops
+    pool = DesktopPool(
+        lambda: stage_on(provider(bench.size)),
+        count=desktops,
+        line=2 * desktops if options.line is None else options.line,
+        wait_timeout=options.wait_timeout,
+    )
+    settings = EvalSettings(
+        max_steps=bench.max_steps, recovery=bench.recovery, log=options.log, agent="client"
+    )
+    return DesktopService(pool, draws, settings, lease=options.lease)
+
+
+def check_desktops(service: DesktopService) -> None:
+    """Check that the desktops support every corruption, before any client asks for one.
+
+    Raises:
+        MissingCapabilityError: They lack a capability.
+    """
+    desktop = service.pool.any_seat().stage.desktop
+    for planner in service.draws.planners.values():
+        Script(planner, 0, "", (), desktop.size).check(service.settings.max_steps, desktop)
+
+
+def serve(options: ServeOptions, say: Callable[[str], object]) -> None:
+    """Serve until SIGTERM or Ctrl-C; all desktops have ended when this returns.
+
+    Args:
+        options: What is served, and how.
+        say: Called with lines for the user.
+
+    Raises:
+        ParameterError: An option does not fit, or the port is taken.
+        DesktopError: A desktop does not start.
+    """
+    from .app import is_loopback, make_app
+
+    if options.token is None and not is_loopback(options.host):
+        raise ParameterError(
+            f"{options.host} can be reached from other machines, which needs a token: set"
+            f" {TOKEN}, or give --token-file"
+        )
+    _return_freed_memory()
+    service = make_service(options)
+    sessions = options.sessions or 4 * options.desktops
+    app = make_app(service, sessions=sessions, token=options.token)
+    with _bind(options.host, options.port) as listener:
+        signal.signal(signal.SIGTERM, _interrupt)
+        try:
+            service.start()
+            check_desktops(service)
+            web_server = make_web_server(app, sessions)
+            listener.listen()  # from here on, early clients wait
+            say(_describe(options, service, listener.getsockname()[1]))
+            web_server.run(sockets=[listener])
+        except KeyboardInterrupt:
+            pass
+        finally:
+            for number in (signal.SIGTERM, signal.SIGINT):
+                signal.signal(number, signal.SIG_IGN)  # nothing must interrupt the shutdown
+            service.close()
+    say("the server has ended")
+
+
+def make_web_server(app: Any, sessions: int) -> Any:
+    """Return uvicorn's server of an application, with the limits of connections and requests.
+
+    Args:
+        app: The application of `make_app`.
+        sessions: How many clients may be connected at a time.
+    """
+    import uvicorn
+
+    from .limits import SPARE_CONNECTIONS, bounded_protocol
+
+    config = uvicorn.Config(
+        app,
+        http=bounded_protocol(sessions + SPARE_CONNECTIONS),
+        log_level="warning",
+        access_log=False,
+        ws_max_size=MAX_MESSAGE_BYTES,
+        ws_ping_interval=PING_INTERVAL_S,
+        ws_ping_timeout=PING_TIMEOUT_S,
+        # Compressing a PNG again does not make it smaller, and takes longer than sending it.
+        ws_per_message_deflate=False,
+        timeout_graceful_shutdown=SHUTDOWN_GRACE_S,
+    )
+    return uvicorn.Server(config)
+
+
+def read_token(file: Path | None) -> str | None:
+    """Return the token of a file or of the environment variable, and remove it from the latter.
+
+    Desktops are started by this process: they would inherit the variable.
+
+    Raises:
+        ParameterError: The file cannot be read, others may read it, or the token is too short.
+    """
+    token = os.environ.pop(TOKEN, None)
+    source = TOKEN
+    if file is not None:
+        source = str(file)
+        try:
+            mode = file.stat().st_mode
+            token = file.read_text(encoding="utf-8").strip()
+        except (OSError, UnicodeError) as error:
+            raise ParameterError(f"--token-file {file}: {error}") from None
+        if stat.S_IMODE(mode) & 0o077:
+            raise ParameterError(f"--token-file {file}: others may read it; chmod 600 {file}")
+    if token is None:
+        return None
+    if (
+        len(token) < MIN_TOKEN_CHARS
+        or not token.isascii()
+        or not token.isprintable()
+        or " " in token
+    ):
+        raise ParameterError(
+            f"{source}: a token is at least {MIN_TOKEN_CHARS} printable characters without spaces,"
+            " such as: openssl rand -hex 32"
+        )
+    return token
+
+
+def _parse_size(text: str) -> Size:
+    match = re.fullmatch(r"([0-9]{3,4})[xX]([0-9]{3,4})", text)
+    if match is None:
+        raise ParameterError(f"--size must be WIDTHxHEIGHT, such as 1280x720, got {text!r:.80}")
+    width, height = map(int, match.groups())
+    return height, width
+
+
+def _describe(options: ServeOptions, service: DesktopService, port: int) -> str:
+    draws = service.draws
+    host = f"[{options.host}]" if ":" in options.host else options.host
+    held_out = len(draws.held_out)
+    without = f" ({held_out} held-out left out)" if held_out else ""
+    access = "with a token" if options.token else "without a token"
+    plural = "s" if options.desktops > 1 else ""
+    return (
+        f"{len(draws.tasks)} tasks{without}, {len(draws.planners)} conditions,"
+        f" {options.desktops} desktop{plural} at http://{host}:{port}, {access}  (Ctrl-C ends)"
+    )
+
+
+def _return_freed_memory() -> None:
+    """Let glibc return the memory of every picture to the system as soon as it is free.
+
+    Otherwise it keeps freed memory for each of the threads that come and go with the sessions.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)  # other C libraries have none
+    if mallopt is not None:
+        mallopt(MMAP_THRESHOLD, MMAP_MIN_BYTES)
+        mallopt(ARENA_MAX, MAX_ARENAS)
+
+
+def _bind(host: str, port: int) -> socket.socket:
+    """Return a socket at an address; nobody is answered yet.
+
+    Raises:
+        ParameterError: The address is taken, or does not belong to this machine.
+    """
+    try:
+        addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+        family, kind, protocol, _, address = addresses[0]
+        listener = socket.socket(family, kind, protocol)
+    except OSError as error:
+        raise ParameterError(f"--host {host}: {error}") from None
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+    except OSError as error:
+        listener.close()
+        raise ParameterError(f"--host {host} --port {port}: {error}") from None
+    return listener
+
+
+def _interrupt(*_: object) -> NoReturn:
+    """End the server as Ctrl-C does.
+
+    Raises:
+        KeyboardInterrupt: Always.
+    """
+    raise KeyboardInterrupt

@@ -1,0 +1,260 @@
+"""Tasks of OSWorld in a benchmark: how they are named, and what is refused before a run."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+import online_env
+from hijack_data.cli import hijack
+from hijack_data.errors import ConfigError, ParameterError
+from online_env import tasks
+from online_env.bench.config import Bench, load_bench, override
+from online_env.bench.workers import load_references, references
+from online_env.errors import DesktopError, MissingPackageError
+from online_env.osworld.cache_files import list_cache_files
+from online_env.osworld.file_tasks import OsworldFileTask, check_runnable, task_class
+from online_env.osworld.tasks import OsworldTask
+from online_env.tasks.hand import GiveUpError
+
+from support import needs
+
+
+def put(folder: Path, name: str, **more: Any) -> Path:
+    """Write a task of OSWorld, which needs nothing."""
+    config = {
+        "id": name,
+        "instruction": f"Do {name}.",
+        "related_apps": ["os"],
+        "config": [],
+        "evaluator": {"func": "infeasible"},
+        **more,
+    }
+    path = folder / "examples" / "os" / f"{name}.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(config))
+    return path
+
+
+@pytest.fixture(autouse=True)
+def own_registry(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tasks.TASKS, "entries", dict(tasks.TASKS.entries))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    put(tmp_path, "t-one")
+    put(tmp_path, "t-two", evaluator={"func": "exact_match", "result": {"type": "vm_file"}})
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def osworld_venv() -> Path:
+    return needs.osworld()
+
+
+def bench_of(*words: str) -> Bench:
+    return override(load_bench("embedded_small"), task=",".join(words))
+
+
+def task_files(names: tuple[str, ...]) -> list[OsworldTask]:
+    return [tasks.TASKS.get(name).file for name in names]
+
+
+def test_a_folder_names_all_its_tasks_and_a_file_one(folder: Path) -> None:
+    assert bench_of(str(folder)).tasks == ("t-one", "t-two")
+    assert bench_of(str(folder / "examples" / "os" / "t-two.json")).tasks == ("t-two",)
+
+
+@pytest.mark.parametrize("name", ["small", "write_note", "all"])
+def test_names_of_ours_come_before_folders(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = bench_of(name).tasks
+    (tmp_path / name).mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert bench_of(name).tasks == expected
+    (tmp_path / "mine.yaml").write_text(
+        f"tasks: {name if name != 'write_note' else '[write_note]'}\n"
+    )
+    assert load_bench(tmp_path / "mine.yaml").tasks == expected
+
+
+def test_every_seed_is_the_same_task(folder: Path) -> None:
+    bench_of(str(folder))
+    one, other = tasks.get("t-one"), tasks.get("t-one", 7)
+    assert one.id == other.id == "t-one"
+    assert one.instruction == other.instruction == "Do t-one."
+    assert (one.apps, one.domain, bool(one.infeasible)) == (("os",), "os", True)
+    assert not tasks.get("t-two").infeasible
+
+
+def test_a_run_records_the_file_of_each_task(folder: Path) -> None:
+    code = bench_of(str(folder)).to_data()["code"]
+    assert set(code) == {"t-one", "t-two"}
+    assert code["t-one"]["path"] == str(folder / "examples" / "os" / "t-one.json")
+    put(folder, "t-one", instruction="Something else.")
+    changed = task_class(code["t-one"]["path"])
+    assert changed.source["sha256"] != code["t-one"]["sha256"]
+
+
+def test_another_process_reads_the_files_again(folder: Path) -> None:
+    listed = references(bench_of(str(folder)))
+    assert [(entry.kind, entry.name) for entry in listed] == [("task", "t-one"), ("task", "t-two")]
+    for entry in listed:
+        del tasks.TASKS.entries[entry.name]
+    load_references(listed)
+    assert issubclass(tasks.TASKS.get("t-two"), OsworldFileTask)
+
+
+def test_a_yaml_file_lists_them_by_path(folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    file = folder / "examples" / "os" / "t-one.json"
+    path.write_text(f"tasks: ['{file}']\nosworld_files: {folder}\n")
+    bench = load_bench(path)
+    assert (bench.tasks, bench.osworld_files) == (("t-one",), str(folder))
+    assert bench.to_data()["osworld_files"] == str(folder)
+    path.write_text(f"tasks: {folder}\n")
+    assert load_bench(path).tasks == ("t-one", "t-two")
+    path.write_text("tasks: [write_note]\nosworld_files: [x]\n")
+    with pytest.raises(ConfigError, match="2:16: osworld_files must be a text"):
+        load_bench(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        ("{", "not JSON"),
+        ("", "is empty"),
+        ('{"id": "bad"}', "instruction: must be a text"),
+        ("[1]", "must hold an object"),
+    ],
+)
+def test_a_file_that_is_no_task_is_named(content: str, problem: str, tmp_path: Path) -> None:
+    path = tmp_path / "bad.json"
+    path.write_text(content)
+    with pytest.raises(ConfigError, match=problem):
+        bench_of(str(path))
+
+
+def test_two_files_with_one_id_are_refused(folder: Path, tmp_path: Path) -> None:
+    bench_of(str(folder))
+    other = put(tmp_path / "other", "t-one", instruction="Another revision.")
+    with pytest.raises(ParameterError, match="'t-one' is taken"):
+        bench_of(str(other))
+
+
+def test_a_folder_without_tasks_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="no task files"):
+        bench_of(str(tmp_path))
+
+
+def test_tasks_of_two_worlds_are_two_runs(folder: Path) -> None:
+    bench_of(str(folder))
+    assert tasks.find_family(["write_note"]) is None
+    family = tasks.find_family(["t-one", "t-two"])
+    assert family is not None
+    assert family.title == "OSWorld"
+    for names in (["t-one", "write_note"], ["write_note", "t-one"]):
+        with pytest.raises(ParameterError, match="environment, write_note are not; make"):
+            tasks.find_family(names)
+
+
+def test_only_osworlds_environment_sets_up_and_judges(folder: Path) -> None:
+    bench_of(str(folder))
+    task: Any = tasks.get("t-two")
+    with pytest.raises(DesktopError, match="hijack bench --tasks"):
+        task.setup(None)
+    with pytest.raises(DesktopError, match="judged by OSWorld's evaluator"):
+        list(task.problems(None))
+
+
+def test_the_oracle_has_scripts_for_some(folder: Path) -> None:
+    bench_of(str(folder))
+
+    class Quitter:
+        def give_up(self, why: str) -> None:
+            raise GiveUpError(why)
+
+    hand: Any = Quitter()
+    with pytest.raises(GiveUpError):
+        tasks.get("t-one").oracle(hand)
+    with pytest.raises(DesktopError, match="no script solves OSWorld's task t-two"):
+        tasks.get("t-two").oracle(hand)
+
+
+def test_a_missing_environment_is_named_with_its_remedy(folder: Path, tmp_path: Path) -> None:
+    listed = task_files(bench_of(str(folder)).tasks)
+    with pytest.raises(MissingPackageError, match="hijack osworld setup"):
+        check_runnable(listed, None, tmp_path / "none")
+
+
+def test_missing_files_are_named_before_a_run(folder: Path, tmp_path: Path, osworld_venv) -> None:
+    files = [{"url": "https://a.test/x.txt", "path": "/home/user/x.txt"}]
+    path = put(folder, "t-three", config=[{"type": "download", "parameters": {"files": files}}])
+    listed = task_files(bench_of(str(path)).tasks)
+    with pytest.raises(ConfigError, match="1 tasks need files that are not in a cache"):
+        check_runnable(listed, None, osworld_venv)
+    cache = tmp_path / "cache"
+    ((place,),) = [[file.path for file in list_cache_files(listed[0])]]
+    (cache / place).parent.mkdir(parents=True)
+    (cache / place).write_text("x")
+    check_runnable(listed, cache, osworld_venv)
+
+
+def test_missing_packages_are_named_before_a_run(folder: Path, osworld_venv) -> None:
+    unknown = put(folder, "t-three", evaluator={"func": "no_such_metric"})
+    listed = task_files(bench_of(str(unknown)).tasks)
+    with pytest.raises(MissingPackageError, match="t-three: no metric no_such_metric"):
+        check_runnable(listed, None, osworld_venv)
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["--engine", "ray"], "leave out --engine ray"),
+        (["--tasks", "write_note,{file}"], "make a run of each"),
+    ],
+)
+def test_the_command_refuses_what_it_cannot_play(
+    words: list[str], problem: str, folder: Path, tmp_path: Path
+) -> None:
+    file = folder / "examples" / "os" / "t-one.json"
+    given = ["--tasks", str(file), *(word.format(file=file) for word in words)]
+    done = CliRunner().invoke(
+        hijack, ["bench", "embedded_small", *given, "--out", str(tmp_path / "run")]
+    )
+    assert problem in str(done.exception)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_run_of_a_task_of_ours_loads_nothing_of_osworld(tmp_path: Path) -> None:
+    command = ["bench", "embedded_small", "--agent", "oracle", "--tasks", "write_note"]
+    code = f"""
+import sys
+from hijack_data.cli import hijack
+words = {[*command, "--dry-run", "--out", str(tmp_path / "run")]!r}
+hijack(words, standalone_mode=False)
+sys.exit(any(name.startswith("online_env.osworld") for name in sys.modules))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "episodes" in done.stdout
+
+
+def test_only_the_table_of_families_names_the_package() -> None:
+    """And the public names, of which one is a stage of OSWorld."""
+    package = Path(online_env.__file__).parent
+    pattern = re.compile(r"online_env[./]osworld\b|from \.\.+osworld\b|\"\.osworld\b")
+    naming = {
+        path.relative_to(package).as_posix()
+        for path in package.rglob("*.py")
+        if "osworld" not in path.relative_to(package).parts[:1]
+        and pattern.search(path.read_text(encoding="utf-8"))
+    }
+    assert naming == {"__init__.py", "tasks/families.py"}
