@@ -17,6 +17,7 @@ from .. import tasks
 from ..desktops.http import HttpDesktop
 from ..desktops.osworld import OsworldDesktop, OsworldLike
 from ..desktops.protocol import Capability, Desktop, RunResult
+from ..embedded.panel_clock import set_panel_clock
 from ..embedded.sites.state import SiteState
 from ..errors import DesktopError
 from ..osworld.tasks import OsworldTask, mistakes
@@ -169,6 +170,8 @@ class SmallTasks(TaskHolder):
         self._task = None
         self._desktop.reset()
         self._machine = Machine(self._desktop, self.sites)
+        if self.sites is not None:
+            set_panel_clock(self._desktop, wanted.seed)
         wanted.setup(self._machine)
         self._task = wanted
         apps = tuple(normalize_app(app) for app in wanted.apps)
