@@ -86,13 +86,13 @@ class Buttons:
         with self._lock:
             try:
                 if self._button(name).on:
-                    ok, said = self._take_back(name)
+                    ok, message = self._take_back(name)
                 else:
-                    ok, said = self._corrupt(get(name))
+                    ok, message = self._corrupt(get(name))
             except HijackError as error:
                 ok = False
-                said = str(error)
-            self._buttons[name] = replace(self._buttons[name], ok=ok, said=said)
+                message = str(error)
+            self._buttons[name] = replace(self._buttons[name], ok=ok, said=message)
         return self._button(name)
 
     def frame(self, screen: UInt8Array) -> tuple[UInt8Array, str]:
@@ -117,19 +117,19 @@ class Buttons:
 
         refuse_twice(self._desktop, spec, self._ledger, "this desktop")
         noted: list[dict[str, Any]] = []
-        done = corrupt_desktop(
+        corruption = corrupt_desktop(
             self._desktop,
             spec,
             seed=self._seed,
             note=lambda records: noted.append(self._ledger.add(spec.name, records)),
         )
         self._seed += 1
-        lasting = [record for record in done.records if find(record["effect"]).lasting]
-        if not done.records:
-            self._plans[spec.name] = done.plan
+        lasting = [record for record in corruption.records if find(record["effect"]).lasting]
+        if not corruption.records:
+            self._plans[spec.name] = corruption.plan
         elif not lasting:
             self._ledger.drop(noted[-1])
-        return done.ok, done.saw
+        return corruption.ok, corruption.saw
 
     def _take_back(self, name: str) -> tuple[bool, str]:
         from ..effects.words import undone_in_words
@@ -137,11 +137,11 @@ class Buttons:
         if self._plans.pop(name, None) is not None:
             return True, "no longer drawn into the picture; the machine was never changed"
         is_all_undone = True
-        said: list[str] = []
+        messages: list[str] = []
         for _, kind, result in undo_recorded(self._desktop, name, self._ledger):
             is_all_undone = is_all_undone and result.ok
-            said.append(undone_in_words(kind, result.facts, result.problem))
-        return is_all_undone, "; ".join(said)
+            messages.append(undone_in_words(kind, result.facts, result.problem))
+        return is_all_undone, "; ".join(messages)
 
 
 def _about(name: str) -> str:

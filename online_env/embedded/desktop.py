@@ -86,9 +86,9 @@ class EmbeddedDesktop:
         """
         record = registry.load(name)
         if record is None or registry.state(record) != "ready":
-            known = ", ".join(r["id"] for r in registry.records()) or "none"
+            running_ids = ", ".join(r["id"] for r in registry.records()) or "none"
             raise UnknownDesktopError(
-                f"no running desktop {name!r}; there are: {known} (hijack desktop list)"
+                f"no running desktop {name!r}; there are: {running_ids} (hijack desktop list)"
             )
         return cls(None, record)
 
@@ -233,10 +233,10 @@ class EmbeddedDesktop:
         self._client.close()
         self._frames.close()
 
-    def _ask(self, what: str, *arguments: object) -> Any:
+    def _ask(self, method: str, *arguments: object) -> Any:
         self._check_alive()
         try:
-            return getattr(self._client, what)(*arguments)
+            return getattr(self._client, method)(*arguments)
         except GuestError:
             self._check_alive()
             raise

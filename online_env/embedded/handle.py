@@ -89,7 +89,7 @@ def make_order(
         )
     extra.require("an embedded desktop")
     me = os.getpid()
-    found = cache.chosen(image)
+    folder = cache.chosen(image)
     return DesktopConfig(
         name=name,
         screen=(width, height),
@@ -102,7 +102,7 @@ def make_order(
         rootless=os.geteuid() != 0,
         controller=None if detached else (me, registry.process_start(me)),
         time_out=time_out,
-        image="" if found is None else str(found),
+        image="" if folder is None else str(folder),
     )
 
 

@@ -94,7 +94,7 @@ def locked() -> Iterator[None]:
     deadline = time.monotonic() + LOCK_TIMEOUT_S
     while True:
         try:
-            held = lock(RUN / _LOCK)
+            file_lock = lock(RUN / _LOCK)
             break
         except LockedError as error:
             if time.monotonic() > deadline:
@@ -104,8 +104,8 @@ def locked() -> Iterator[None]:
                     " or end it"
                 ) from None
             time.sleep(POLL)
-    with held:
-        held.sign()
+    with file_lock:
+        file_lock.sign()
         yield
 
 
@@ -138,14 +138,14 @@ def _lives(record: Record, role: str) -> bool:
 
 def _is_elsewhere(record: Record) -> bool:
     """Whether its processes have numbers of another namespace, and cannot be seen from here."""
-    here = _here()
-    return record.get("boot", here["boot"]) == here["boot"] and (
-        record.get("pids", here["pids"]) != here["pids"]
+    namespace = _here()
+    return record.get("boot", namespace["boot"]) == namespace["boot"] and (
+        record.get("pids", namespace["pids"]) != namespace["pids"]
     )
 
 
 def claim(
-    name: str | None, keeper: tuple[int, int], controller: "tuple[int, int] | None", more: Record
+    name: str | None, keeper: tuple[int, int], controller: "tuple[int, int] | None", fields: Record
 ) -> Record:
     """Reserve a name and a slot; what dead desktops have left is removed first.
 
@@ -153,7 +153,7 @@ def claim(
         name: of the desktop; `None` for the next free one of `d1`, `d2` ...
         keeper: the process that looks after it, as `(pid, start)`.
         controller: the process that it ends with, or `None`.
-        more: further entries of the record.
+        fields: further entries of the record.
 
     Returns:
         The new record.
@@ -178,7 +178,7 @@ def claim(
             "controller": list(controller) if controller else None,
             "created": time.time(),
             **_here(),
-            **more,
+            **fields,
         }
         _publish(record)
     return record
@@ -199,9 +199,9 @@ def _is_taken(name: str, present: set[str]) -> bool:
     return name in present or folder(name).exists()
 
 
-def _free_slot(taken: set[int]) -> int:
+def _free_slot(slots: set[int]) -> int:
     for slot in range(SLOTS):
-        if slot not in taken:
+        if slot not in slots:
             return slot
     raise SetupError(f"all {SLOTS} places for desktops are taken; see: hijack desktop list")
 
@@ -227,18 +227,18 @@ def save(record: Record) -> None:
 def load(name: str) -> Record | None:
     """The record of a desktop, or `None`."""
     try:
-        found = json.loads((folder(name) / RECORD).read_text(encoding="utf-8"))
+        record = json.loads((folder(name) / RECORD).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    is_record = isinstance(found, dict) and found.keys() >= _NEEDED
-    return found if is_record else None
+    is_record = isinstance(record, dict) and record.keys() >= _NEEDED
+    return record if is_record else None
 
 
 def records() -> list[Record]:
     """All records, oldest first; a folder without a readable record is one in state `"broken"`."""
     names = [path.name for path in RUN.glob("[!.]*") if path.is_dir()]
-    found = [load(name) or _broken(name) for name in names]
-    return sorted(found, key=lambda record: (record["created"], record["id"]))
+    rows = [load(name) or _broken(name) for name in names]
+    return sorted(rows, key=lambda record: (record["created"], record["id"]))
 
 
 def _broken(name: str) -> Record:
@@ -274,10 +274,10 @@ def orphans() -> list[Record]:
     ]
 
 
-def _leftovers(known: set[str]) -> list[str]:
+def _leftovers(ids: set[str]) -> list[str]:
     if os.geteuid() != 0:
         return []  # without root there are no groups, and namespaces have no names outside
-    return sorted({*network.leftovers(known), *limits.leftovers(known)})
+    return sorted({*network.leftovers(ids), *limits.leftovers(ids)})
 
 
 def _sweep() -> None:

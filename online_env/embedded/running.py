@@ -17,8 +17,8 @@ def choose(name: str | None) -> dict[str, Any]:
     Raises:
         UnknownDesktopError: There is no such desktop, or `name` is missing and several run.
     """
-    found = registry.running() if name is None else registry.records()
-    records = {record["id"]: record for record in found}
+    candidates = registry.running() if name is None else registry.records()
+    records = {record["id"]: record for record in candidates}
     if name is not None and name in records:
         return records[name]
     if name is None and len(records) == 1:
@@ -26,11 +26,11 @@ def choose(name: str | None) -> dict[str, Any]:
     unknown = ""
     if name is not None:
         unknown = f": {name!r} is not one of them"
-    known = ", ".join(records) or "none (hijack desktop up starts one)"
-    others = ""
+    ids = ", ".join(records) or "none (hijack desktop up starts one)"
+    hint = ""
     if os.geteuid() != 0:
-        others = f"; those of root: {as_root('desktop', 'list')}"
-    raise UnknownDesktopError(f"say which desktop{unknown}; there are: {known}{others}")
+        hint = f"; those of root: {as_root('desktop', 'list')}"
+    raise UnknownDesktopError(f"say which desktop{unknown}; there are: {ids}{hint}")
 
 
 def left_running() -> list[dict[str, Any]]:

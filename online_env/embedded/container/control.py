@@ -22,8 +22,8 @@ class _Request(BaseHTTPRequestHandler):
     def do_POST(self) -> None:
         """Note that a reset was asked for; the answer follows when it is done."""
         server = cast("_Server", self.server)
-        given = self.headers.get("X-Token", "").encode("utf-8", "replace")
-        if not hmac.compare_digest(given, server.token):
+        token = self.headers.get("X-Token", "").encode("utf-8", "replace")
+        if not hmac.compare_digest(token, server.token):
             self.send_error(401, "a token is needed: send it as X-Token")
             return
         if self.path != RESET:
@@ -77,17 +77,17 @@ class Control:
             if attend(LOOK, (self._server.fileno(),)):
                 self._server.handle_request()
 
-    def answer(self, told: dict[str, Any]) -> None:
+    def answer(self, outcome: dict[str, Any]) -> None:
         """Answer who asked for a reset; nobody did before the first session."""
-        asked = self._server.asked
+        request = self._server.asked
         self._server.asked = None
-        if asked is None:
+        if request is None:
             return
-        body = json.dumps(told).encode()
-        status = "500 Internal Server Error" if "error" in told else "200 OK"
+        body = json.dumps(outcome).encode()
+        status = "500 Internal Server Error" if "error" in outcome else "200 OK"
         head = f"HTTP/1.0 {status}\r\nContent-Type: application/json\r\n"
-        with asked:
+        with request:
             try:
-                asked.sendall(f"{head}Content-Length: {len(body)}\r\n\r\n".encode() + body)
+                request.sendall(f"{head}Content-Length: {len(body)}\r\n\r\n".encode() + body)
             except OSError:
                 return  # it waits no more

@@ -79,8 +79,8 @@ class _Player:
             event = cast("Event", row)
         act = _ACTS.get(str(event.get("type")))
         if act is None:
-            known = ", ".join(_ACTS)
-            raise GuestError(f"type must be one of {known}; got {row!r:.200}", BAD_REQUEST)
+            event_types = ", ".join(_ACTS)
+            raise GuestError(f"type must be one of {event_types}; got {row!r:.200}", BAD_REQUEST)
         act(self, event)
 
     def go(self, event: Event, timed: bool = True) -> None:

@@ -141,7 +141,7 @@ class _Listing:
 
     def folder(self, path: str, depth: int) -> dict[str, Any]:
         children: list[dict[str, Any]] = []
-        found: dict[str, Any] = {
+        row: dict[str, Any] = {
             "type": "directory",
             "name": os.path.basename(path),
             "children": children,
@@ -150,13 +150,13 @@ class _Listing:
             with os.scandir(path) as entries:
                 for entry in entries:
                     if self._left <= 0 or depth > MAX_DEPTH:
-                        found["truncated"] = True
+                        row["truncated"] = True
                         break
                     self._left -= 1
                     children.append(self._entry(entry, depth))
         except OSError as problem:
             return {"error": str(problem)}
-        return found
+        return row
 
     def _entry(self, entry: os.DirEntry[str], depth: int) -> dict[str, Any]:
         if entry.is_dir(follow_symlinks=False):

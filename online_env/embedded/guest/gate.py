@@ -93,11 +93,11 @@ class Gate:
     def _has_token(self, headers: Mapping[bytes, bytes]) -> bool:
         if self._token is None:
             return False
-        given = headers.get(b"x-token", b"")
+        token = headers.get(b"x-token", b"")
         scheme, _, credentials = headers.get(b"authorization", b"").partition(b" ")
         if scheme.lower() == b"bearer":
-            given = credentials.strip()
-        return hmac.compare_digest(given, self._token)
+            token = credentials.strip()
+        return hmac.compare_digest(token, self._token)
 
 
 async def on_http(_: Request, error: Exception) -> JSONResponse:

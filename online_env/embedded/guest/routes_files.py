@@ -159,12 +159,12 @@ def _download(url: str, path: str) -> int:
 def _fetch(url: str, path: str) -> int:
     with (
         urllib.request.urlopen(url, timeout=DOWNLOAD_TIMEOUT) as source,
-        tempfile.TemporaryFile() as whole,
+        tempfile.TemporaryFile() as buffer,
     ):
-        wanted = source.headers.get("Content-Length")
-        shutil.copyfileobj(source, whole, DOWNLOAD_CHUNK)
-        got = whole.tell()
-        if wanted and got != int(wanted):
-            raise OSError(f"{got} of {wanted} bytes came")
-        whole.seek(0)
-        return save(path, cast(BinaryIO, whole))
+        length = source.headers.get("Content-Length")
+        shutil.copyfileobj(source, buffer, DOWNLOAD_CHUNK)
+        received = buffer.tell()
+        if length and received != int(length):
+            raise OSError(f"{received} of {length} bytes came")
+        buffer.seek(0)
+        return save(path, cast(BinaryIO, buffer))

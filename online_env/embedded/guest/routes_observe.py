@@ -139,5 +139,5 @@ class Observe:
             return problem(
                 'events is required: {"events": [{"type": "click", "x": 10, "y": 20}]}', 400
             )
-        played = await run_in_threadpool(self._machine.input.play, body["events"])
-        return JSONResponse({"status": "success", "played": played})
+        count = await run_in_threadpool(self._machine.input.play, body["events"])
+        return JSONResponse({"status": "success", "played": count})

@@ -79,15 +79,15 @@ class Windows:
         with self._screen() as screen:
             active = screen.active()
             numbers = screen.numbers(screen.root, "_NET_CLIENT_LIST")
-            found = [describe(screen, number) for number in numbers]
-        return [_window(row, row["id"] == active) for row in found if row is not None]
+            windows = [describe(screen, number) for number in numbers]
+        return [_window(row, row["id"] == active) for row in windows if row is not None]
 
     def surfaces(self) -> list[Surface]:
         """The windows on the screen, topmost first, menus and the like included."""
         with self._screen() as screen:
             tops = reversed(screen.root.query_tree().children)
-            found = [_surface(screen, window) for window in tops]
-        return [surface for surface in found if surface is not None]
+            surfaces = [_surface(screen, window) for window in tops]
+        return [surface for surface in surfaces if surface is not None]
 
     def screen_size(self) -> tuple[int, int]:
         """`(width, height)` of the screen in pixels, asked from the server now."""
@@ -97,10 +97,10 @@ class Windows:
     def workarea(self) -> Box:
         """The screen without its panels, as the window manager reports it."""
         with self._screen() as screen:
-            found = screen.numbers(screen.root, "_NET_WORKAREA")[:4]
-            if len(found) < 4:
+            corners = screen.numbers(screen.root, "_NET_WORKAREA")[:4]
+            if len(corners) < 4:
                 return 0, 0, *screen.size()
-        x, y, width, height = found
+        x, y, width, height = corners
         return x, y, x + width, y + height
 
     def find(self, name: str, *, strict: bool = False, by_class: bool = False) -> Window | None:
@@ -190,11 +190,11 @@ def _surface(screen: Screen, top: Any) -> Surface | None:
         if not screen.is_drawn(top):
             return None
         client = screen.client(top, depth=1)
-        known = top if client is None else client
+        window = top if client is None else client
         return Surface(
             frame=_box(screen, top),
-            client=_box(screen, known),
-            pid=screen.number(known, "_NET_WM_PID"),
+            client=_box(screen, window),
+            pid=screen.number(window, "_NET_WM_PID"),
             popup=client is None,
             title="" if client is None else screen.title(client),
         )

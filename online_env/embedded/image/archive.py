@@ -132,9 +132,9 @@ def unpack(path: Path, folder: Path) -> Manifest:
     """
     with _opened(path) as tar:
         text = _head(tar, path, manifest.NAME)
-        found = manifest.parse(text, f"{path}:{manifest.NAME}")
+        image = manifest.parse(text, f"{path}:{manifest.NAME}")
         listed = _head(tar, path, manifest.FILES)
-        if hashlib.sha256(listed).hexdigest() != found.files_sha256:
+        if hashlib.sha256(listed).hexdigest() != image.files_sha256:
             raise DesktopImageError(f"{path}:{manifest.FILES}: is not the one of the manifest")
         write_atomic(folder / manifest.NAME, text)
         write_atomic(folder / manifest.FILES, listed)
@@ -147,7 +147,7 @@ def unpack(path: Path, folder: Path) -> Manifest:
         if tar.next() is not None:
             raise DesktopImageError(f"{path}: holds more than its manifest says; {_REMEDY}")
     _set_folders(folder, entries)
-    return found
+    return image
 
 
 def _extract(

@@ -105,18 +105,18 @@ def architecture() -> str:
     """
     machine = os.uname().machine
     if machine not in debian.ARCHITECTURES:
-        known = " and ".join(debian.ARCHITECTURES)
-        raise DesktopImageError(f"no images on {machine}: only on {known}")
+        supported = " and ".join(debian.ARCHITECTURES)
+        raise DesktopImageError(f"no images on {machine}: only on {supported}")
     return debian.ARCHITECTURES[machine]
 
 
 def normal_profiles(profiles: Iterable[str]) -> tuple[str, ...]:
     """The profiles that are meant, `core` first, each once; errors as in `packages.packages`."""
-    wanted = ("core", *profiles)
-    packages.packages(wanted)
-    if packages.ALL in wanted:
+    names = ("core", *profiles)
+    packages.packages(names)
+    if packages.ALL in names:
         return tuple(packages.PROFILES)
-    return tuple(name for name in packages.PROFILES if name in wanted)
+    return tuple(name for name in packages.PROFILES if name in names)
 
 
 def choose(recipe: Recipe) -> Choice:
@@ -138,13 +138,13 @@ def choose(recipe: Recipe) -> Choice:
     return Choice(tuple(base), tuple(everything), trust)
 
 
-def _check_pins(found: Sequence[debian.Package], pinned: Manifest) -> None:
-    wanted = {part.name: part for part in pinned.packages}
-    present = {package.name: package for package in found}
+def _check_pins(packages: Sequence[debian.Package], pinned: Manifest) -> None:
+    pins = {part.name: part for part in pinned.packages}
+    present = {package.name: package for package in packages}
     lines = [
-        f"{name} {wanted[name].version if name in wanted else '(not there)'}"
-        for name in sorted({*wanted, *present})
-        if name not in wanted or name not in present or present[name].sha256 != wanted[name].sha256
+        f"{name} {pins[name].version if name in pins else '(not there)'}"
+        for name in sorted({*pins, *present})
+        if name not in pins or name not in present or present[name].sha256 != pins[name].sha256
     ]
     if lines:
         raise DesktopImageError(
@@ -168,7 +168,7 @@ def build(recipe: Recipe, name: str | None, report: Report) -> tuple[str, Manife
         DesktopImageError: An archive cannot be used, namespaces are refused, or dpkg fails.
         StorageError: The disk is full.
     """
-    called = cache.check_name(name or cache.default_name(recipe.profiles))
+    image_name = cache.check_name(name or cache.default_name(recipe.profiles))
     began = time.monotonic()
 
     def say(text: str) -> None:
@@ -183,11 +183,11 @@ def build(recipe: Recipe, name: str | None, report: Report) -> tuple[str, Manife
             log = folder / "build.log"
             log.unlink(missing_ok=True)
             python = _fill(fresh, choice, paths, log, say)
-            found = describe(fresh, recipe, choice, python)
-            cache.publish(fresh, found)
-        cache.name_it(folder, called, found.id)
-        say(f"image {called} ({found.id}): {found.summary}")
-    return called, found
+            image = describe(fresh, recipe, choice, python)
+            cache.publish(fresh, image)
+        cache.name_it(folder, image_name, image.id)
+        say(f"image {image_name} ({image.id}): {image.summary}")
+    return image_name, image
 
 
 def _fill(fresh: Path, choice: Choice, paths: dict[str, Path], log: Path, say: Report) -> list[Pin]:
@@ -258,24 +258,24 @@ def _write(path: Path, text: str, mode: int = 0o644) -> None:
 def _install(root: Path, choice: Choice, paths: dict[str, Path], log: Path, say: Report) -> None:
     base = [package.name for package in choice.base]
     first = [name for name in FIRST if name in base]
-    rest = [name for name in base if name not in first]
-    more = [package.name for package in choice.all if package.name not in base]
+    later = [name for name in base if name not in first]
+    extra = [package.name for package in choice.all if package.name not in base]
     force = ["dpkg", "--force-depends"]
-    shown = {"packages": next(iter(paths.values())).parent}
+    mounts = {"packages": next(iter(paths.values())).parent}
 
     def files(names: Iterable[str]) -> list[str]:
         return [f"/run/packages/{paths[name].name}" for name in names]
 
     configure = [*force, "--configure", "--pending"]
     commands = [["ldconfig"], [*force, "--install", *files(first)]]
-    if rest:
-        commands.append([*force, "--force-overwrite", "--unpack", *files(rest)])
-    chamber.run(root, [*commands, configure], log, shown)
+    if later:
+        commands.append([*force, "--force-overwrite", "--unpack", *files(later)])
+    chamber.run(root, [*commands, configure], log, mounts)
     say("base packages configured")
-    if more:
-        chamber.run(root, [[*force, "--unpack", *files(more)]], log, shown)
-        say(f"{len(more)} more packages unpacked")
-    chamber.run(root, [["dpkg", "--configure", "--pending"]], log, shown)
+    if extra:
+        chamber.run(root, [[*force, "--unpack", *files(extra)]], log, mounts)
+        say(f"{len(extra)} more packages unpacked")
+    chamber.run(root, [["dpkg", "--configure", "--pending"]], log, mounts)
 
 
 def unpack(path: Path, root: Path) -> None:
@@ -367,7 +367,7 @@ def describe(fresh: Path, recipe: Recipe, choice: Choice, python: Sequence[Pin])
     entries = [tree.look(path, fresh) for path in tree.walk(fresh)]
     listed = tree.listing(entries)
     (fresh / manifest.FILES).write_text(listed, encoding="utf-8")
-    found = Manifest(
+    image = Manifest(
         suite=sources.SUITE,
         architecture=architecture(),
         profiles=recipe.profiles,
@@ -378,5 +378,5 @@ def describe(fresh: Path, recipe: Recipe, choice: Choice, python: Sequence[Pin])
         size=sum(entry.size for entry in entries),
         files_sha256=tree.digest(fresh / manifest.FILES),
     )
-    (fresh / manifest.NAME).write_text(found.to_json(), encoding="utf-8")
-    return found
+    (fresh / manifest.NAME).write_text(image.to_json(), encoding="utf-8")
+    return image

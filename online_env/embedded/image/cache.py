@@ -44,8 +44,8 @@ Report = Callable[[str], None]
 
 def place() -> Path:
     """The folder of the images: `$AGENTHIJACK_IMAGES`, or `images` beside the golden homes."""
-    given = os.environ.get(VARIABLE)
-    return Path(given).absolute() if given else home.PARENT / "images"
+    folder = os.environ.get(VARIABLE)
+    return Path(folder).absolute() if folder else home.PARENT / "images"
 
 
 def ensure_place() -> Path:
@@ -93,14 +93,14 @@ def writing(report: Report) -> Iterator[Path]:
     folder = ensure_place()
     path = folder / ".lock"
     try:
-        held = lock(path)
+        file_lock = lock(path)
     except LockedError as error:
         report(f"waiting: {folder} is being written by {error.holder}")
-        held = lock(path, wait=True)
-    with held:
-        held.sign()
-        for left in (*folder.glob(f"{BUILDING}*"), *folder.glob(f"{REMOVED}*")):
-            tree.remove(left)
+        file_lock = lock(path, wait=True)
+    with file_lock:
+        file_lock.sign()
+        for leftover in (*folder.glob(f"{BUILDING}*"), *folder.glob(f"{REMOVED}*")):
+            tree.remove(leftover)
         yield folder
 
 
@@ -118,7 +118,7 @@ def workshop(folder: Path) -> Iterator[Path]:
         tree.remove(fresh)
 
 
-def publish(fresh: Path, found: Manifest) -> Path:
+def publish(fresh: Path, image: Manifest) -> Path:
     """Give a complete image its place, unless it is there already and whole.
 
     Returns:
@@ -127,11 +127,11 @@ def publish(fresh: Path, found: Manifest) -> Path:
     Raises:
         DesktopImageError: What is there is damaged, and a desktop runs from it.
     """
-    final = fresh.parent / found.id
+    final = fresh.parent / image.id
     if is_whole(final):
         return final
     if final.exists():
-        _check_unused(found.id, found.id)
+        _check_unused(image.id, image.id)
         _put_away(final)
     fresh.chmod(0o755)
     os.sync()
@@ -171,12 +171,12 @@ def check_name(name: str) -> str:
 def names() -> dict[str, str]:
     """The ids of the images by their names; names of images that are gone are left out."""
     folder = place()
-    found: dict[str, str] = {}
+    mapping: dict[str, str] = {}
     for path in sorted((folder / _NAMES).glob("[!.]*")):
         image = path.read_text(encoding="ascii", errors="replace").strip()
         if image and (folder / image / manifest.NAME).is_file():
-            found[path.name] = image
-    return found
+            mapping[path.name] = image
+    return mapping
 
 
 def images() -> dict[str, Manifest]:
@@ -195,37 +195,42 @@ def resolve(name: str) -> Path:
     Raises:
         DesktopImageError: There is none, or several, or it is for another architecture.
     """
-    known = names()
+    ids_by_name = names()
     folder = place()
     ids = [path.parent.name for path in sorted(folder.glob(f"[!.]*/{manifest.NAME}"))]
-    chosen = [known[name]] if name in known else [i for i in ids if name and i.startswith(name)]
-    if len(chosen) != 1:
-        listed = ", ".join([*known, *(i for i in ids if i not in known.values())]) or "none"
-        problem = f"{len(chosen)} images begin with" if chosen else "no image"
+    matches = (
+        [ids_by_name[name]]
+        if name in ids_by_name
+        else [i for i in ids if name and i.startswith(name)]
+    )
+    if len(matches) != 1:
+        unnamed = [i for i in ids if i not in ids_by_name.values()]
+        listed = ", ".join([*ids_by_name, *unnamed]) or "none"
+        problem = f"{len(matches)} images begin with" if matches else "no image"
         raise DesktopImageError(
-            f"{problem} {name!r}{suggest(name, list(known))}; there are: {listed}. `hijack desktop"
-            " image build` makes one, `hijack desktop image import FILE` reads one"
+            f"{problem} {name!r}{suggest(name, list(ids_by_name))}; there are: {listed}. `hijack"
+            " desktop image build` makes one, `hijack desktop image import FILE` reads one"
         )
-    found = folder / chosen[0]
-    check_architecture(manifest.read(found / manifest.NAME), str(found))
+    target = folder / matches[0]
+    check_architecture(manifest.read(target / manifest.NAME), str(target))
     for part in (ROOT, GUEST):
-        if not (found / part).is_dir():
-            raise DesktopImageError(f"{found / part} is missing; build or import the image again")
-    return found
+        if not (target / part).is_dir():
+            raise DesktopImageError(f"{target / part} is missing; build or import the image again")
+    return target
 
 
-def check_architecture(found: Manifest, where: str) -> None:
+def check_architecture(image: Manifest, label: str) -> None:
     """Check that this machine can run an image.
 
     Raises:
         DesktopImageError: It is for another architecture.
     """
     machine = os.uname().machine
-    own = debian.ARCHITECTURES.get(machine, machine)
-    if found.architecture != own:
+    expected = debian.ARCHITECTURES.get(machine, machine)
+    if image.architecture != expected:
         raise DesktopImageError(
-            f"{where}: is for {found.architecture}, and this machine is {own}; build one here with"
-            " `hijack desktop image build`"
+            f"{label}: is for {image.architecture}, and this machine is {expected}; build one here"
+            " with `hijack desktop image build`"
         )
 
 
@@ -267,8 +272,8 @@ def chosen(name: str | None) -> Path | None:
     Raises:
         DesktopImageError: There is no such image.
     """
-    found = wanted(name)
-    return None if found == HOST else resolve(found)
+    resolved = wanted(name)
+    return None if resolved == HOST else resolve(resolved)
 
 
 def check_room(folder: Path, size: float) -> None:
@@ -300,16 +305,16 @@ def import_file(path: Path, name: str | None, report: Report) -> tuple[str, Mani
         DesktopImageError: The file is cut off, damaged, changed, or for another machine.
         StorageError: The disk has no room.
     """
-    found = archive.read_manifest(path)
-    check_architecture(found, str(path))
-    called = check_name(name or default_name(found.profiles))
+    image = archive.read_manifest(path)
+    check_architecture(image, str(path))
+    image_name = check_name(name or default_name(image.profiles))
     with writing(report) as folder:
-        if not is_whole(folder / found.id):
-            check_room(folder, found.size)
+        if not is_whole(folder / image.id):
+            check_room(folder, image.size)
             with workshop(folder) as fresh:
                 publish(fresh, archive.unpack(path, fresh))
-        name_it(folder, called, found.id)
-    return called, found
+        name_it(folder, image_name, image.id)
+    return image_name, image
 
 
 def default_name(profiles: tuple[str, ...]) -> str:
@@ -323,11 +328,11 @@ def verify(folder: Path) -> list[str]:
     Raises:
         DesktopImageError: The manifest itself is damaged.
     """
-    found = manifest.read(folder / manifest.NAME)
-    if found.id != folder.name:
-        return [f"{folder / manifest.NAME}: was changed: its id is {found.id}"]
+    image = manifest.read(folder / manifest.NAME)
+    if image.id != folder.name:
+        return [f"{folder / manifest.NAME}: was changed: its id is {image.id}"]
     listed = folder / manifest.FILES
-    if not listed.is_file() or tree.digest(listed) != found.files_sha256:
+    if not listed.is_file() or tree.digest(listed) != image.files_sha256:
         return [f"{listed}: is missing or was changed"]
     entries = tree.parse(listed.read_text(encoding="utf-8"), str(listed))
     return list(tree.differences(folder, entries, (manifest.NAME, manifest.FILES)))
@@ -340,13 +345,13 @@ def remove(name: str, report: Report) -> str:
         DesktopImageError: There is none, or a desktop runs from it.
     """
     with writing(report) as folder:
-        known = names()
-        image = known.get(name) or resolve(name).name
+        ids_by_name = names()
+        image = ids_by_name.get(name) or resolve(name).name
         _check_unused(image, name)
-        for other, target in known.items():
+        for alias, target in ids_by_name.items():
             if target == image:
-                (folder / _NAMES / other).unlink()
-                if other == _default():
+                (folder / _NAMES / alias).unlink()
+                if alias == _default():
                     make_default(HOST)
         _put_away(folder / image)
     return image
@@ -364,6 +369,6 @@ def _check_unused(image: str, name: str) -> None:
 
 def _put_away(image: Path) -> None:
     """Remove an image; by another name first, so that no half image is left by an interrupt."""
-    gone = image.with_name(f"{REMOVED}{image.name}")
-    image.rename(gone)
-    tree.remove(gone)
+    target = image.with_name(f"{REMOVED}{image.name}")
+    image.rename(target)
+    tree.remove(target)

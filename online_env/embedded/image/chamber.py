@@ -49,7 +49,7 @@ class _Job:
     root: Path
     commands: Sequence[Sequence[str]]
     log: Path
-    shown: Mapping[str, Path]
+    mounts: Mapping[str, Path]
     lent: Mapping[str, Path]
     environment: Mapping[str, str]
 
@@ -58,7 +58,7 @@ def run(
     root: Path,
     commands: Sequence[Sequence[str]],
     log: Path,
-    shown: Mapping[str, Path] | None = None,
+    mounts: Mapping[str, Path] | None = None,
     lent: Mapping[str, Path] | None = None,
     environment: Mapping[str, str] | None = None,
 ) -> None:
@@ -68,7 +68,7 @@ def run(
         root: of the tree.
         commands: their arguments.
         log: gets their output.
-        shown: folders of the machine to show below `/run`, read-only, by name.
+        mounts: folders of the machine to show below `/run`, read-only, by name.
         lent: the same, for folders that the commands may write to.
         environment: more variables.
 
@@ -80,7 +80,7 @@ def run(
     between = os.fork()
     if between == 0:
         job = _Job(
-            root, commands, log, shown or {}, lent or {}, {**ENVIRONMENT, **(environment or {})}
+            root, commands, log, mounts or {}, lent or {}, {**ENVIRONMENT, **(environment or {})}
         )
         _enter_and_run(parent, job)
     _, status = os.waitpid(between, 0)
@@ -152,10 +152,10 @@ def _come_in(job: _Job) -> None:
     for name, target in LINKS.items():
         (root / "dev" / name).symlink_to(target)
     (root / "dev/shm").mkdir()
-    for name, path in {**job.shown, **job.lent}.items():
+    for name, path in {**job.mounts, **job.lent}.items():
         target = root / "run" / name
         target.mkdir()
-        kernel.bind(str(path), str(target), read_only=name in job.shown)
+        kernel.bind(str(path), str(target), read_only=name in job.mounts)
     os.chdir(root)
     kernel.pivot_root()
     kernel.unmount(".")
@@ -212,5 +212,5 @@ def _run(command: Sequence[str], environment: Mapping[str, str]) -> None:
         if pid == child:
             break
     if status:
-        shown = " ".join(command[:4])
-        raise OSError(f"`{shown}` failed with exit code {os.waitstatus_to_exitcode(status)}")
+        text = " ".join(command[:4])
+        raise OSError(f"`{text}` failed with exit code {os.waitstatus_to_exitcode(status)}")

@@ -31,20 +31,20 @@ class GuestHealth:
 
     def is_stuck(self) -> bool:
         """Return whether the server has left `MAX_FAILURES` questions unanswered; call it often."""
-        now = time.monotonic()
-        if now - self._looked > MAX_GAP_S:
+        now_s = time.monotonic()
+        if now_s - self._looked > MAX_GAP_S:
             self._failures = 0
-            self._hang_up(now)
-        self._looked = now
+            self._hang_up(now_s)
+        self._looked = now_s
         if self._line is None:
-            if now >= self._deadline:
-                self._ask(now)
+            if now_s >= self._deadline:
+                self._ask(now_s)
         elif _has_answered(self._line):
             self._failures = 0
-            self._hang_up(now)
-        elif now >= self._deadline:
+            self._hang_up(now_s)
+        elif now_s >= self._deadline:
             self._failures += 1
-            self._hang_up(now)
+            self._hang_up(now_s)
         return self._failures >= MAX_FAILURES
 
     def close(self) -> None:
@@ -53,8 +53,8 @@ class GuestHealth:
             self._line.close()
         self._line = None
 
-    def _ask(self, now: float) -> None:
-        self._deadline = now + TIMEOUT_S
+    def _ask(self, now_s: float) -> None:
+        self._deadline = now_s + TIMEOUT_S
         self._line = socket.socket(socket.AF_UNIX)
         self._line.setblocking(False)
         try:
@@ -63,9 +63,9 @@ class GuestHealth:
         except OSError:  # nobody accepts, and the queue is full: no answer will come
             return
 
-    def _hang_up(self, now: float) -> None:
+    def _hang_up(self, now_s: float) -> None:
         self.close()
-        self._deadline = now + (0.0 if self._failures else INTERVAL_S)
+        self._deadline = now_s + (0.0 if self._failures else INTERVAL_S)
 
 
 def _has_answered(line: socket.socket) -> bool:

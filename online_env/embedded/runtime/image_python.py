@@ -44,10 +44,10 @@ def become(order: DesktopConfig, identity: Identity, line: socket.socket) -> NoR
     text = os.memfd_create("order", 0)
     os.write(text, order.to_json().encode())
     os.lseek(text, 0, os.SEEK_SET)
-    kept = (text, line.fileno(), identity.namespace)
-    for descriptor in kept:
+    inherited = (text, line.fileno(), identity.namespace)
+    for descriptor in inherited:
         os.set_inheritable(descriptor, True)
-    numbers = (*kept, identity.base, int(identity.rootless))
+    numbers = (*inherited, identity.base, int(identity.rootless))
     argv = [PYTHON, "-I", "-S", "-B", "-c", _CODE, *map(str, numbers)]
     # No threads of BLAS: they would not survive a fork.
     os.execve(PYTHON, argv, {"LANG": "C.UTF-8", "OPENBLAS_NUM_THREADS": "1"})
@@ -59,8 +59,8 @@ def _take_root(root: Path, guest: Path) -> None:
         flags = kernel.MS_BIND | kernel.MS_REC
         kernel.mount(f"/{name}", str(root / name), flags=flags)
     kernel.mount("tmpfs", str(root / "run"), "tmpfs", 0, "size=1m,mode=755")
-    shown = {f"code/{name}": _HERE / name for name in PACKAGES}
-    for name, path in {**shown, "guest": guest}.items():
+    mounts = {f"code/{name}": _HERE / name for name in PACKAGES}
+    for name, path in {**mounts, "guest": guest}.items():
         target = root / "run" / name
         target.mkdir(parents=True)
         kernel.bind(str(path), str(target), read_only=True)

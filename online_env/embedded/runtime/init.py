@@ -98,48 +98,48 @@ class Init:
         self.nest = Nest(self.order, self.identity, self.logs.writer(NEST))
         self.running[self.nest.pid] = NEST
 
-    def attend(self, timeout: float, others: Iterable[int] = ()) -> set[int]:
-        """Keep logs and look after processes until one of `others` can be read.
+    def attend(self, timeout: float, descriptors: Iterable[int] = ()) -> set[int]:
+        """Keep logs and look after processes until one of `descriptors` can be read.
 
         Args:
             timeout: seconds that it may take at most.
-            others: descriptors.
+            descriptors: what else to wait for.
 
         Returns:
-            Those of `others` that can be read.
+            Those of `descriptors` that can be read.
 
         Raises:
             SetupError: A process has ended that the desktop cannot go on without.
         """
-        ready = self.logs.wait(timeout, (self.wake, *others))
+        ready = self.logs.wait(timeout, (self.wake, *descriptors))
         if self.wake in ready:
             os.read(self.wake, WAKE_BYTES)
         self._reap()
         return ready - {self.wake}
 
     def start(
-        self, name: str, argv: tuple[str, ...], kept: tuple[int, ...] = (), again: bool = True
+        self, name: str, argv: tuple[str, ...], inherited: tuple[int, ...] = (), again: bool = True
     ) -> int:
-        """Start a program of the session with its own log and the descriptors `kept`.
+        """Start a program of the session with its own log and the descriptors `inherited`.
 
         With `again` it is started again when it ends.
         """
         log = self.logs.writer(name)
         pid = os.fork()
         if pid == 0:
-            self._become(log, argv, kept)
+            self._become(log, argv, inherited)
         self.running[pid] = name
         if again:
             self.commands[name] = argv
         return pid
 
-    def _become(self, log: int, argv: tuple[str, ...], kept: tuple[int, ...]) -> NoReturn:
+    def _become(self, log: int, argv: tuple[str, ...], inherited: tuple[int, ...]) -> NoReturn:
         try:
             os.setsid()
             os.dup2(os.open("/dev/null", os.O_RDONLY), 0)
             for descriptor in (1, 2):
                 os.dup2(log, descriptor)
-            for descriptor in kept:
+            for descriptor in inherited:
                 os.set_inheritable(descriptor, True)
             limits.limit_process(self.order)
             self.identity.become_user()
@@ -175,10 +175,10 @@ class Init:
             os.close(reader)
 
     def _start_server(
-        self, name: str, command: Callable[[int], tuple[str, ...]], kept: tuple[int, ...] = ()
+        self, name: str, command: Callable[[int], tuple[str, ...]], inherited: tuple[int, ...] = ()
     ) -> int:
         reader, writer = os.pipe()
-        self.start(name, command(writer), (writer, *kept), again=False)
+        self.start(name, command(writer), (writer, *inherited), again=False)
         os.close(writer)
         return reader
 
@@ -188,32 +188,32 @@ class Init:
         for name, program in session.SERVICES.items():
             self.start(name, program.argv)
         programs = [*session.SHELL.values(), *apps.values()]
-        wanted = [program.window for program in programs]
-        named = [windows.MANAGER, windows.SETTINGS, *wanted]
+        expected = [program.window for program in programs]
+        announced = [windows.MANAGER, windows.SETTINGS, *expected]
         reader, writer = os.pipe()
         log = self.logs.writer("windows")
-        self._ask_nest(lambda: self.nest.show_windows(named, self.environment, (writer, log)))
+        self._ask_nest(lambda: self.nest.show_windows(announced, self.environment, (writer, log)))
         os.close(writer)
         # A program that starts before the fonts are published may keep drawing with others.
-        seen = self._await(reader, {windows.SETTINGS}, set())
+        present = self._await(reader, {windows.SETTINGS}, set())
         for name, program in session.SHELL.items():
             self.start(name, program.argv)
-        seen = self._await(reader, {windows.MANAGER}, seen)
+        present = self._await(reader, {windows.MANAGER}, present)
         for name, program in apps.items():
             self.start(name, program.argv, again=False)
-        self._await(reader, set(wanted), seen)
+        self._await(reader, set(expected), present)
         os.close(reader)
         self._guest_started()
         self._read(serving, "guest", "the guest server to answer")
         os.close(serving)
 
-    def _await(self, reader: int, wanted: set[str], seen: set[str]) -> set[str]:
-        while not wanted <= seen:
-            left = ", ".join(sorted(wanted - seen))
-            seen |= set(self._read(reader, "windows", f"the window of {left}").split())
-        return seen
+    def _await(self, reader: int, expected: set[str], present: set[str]) -> set[str]:
+        while not expected <= present:
+            missing = ", ".join(sorted(expected - present))
+            present |= set(self._read(reader, "windows", f"the window of {missing}").split())
+        return present
 
-    def _read(self, reader: int, name: str, what: str) -> str:
+    def _read(self, reader: int, name: str, event: str) -> str:
         """Read whole lines: Xvfb dies when the pipe closes before its second write.
 
         Raises:
@@ -221,18 +221,18 @@ class Init:
         """
         text = ""
         while not text.endswith("\n"):
-            left = self.deadline - time.monotonic()
-            if not self.logs.wait(left, (reader,)):
-                if left <= 0:
-                    raise self._not_read(name, what, has_ended=False)
+            remaining_s = self.deadline - time.monotonic()
+            if not self.logs.wait(remaining_s, (reader,)):
+                if remaining_s <= 0:
+                    raise self._not_read(name, event, has_ended=False)
                 continue
             piece = os.read(reader, 4096).decode()
             if not piece:
-                raise self._not_read(name, what, has_ended=True)
+                raise self._not_read(name, event, has_ended=True)
             text += piece
         return text
 
-    def _not_read(self, name: str, what: str, has_ended: bool) -> SetupError:
+    def _not_read(self, name: str, event: str, has_ended: bool) -> SetupError:
         waited = f"waited {self.order.time_out:.0f} s in vain"
         looks = 1
         if has_ended:
@@ -241,7 +241,7 @@ class Init:
         for _ in range(looks):
             self._blame_servers()
             time.sleep(0.02)
-        return SetupError(f"{waited} for {what}; {self._tail(name)}")
+        return SetupError(f"{waited} for {event}; {self._tail(name)}")
 
     def _blame_servers(self) -> None:
         """Check that the display and the bus run: their end is the reason for what followed.
@@ -255,10 +255,10 @@ class Init:
 
     def _start_guest(self) -> int:
         """Have a guest server started; returns a pipe that has a line once it serves."""
-        secret, told = os.pipe()
+        secret, token_writer = os.pipe()
         serving, writer = os.pipe()
-        os.write(told, self.token.encode())
-        os.close(told)
+        os.write(token_writer, self.token.encode())
+        os.close(token_writer)
         doors = (
             self.doors.guest.fileno(),
             self.doors.framebuffer.door.fileno(),
@@ -287,8 +287,8 @@ class Init:
 
     def _reap(self) -> None:
         with contextlib.suppress(ChildProcessError):
-            while (changed := os.waitpid(-1, os.WNOHANG | os.WUNTRACED))[0]:
-                self._look_after(*changed)
+            while (child := os.waitpid(-1, os.WNOHANG | os.WUNTRACED))[0]:
+                self._look_after(*child)
 
     def _look_after(self, pid: int, status: int) -> None:
         if os.WIFSTOPPED(status):
@@ -306,10 +306,10 @@ class Init:
             self._again(name, status)
 
     def _again(self, name: str, status: int) -> None:
-        now = time.monotonic()
+        now_s = time.monotonic()
         before = self.deaths.get(name, [])
-        recent = [death for death in before if now - death < WINDOW]
-        recent.append(now)
+        recent = [death for death in before if now_s - death < WINDOW]
+        recent.append(now_s)
         self.deaths[name] = recent
         if len(recent) > RESTARTS:
             raise SetupError(
@@ -349,8 +349,8 @@ def _authority_entries() -> bytes:
     """
     cookie = os.urandom(16)
     number = session.DISPLAY.lstrip(":").encode()
-    named = _authority_entry(FAMILY_LOCAL, os.uname().nodename.encode(), number, cookie)
-    return named + _authority_entry(FAMILY_WILD, b"", b"", cookie)
+    entry = _authority_entry(FAMILY_LOCAL, os.uname().nodename.encode(), number, cookie)
+    return entry + _authority_entry(FAMILY_WILD, b"", b"", cookie)
 
 
 def _authority_entry(family: int, host: bytes, display: bytes, cookie: bytes) -> bytes:

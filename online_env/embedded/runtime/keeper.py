@@ -122,10 +122,10 @@ def _keep(
     token_file.write_text(token, encoding="ascii")
     logs = BoundedLogs(os.open(folder / "logs", os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC))
     internet = Internet(order, name, logs)
-    shown = [*map(str, files.shown_folders(order.system)), f"{order.layer}/home"]
-    who = identity.make(record["slot"], order.rootless, shown)
-    who.give(folder / "logs", 0)  # process 1 writes there
-    doors = Doors.make(order.screen, folder, who)
+    folders = [*map(str, files.shown_folders(order.system)), f"{order.layer}/home"]
+    user = identity.make(record["slot"], order.rootless, folders)
+    user.give(folder / "logs", 0)  # process 1 writes there
+    doors = Doors.make(order.screen, folder, user)
     ports, reached = _ports(order, record["slot"], str(folder / GUEST_DOOR), listener)
     record |= {
         **reached,
@@ -135,12 +135,12 @@ def _keep(
         "door": str(folder / GUEST_DOOR),
         "memory": doors.framebuffer.memory,
         "sites": str(internet.state),
-        "shifted": bool(who.base),
+        "shifted": bool(user.base),
     }
     forwarder = forward.start(
         ports, owners, network.NETNS / network.desktop_namespace(name), logs.writer("ports")
     )
-    reader, launcher = _launch(order, name, token, who, doors)
+    reader, launcher = _launch(order, name, token, user, doors)
     doors.close()
     try:
         return _follow(record, reader, ends, internet, logs, [launcher, forwarder])
@@ -161,20 +161,20 @@ def _ports(
     OSWorld's clients expect certain ports: so a desktop of theirs has an address of its own.
     """
     ports: dict[str, int] = {}
-    found: list[forward.Port] = []
+    ports_opened: list[forward.Port] = []
     host = forward.LOOPBACK
     if order.osworld:
         listener.close()
         host = network.address(slot)
         listener = forward.listen(host, OSWORLD_PORT)
         for name, target in forward.OSWORLD_PORTS.items():
-            more = forward.listen(host, target)
-            ports[name] = more.getsockname()[1]
-            found.append(forward.Port(more, target))
+            application_port = forward.listen(host, target)
+            ports[name] = application_port.getsockname()[1]
+            ports_opened.append(forward.Port(application_port, target))
     port = listener.getsockname()[1]
-    found.append(forward.Port(listener, door))
-    told = {"address": host, "source": host, "guest": f"http://{host}:{port}", "ports": ports}
-    return found, told
+    ports_opened.append(forward.Port(listener, door))
+    fields = {"address": host, "source": host, "guest": f"http://{host}:{port}", "ports": ports}
+    return ports_opened, fields
 
 
 def _follow(
@@ -241,7 +241,7 @@ def _fail(record: dict[str, Any], reason: str) -> int:
 
 
 def _launch(
-    order: DesktopConfig, name: str, token: str, who: Identity, doors: Doors
+    order: DesktopConfig, name: str, token: str, user: Identity, doors: Doors
 ) -> tuple[int, int]:
     """Fork the launcher, which forks process 1.
 
@@ -265,7 +265,7 @@ def _launch(
         kernel.unshare(NAMESPACES)
         child = os.fork()
         if child == 0:
-            _first_process(order, name, token, who, doors, writer)
+            _first_process(order, name, token, user, doors, writer)
         _say(writer, "init", child)
         os.waitpid(child, 0)
     except OSError as error:
@@ -279,13 +279,13 @@ def _launch(
 
 
 def _first_process(
-    order: DesktopConfig, name: str, token: str, who: Identity, doors: Doors, writer: int
+    order: DesktopConfig, name: str, token: str, user: Identity, doors: Doors, writer: int
 ) -> NoReturn:
     try:
         kernel.die_with_parent()
         init.quit_on_signals()
         os.dup2(os.open("/dev/null", os.O_WRONLY), 1)  # the reports are the keeper's
-        first = init.Init(order, registry.folder(name), token, who, doors)
+        first = init.Init(order, registry.folder(name), token, user, doors)
         first.run(lambda: _say(writer, "ready", True))
     except (SetupError, OSError) as error:
         _say(writer, "error", str(error))

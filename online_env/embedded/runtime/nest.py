@@ -36,12 +36,12 @@ class Nest:
     """
 
     def __init__(self, order: DesktopConfig, identity: Identity, log: int) -> None:
-        self._line, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._line, child_socket = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self.pid = os.fork()
         if self.pid == 0:
             self._line.close()
-            _Nursery(order, identity, theirs).begin(log)
-        theirs.close()
+            _Nursery(order, identity, child_socket).begin(log)
+        child_socket.close()
 
     def close(self) -> None:
         """Let it go."""
@@ -49,16 +49,16 @@ class Nest:
 
     def follow(self) -> None:
         """Have it come into this process' file system."""
-        own = os.open("/proc/self/ns/mnt", os.O_RDONLY | os.O_CLOEXEC)
-        self._send({}, [own])
-        os.close(own)
+        namespace = os.open("/proc/self/ns/mnt", os.O_RDONLY | os.O_CLOEXEC)
+        self._send({}, [namespace])
+        os.close(namespace)
 
     def show_windows(
-        self, wanted: Iterable[str], environment: Mapping[str, str], descriptors: tuple[int, int]
+        self, windows: Iterable[str], environment: Mapping[str, str], descriptors: tuple[int, int]
     ) -> None:
         """Have it report on windows to the first descriptor, and log to the other."""
-        what = {"windows": list(wanted), "environment": dict(environment)}
-        self._send(what, list(descriptors))
+        request = {"windows": list(windows), "environment": dict(environment)}
+        self._send(request, list(descriptors))
 
     def serve(
         self, environment: Mapping[str, str], osworld: bool, descriptors: tuple[int, ...]
@@ -69,8 +69,8 @@ class Nest:
         The `descriptors` are: a listening socket for requests, one to freeze the screen by, the
         reading end of a pipe with the token, a pipe that gets a line when it serves, and a log.
         """
-        what = {"serve": osworld, "environment": dict(environment)}
-        self._send(what, list(descriptors))
+        request = {"serve": osworld, "environment": dict(environment)}
+        self._send(request, list(descriptors))
 
     def started(self, patience: float) -> int:
         """The number of the process that `serve` asked for, which may take `patience` seconds.
@@ -85,8 +85,8 @@ class Nest:
             raise ConnectionError("it said nothing")
         return int(text)
 
-    def _send(self, what: Mapping[str, object], descriptors: list[int]) -> None:
-        socket.send_fds(self._line, [json.dumps(what).encode()], descriptors)
+    def _send(self, request: Mapping[str, object], descriptors: list[int]) -> None:
+        socket.send_fds(self._line, [json.dumps(request).encode()], descriptors)
 
 
 class _Nursery:
@@ -152,7 +152,7 @@ class _Nursery:
         return json.loads(text), list(descriptors)
 
     def _once(self) -> None:
-        what, descriptors = self._receive()
+        request, descriptors = self._receive()
         reader, writer = os.pipe()
         between = os.fork()
         if between == 0:
@@ -161,7 +161,7 @@ class _Nursery:
             if child == 0:
                 os.close(reader)
                 os.close(writer)
-                self._become(what, descriptors)
+                self._become(request, descriptors)
             os.write(writer, str(child).encode())
             os._exit(0)
         os.close(writer)
@@ -169,10 +169,10 @@ class _Nursery:
         child_text = os.read(reader, 32)
         for descriptor in (reader, *descriptors):
             os.close(descriptor)
-        if "serve" in what:
+        if "serve" in request:
             self.line.send(child_text)
 
-    def _become(self, what: dict[str, object], descriptors: list[int]) -> NoReturn:
+    def _become(self, request: dict[str, object], descriptors: list[int]) -> NoReturn:
         try:
             os.setsid()
             _to_log(descriptors.pop())
@@ -182,17 +182,17 @@ class _Nursery:
             kernel.forbid_reading()
             close_others({0, 1, 2, *descriptors})
             os.environ.clear()
-            os.environ.update(what["environment"])  # type: ignore[call-overload]
+            os.environ.update(request["environment"])  # type: ignore[call-overload]
             os.chdir(session.HOME)
-            if "serve" not in what:
+            if "serve" not in request:
                 from .. import windows
 
-                windows.report(descriptors[0], what["windows"])  # type: ignore[arg-type]
+                windows.report(descriptors[0], request["windows"])  # type: ignore[arg-type]
                 os._exit(0)
             requests, freeze, token, ready = map(str, descriptors)
             arguments = ["--host", "", "--listen", requests, "--freeze", freeze]
             arguments += ["--token-from", token, "--ready", ready]
-            arguments += ["--osworld"] if what["serve"] else []
+            arguments += ["--osworld"] if request["serve"] else []
             os._exit(self.guest.main(arguments))
         finally:
             _end()
@@ -229,10 +229,10 @@ def _end() -> NoReturn:
     os._exit(1)
 
 
-def close_others(kept: set[int]) -> None:
-    """Close all descriptors of this process but `kept`."""
+def close_others(exempt: set[int]) -> None:
+    """Close all descriptors of this process but `exempt`."""
     low = 0
-    for descriptor in [*sorted(kept), os.sysconf("SC_OPEN_MAX")]:
+    for descriptor in [*sorted(exempt), os.sysconf("SC_OPEN_MAX")]:
         if low < descriptor:  # of an empty range from 0 the system makes all there are
             os.closerange(low, descriptor)
         low = descriptor + 1

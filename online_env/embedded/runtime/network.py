@@ -95,15 +95,15 @@ def remove(name: str) -> None:
             path.unlink()
 
 
-def leftovers(known: set[str]) -> list[str]:
-    """Desktops (by name) that have a network namespace but are not in `known`."""
+def leftovers(ids: set[str]) -> list[str]:
+    """Desktops (by name) that have a network namespace but are not in `ids`."""
     with contextlib.suppress(FileNotFoundError):
         names = {
             p.name.removeprefix("ah-").removesuffix(_WEB)
             for p in NETNS.iterdir()
             if p.name.startswith("ah-")
         }
-        return sorted(names - known)
+        return sorted(names - ids)
     return []
 
 
@@ -111,14 +111,14 @@ def _batch(ip: list[str], lines: list[str], namespace: str | None = None) -> Non
     argv = [*ip, *(["-n", namespace] if namespace else []), "-batch", "-"]
     text = "".join(f"{line}\n" for line in lines)
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             argv, input=text, capture_output=True, text=True, timeout=20, check=False
         )
     except subprocess.TimeoutExpired:
         raise SetupError(f"`{' '.join(argv)}` did not end within 20 s") from None
-    if done.returncode != 0:
+    if process.returncode != 0:
         raise SetupError(
-            f"`{' '.join(argv)}` failed ({done.returncode}): {done.stderr.strip() or text}"
+            f"`{' '.join(argv)}` failed ({process.returncode}): {process.stderr.strip() or text}"
         )
 
 

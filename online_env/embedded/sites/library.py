@@ -55,13 +55,13 @@ def articles(folder: str) -> dict[str, Article]:
 
     They come in the order that their heads ask for, then by slug.
     """
-    found: list[Article] = []
+    pages: list[Article] = []
     for path in sorted((HERE / "content" / folder).glob("*.md")):
         _, head, body = path.read_text("utf-8").split("---\n", 2)
         fields = cast("dict[str, Any]", _parse(head))
-        found.append(Article(path.stem, fields, body.strip()))
-    found.sort(key=lambda article: (article.head.get("order", 0), article.slug))
-    return {article.slug: article for article in found}
+        pages.append(Article(path.stem, fields, body.strip()))
+    pages.sort(key=lambda article: (article.head.get("order", 0), article.slug))
+    return {article.slug: article for article in pages}
 
 
 @cache

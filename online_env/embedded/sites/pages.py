@@ -61,8 +61,8 @@ def clean(text: str) -> str:
     It is `MAX_FIELD` long at most.
     """
     text = text.replace("\r\n", "\n").replace("\r", "\n")
-    kept = (c for c in text if c in "\n\t" or unicodedata.category(c) not in ("Cc", "Cs"))
-    return "".join(kept).strip()[:MAX_FIELD]
+    characters = (c for c in text if c in "\n\t" or unicodedata.category(c) not in ("Cc", "Cs"))
+    return "".join(characters).strip()[:MAX_FIELD]
 
 
 async def fields(request: Request) -> dict[str, list[str]]:
@@ -78,10 +78,10 @@ async def fields(request: Request) -> dict[str, list[str]]:
         )
     body = (await request.body()).decode("utf-8", "replace")
     try:
-        found = parse_qs(body, keep_blank_values=True, max_num_fields=MAX_FIELDS)
+        form = parse_qs(body, keep_blank_values=True, max_num_fields=MAX_FIELDS)
     except ValueError:
         raise HTTPException(400, f"A form has at most {MAX_FIELDS} fields.") from None
-    return {name: [clean(v) for v in values] for name, values in found.items()}
+    return {name: [clean(v) for v in values] for name, values in form.items()}
 
 
 def first(form: Mapping[str, Sequence[str]], name: str, default: str = "") -> str:

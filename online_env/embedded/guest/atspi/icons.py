@@ -37,8 +37,8 @@ def add_icons(application: Application, workarea: Box) -> None:
         settings = (home / SETTINGS).read_text("utf-8", "replace")
     except (OSError, configparser.Error):
         return
-    found = _SIZE.search(settings)
-    size = int(found[1]) if found else ICON_SIZE
+    match = _SIZE.search(settings)
+    size = int(match[1]) if match else ICON_SIZE
     for section in places.sections():
         name = _label(section, home)
         try:
@@ -86,5 +86,5 @@ def _start(index: int, cell: float, length: int) -> float:
     gap = 0
     if count > 1:
         gap = int((room - count * cell) / (count - 1))
-    rest = room - count * cell - (count - 1) * gap
-    return MARGIN + rest / 2 + index * (cell + gap)
+    leftover = room - count * cell - (count - 1) * gap
+    return MARGIN + leftover / 2 + index * (cell + gap)

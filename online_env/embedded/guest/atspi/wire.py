@@ -247,12 +247,14 @@ class Wire:
             self._send(run)
             if not run.waiting:
                 continue
-            left = self._end - time.monotonic()
-            if left <= 0:
+            remaining_s = self._end - time.monotonic()
+            if remaining_s <= 0:
                 self._give_up(run, 0.0)
                 continue
             channels = [self._bus, *self._direct.values()]
-            ready = select.select(channels, [], [], min(left, run.time_left(self._patience)))[0]
+            ready = select.select(
+                channels, [], [], min(remaining_s, run.time_left(self._patience))
+            )[0]
             if not ready:
                 self._give_up(run, self._patience)
             for channel in ready:
@@ -347,9 +349,9 @@ class _Run:
         """Put the calls to `name` that are under way, if any, back into its queue."""
         if name not in self._queues:
             return
-        lost = [serial for serial, at in self.waiting.items() if self.calls[at][0][0] == name]
+        serials = [serial for serial, at in self.waiting.items() if self.calls[at][0][0] == name]
         self._flying[name] = 0
-        self._queues[name].extendleft(self.waiting.pop(serial) for serial in reversed(lost))
+        self._queues[name].extendleft(self.waiting.pop(serial) for serial in reversed(serials))
 
     def time_left(self, patience: float) -> float:
         """Seconds until the next application has been silent for too long."""
@@ -358,11 +360,11 @@ class _Run:
 
     def give_up(self, patience: float) -> None:
         """Leave the applications alone that have not answered for `patience` seconds."""
-        now = time.monotonic()
+        now_s = time.monotonic()
         for name in [
             name
             for name, count in self._flying.items()
-            if count and now - self._heard[name] >= patience
+            if count and now_s - self._heard[name] >= patience
         ]:
             self._silent.add(name)
             self._queues.pop(name, None)

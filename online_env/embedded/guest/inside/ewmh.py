@@ -58,25 +58,25 @@ class Screen:
 
     def size(self) -> tuple[int, int]:
         """`(width, height)` in pixels, asked from the server now."""
-        found = self.root.get_geometry()
-        return found.width, found.height
+        geometry = self.root.get_geometry()
+        return geometry.width, geometry.height
 
     def numbers(self, window: Any, name: str) -> list[int]:
         """A property that is a list of numbers; empty if the window does not have it."""
-        found = window.get_full_property(self.atom(name), X.AnyPropertyType)
-        if not found or found.format != 32:
+        prop = window.get_full_property(self.atom(name), X.AnyPropertyType)
+        if not prop or prop.format != 32:
             return []
-        return [int(value) for value in found.value]
+        return [int(value) for value in prop.value]
 
     def number(self, window: Any, name: str) -> int:
         """The first number of a property; 0 if the window does not have it."""
-        found = self.numbers(window, name)
-        return found[0] if found else 0
+        values = self.numbers(window, name)
+        return values[0] if values else 0
 
     def text(self, window: Any, name: str) -> str:
         """A property that is a text; empty if the window does not have it."""
-        found = window.get_full_property(self.atom(name), X.AnyPropertyType)
-        value = found.value if found else b""
+        prop = window.get_full_property(self.atom(name), X.AnyPropertyType)
+        value = prop.value if prop else b""
         if isinstance(value, bytes):
             return value.decode("utf-8", "replace")
         return str(value)
@@ -114,24 +114,24 @@ class Screen:
         if depth == 0:
             return None
         for child in top.query_tree().children:
-            found = self.client(child, depth - 1)
-            if found is not None:
-                return found
+            client = self.client(child, depth - 1)
+            if client is not None:
+                return client
         return None
 
     def has(self, window: Any, states: Sequence[str]) -> bool:
         """Whether a window is in any of these states."""
-        wanted = {self.atom(name) for name in states}
-        return not wanted.isdisjoint(self.numbers(window, "_NET_WM_STATE"))
+        atoms = {self.atom(name) for name in states}
+        return not atoms.isdisjoint(self.numbers(window, "_NET_WM_STATE"))
 
     def margins(self, window: Any) -> list[int]:
         """The visible decoration around a window's content: left, top, right, bottom.
 
         Shadows count as less.
         """
-        drawn = self.numbers(window, "_NET_FRAME_EXTENTS")[:4] or [0] * 4
+        extents = self.numbers(window, "_NET_FRAME_EXTENTS")[:4] or [0] * 4
         shadow = self.numbers(window, "_GTK_FRAME_EXTENTS")[:4] or [0] * 4
-        left, right, top, bottom = (a - b for a, b in zip(drawn, shadow, strict=False))
+        left, right, top, bottom = (a - b for a, b in zip(extents, shadow, strict=False))
         return [left, top, right, bottom]
 
     def has_manager(self) -> bool:

@@ -129,15 +129,15 @@ def _keycode(screen: Screen, name: str) -> int:
     return screen.display.keysym_to_keycode(XK.string_to_keysym(name))
 
 
-def _press(screen: Screen, name: str, *held: str) -> None:
-    _strike(screen, _keycode(screen, name), [_keycode(screen, other) for other in held])
+def _press(screen: Screen, name: str, *modifiers: str) -> None:
+    _strike(screen, _keycode(screen, name), [_keycode(screen, modifier) for modifier in modifiers])
 
 
-def _strike(screen: Screen, code: int, held: list[int]) -> None:
-    for one in [*held, code]:
-        xtest.fake_input(screen.display, X.KeyPress, one)
-    for one in [code, *reversed(held)]:
-        xtest.fake_input(screen.display, X.KeyRelease, one)
+def _strike(screen: Screen, code: int, modifiers: list[int]) -> None:
+    for keycode in [*modifiers, code]:
+        xtest.fake_input(screen.display, X.KeyPress, keycode)
+    for keycode in [code, *reversed(modifiers)]:
+        xtest.fake_input(screen.display, X.KeyRelease, keycode)
     screen.display.sync()
     time.sleep(KEY_PAUSE)
 

@@ -29,14 +29,14 @@ def _outline(screen: Screen, window: Any) -> list[int]:
 
 def tops(screen: Screen) -> _Facts:
     """The windows that lie directly on the root and can be seen."""
-    found: list[_Facts] = []
+    windows: list[_Facts] = []
     for top in screen.root.query_tree().children:
         try:
             if screen.is_drawn(top):
-                found.append(_top(screen, top))
+                windows.append(_top(screen, top))
         except GONE:
             continue
-    return {"tops": found}
+    return {"tops": windows}
 
 
 def _top(screen: Screen, top: Any) -> _Facts:

@@ -27,18 +27,18 @@ _Facts = dict[str, Any]
 def describe(screen: Screen, number: int) -> _Facts | None:
     """A window as JSON data, with its frame, smallest size, states and whose dialog it is."""
     try:
-        found = describe_window(screen, number)
-        if found is None:
+        facts = describe_window(screen, number)
+        if facts is None:
             return None
         window = screen.window(number)
         left, top, right, bottom = screen.margins(window)
-        x1, y1, x2, y2 = found["box"]
+        x1, y1, x2, y2 = facts["box"]
         hints = window.get_wm_normal_hints()
         states = [
             screen.display.get_atom_name(state) for state in screen.numbers(window, "_NET_WM_STATE")
         ]
         return {
-            **found,
+            **facts,
             "for": screen.number(window, "WM_TRANSIENT_FOR"),
             "frame": [x1 - left, y1 - top, x2 + right, y2 + bottom],
             "least": [hints.min_width, hints.min_height] if hints else [0, 0],
@@ -53,8 +53,8 @@ def listed(screen: Screen) -> list[_Facts]:
     numbers = screen.numbers(screen.root, "_NET_CLIENT_LIST_STACKING")
     if not numbers:
         numbers = screen.numbers(screen.root, "_NET_CLIENT_LIST")
-    found = [describe(screen, number) for number in numbers]
-    return [window for window in found if window is not None]
+    windows = [describe(screen, number) for number in numbers]
+    return [window for window in windows if window is not None]
 
 
 def visible(screen: Screen) -> list[int]:
@@ -121,21 +121,21 @@ def restore(screen: Screen, ids: "list[int] | None", active: int, patience: floa
         ids = [window["id"] for window in listed(screen) if _is_minimised(window)]
     if screen.is_desktop_shown():
         screen.show_desktop(False)
-    asked = set(ids)
-    wanted = [window["id"] for window in listed(screen) if window["id"] in asked]
+    requested = set(ids)
+    minimised = [window["id"] for window in listed(screen) if window["id"] in requested]
 
     def left() -> set[int]:
-        return set(wanted) - set(visible(screen))
+        return set(minimised) - set(visible(screen))
 
     until(lambda: not left(), patience / 2)
     hidden = left()
     again = [number for number in ids if number in hidden]
-    if active in wanted:
+    if active in minimised:
         again.append(active)
     for number in again:
         screen.activate(screen.window(number))
     until(lambda: not left(), patience / 2)
-    return {"restored": wanted, "left": sorted(left())}
+    return {"restored": minimised, "left": sorted(left())}
 
 
 def _is_minimised(window: _Facts) -> bool:
@@ -240,13 +240,13 @@ def _leave_full_screen(screen: Screen, number: int, patience: float) -> _Facts |
 
     def rests() -> bool:
         last.append([screen.box(window), screen.has(window, MAXIMISED)])
-        return len(last) > SAME and all(one == last[-1] for one in last[-SAME:])
+        return len(last) > SAME and all(box == last[-1] for box in last[-SAME:])
 
     until(rests, patience / 2)
-    found = describe(screen, number)
-    if found is None:
+    facts = describe(screen, number)
+    if facts is None:
         return None
-    return {"frame": found["frame"], "states": found["states"]}
+    return {"frame": facts["frame"], "states": facts["states"]}
 
 
 def _place(screen: Screen, window: Any, frame: list[int], patience: float) -> None:
@@ -286,11 +286,13 @@ def activate(screen: Screen, number: int, patience: float = PLACE) -> _Facts:
 
 def close(screen: Screen, ids: Iterable[int], patience: float) -> _Facts:
     """Ask windows and the dialogs before them to close; tell which are still there."""
-    wanted = set(ids)
+    requested = set(ids)
     end = time.monotonic() + patience
 
     def left() -> list[int]:
-        return [window["id"] for window in listed(screen) if {window["id"], window["for"]} & wanted]
+        return [
+            window["id"] for window in listed(screen) if {window["id"], window["for"]} & requested
+        ]
 
     numbers = left()
     while numbers and time.monotonic() < end:
@@ -320,13 +322,13 @@ def click(screen: Screen, number: int, frame: list[int]) -> _Facts:
     def is_down() -> bool:
         return bool(screen.root.query_pointer().mask & X.Button1Mask)
 
-    seen = [not is_down()]
+    changes = [not is_down()]
     for kind, down in ((X.ButtonPress, True), (X.ButtonRelease, False)):
         xtest.fake_input(screen.display, kind, 1)
         screen.display.sync()
         # A window manager that raises on click holds the event back until it has done so.
-        seen.append(bool(until(lambda down=down: is_down() == down, KEY_PATIENCE)))
-    return {"moved": False, "pointer": _pointer(screen), "delivered": all(seen)}
+        changes.append(bool(until(lambda down=down: is_down() == down, KEY_PATIENCE)))
+    return {"moved": False, "pointer": _pointer(screen), "delivered": all(changes)}
 
 
 OPERATIONS: dict[str, Callable[..., _Facts]] = {

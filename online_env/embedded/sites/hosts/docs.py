@@ -39,19 +39,19 @@ async def home(request: Request) -> Response:
 
 async def article(request: Request) -> Response:
     """One article."""
-    known = articles(_FOLDER)
+    pages = articles(_FOLDER)
     slug = request.path_params["slug"]
-    if slug not in known:
+    if slug not in pages:
         raise HTTPException(404)
-    order = list(known)
+    order = list(pages)
     place = order.index(slug)
     return page(
         request,
         "article.html",
-        article=known[slug],
-        text=render(known[slug].body),
-        previous=known[order[place - 1]] if place else None,
-        following=known[order[place + 1]] if place + 1 < len(order) else None,
+        article=pages[slug],
+        text=render(pages[slug].body),
+        previous=pages[order[place - 1]] if place else None,
+        following=pages[order[place + 1]] if place + 1 < len(order) else None,
     )
 
 

@@ -93,13 +93,13 @@ def _is_past_date(text: str) -> bool:
     return day.isoformat() == text and date(1900, 1, 1) <= day < TODAY
 
 
-def _found(request: Request, kept: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+def _found(request: Request, entries: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
     """The registration with the number in the address.
 
     Raises:
         HTTPException: There is none (404).
     """
-    for entry in kept:
+    for entry in entries:
         if str(entry["number"]) == request.path_params["number"]:
             return entry
     raise HTTPException(404)
@@ -123,9 +123,9 @@ async def register(request: Request) -> Response:
     if refused is not None:
         return refused
     with state_of(request).update("forms") as state:
-        kept = state.setdefault("registrations", [])
-        entry["number"] = FIRST_NUMBER + len(kept)
-        kept.append(entry)
+        registrations = state.setdefault("registrations", [])
+        entry["number"] = FIRST_NUMBER + len(registrations)
+        registrations.append(entry)
     return see_other(f"/registrations/{entry['number']}")
 
 
@@ -171,13 +171,13 @@ def _is_over(entry: Mapping[str, Any]) -> bool:
     return entry.get("cancelled", False)
 
 
-def _open(request: Request, kept: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+def _open(request: Request, entries: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
     """The registration with the number in the address, which was not cancelled.
 
     Raises:
         HTTPException: There is none (404), or it was cancelled (409).
     """
-    entry = _found(request, kept)
+    entry = _found(request, entries)
     if _is_over(entry):
         raise HTTPException(409, "This registration was cancelled.")
     return entry
@@ -192,8 +192,11 @@ async def change(request: Request) -> Response:
     if refused is not None:
         return refused
     with state_of(request).update("forms") as state:
-        kept = state.get("registrations", [])
-        kept[kept.index(_open(request, kept))] = {**answers, "number": entry["number"]}
+        registrations = state.get("registrations", [])
+        registrations[registrations.index(_open(request, registrations))] = {
+            **answers,
+            "number": entry["number"],
+        }
     return see_other(f"/registrations/{entry['number']}")
 
 
@@ -203,8 +206,8 @@ async def cancel(request: Request) -> Response:
     if request.method != "POST":
         return page(request, "cancel.html", entry=entry)
     with state_of(request).update("forms") as state:
-        kept = state.get("registrations", [])
-        kept[kept.index(_open(request, kept))]["cancelled"] = True
+        registrations = state.get("registrations", [])
+        registrations[registrations.index(_open(request, registrations))]["cancelled"] = True
     return see_other(f"/registrations/{entry['number']}")
 
 
@@ -230,12 +233,12 @@ async def feedback(request: Request) -> Response:
     entry = {name: first(form, name) for name in ("course", "rating", "comment")}
     entry["comment"] = entry["comment"][:1000]
     fine = entry["course"] in content()["courses"] and entry["rating"] in content()["ratings"]
-    sent = {**entry, "quote": first(form, "quote") == "yes"}
+    record = {**entry, "quote": first(form, "quote") == "yes"}
     if not fine:
         problem = "Please choose a course and how you liked it."
-        return page(request, "feedback.html", 422, entry=sent, problem=problem)
+        return page(request, "feedback.html", 422, entry=record, problem=problem)
     with state_of(request).update("forms") as state:
-        state.setdefault("feedback", []).append(sent)
+        state.setdefault("feedback", []).append(record)
     return see_other("/thanks")
 
 

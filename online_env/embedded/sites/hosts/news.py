@@ -39,24 +39,24 @@ async def section(request: Request) -> Response:
     name = request.path_params["name"].capitalize()
     if name not in SECTIONS:
         raise HTTPException(404)
-    chosen = [a for a in articles(_FOLDER).values() if a.head["section"] == name]
-    return page(request, "section.html", section=name, chosen=chosen)
+    selection = [a for a in articles(_FOLDER).values() if a.head["section"] == name]
+    return page(request, "section.html", section=name, chosen=selection)
 
 
 async def article(request: Request) -> Response:
     """One article."""
-    found = articles(_FOLDER).get(request.path_params["slug"])
-    if found is None:
+    story = articles(_FOLDER).get(request.path_params["slug"])
+    if story is None:
         raise HTTPException(404)
-    others = [a for a in articles(_FOLDER).values() if a is not found]
-    others.sort(key=lambda a: a.head["section"] != found.head["section"])
+    other_pages = [a for a in articles(_FOLDER).values() if a is not story]
+    other_pages.sort(key=lambda a: a.head["section"] != story.head["section"])
     return page(
         request,
         "article.html",
-        article=found,
-        text=render(found.body),
-        others=others[:4],
-        section=found.head["section"],
+        article=story,
+        text=render(story.body),
+        others=other_pages[:4],
+        section=story.head["section"],
     )
 
 

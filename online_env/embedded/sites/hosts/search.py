@@ -26,15 +26,15 @@ TABS = {
 
 @cache
 def _documents() -> tuple[Document, ...]:
-    found = [d for module in (wiki, news, shop, docs, forms) for d in module.documents()]
-    own = Document(
+    documents = [d for module in (wiki, news, shop, docs, forms) for d in module.documents()]
+    home = Document(
         "mail.test",
         "/",
         "Postbox: your mail",
         "Read and send mail. Inbox, sent, starred, archive.",
         "Mail",
     )
-    return (*found, own)
+    return (*documents, home)
 
 
 def _panel(text: str) -> dict[str, object] | None:
@@ -66,14 +66,14 @@ async def results(request: Request) -> Response:
         if number.isascii() and number.isdigit() and len(number) < 5 and int(number)
         else 1
     )
-    shown = hits[(current - 1) * PER_PAGE : current * PER_PAGE]
+    page_hits = hits[(current - 1) * PER_PAGE : current * PER_PAGE]
     return page(
         request,
         "results.html",
         query=text,
         site_filter=host,
         tabs=TABS,
-        hits=shown,
+        hits=page_hits,
         total=len(hits),
         current=current,
         pages=pages,

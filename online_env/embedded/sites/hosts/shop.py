@@ -79,23 +79,23 @@ def _lines(cart: Mapping[str, int]) -> list[dict[str, Any]]:
     ]
 
 
-def _sorted(chosen: Sequence[dict[str, Any]], order: str) -> list[dict[str, Any]]:
+def _sorted(selection: Sequence[dict[str, Any]], order: str) -> list[dict[str, Any]]:
     keys = {
         "price": lambda p: p["cents"],
         "-price": lambda p: -p["cents"],
         "-rating": lambda p: -p["rating"],
     }
-    return sorted(chosen, key=keys[order]) if order in keys else list(chosen)
+    return sorted(selection, key=keys[order]) if order in keys else list(selection)
 
 
 async def home(request: Request) -> Response:
     """Offers, and the best products."""
-    chosen = list(products().values())
+    selection = list(products().values())
     return page(
         request,
         "home.html",
-        offers=[p for p in chosen if p["was"]],
-        best=_sorted(chosen, "-rating")[:8],
+        offers=[p for p in selection if p["was"]],
+        best=_sorted(selection, "-rating")[:8],
     )
 
 
@@ -105,13 +105,13 @@ async def category(request: Request) -> Response:
     if name != "all" and name not in content()["categories"]:
         raise HTTPException(404)
     order = query(request, "sort")
-    chosen = [p for p in products().values() if name in ("all", p["category"])]
+    selection = [p for p in products().values() if name in ("all", p["category"])]
     return page(
         request,
         "list.html",
         category=name,
         heading=content()["categories"].get(name, "All products"),
-        chosen=_sorted(chosen, order),
+        chosen=_sorted(selection, order),
         sorts=SORTS,
         order=order if order in SORTS else "",
     )
@@ -120,12 +120,12 @@ async def category(request: Request) -> Response:
 async def search(request: Request) -> Response:
     """The products with certain words."""
     hits = find(query(request, "q"), documents())
-    chosen = [products()[h.document.path.rsplit("/", 1)[1]] for h in hits]
+    selection = [products()[h.document.path.rsplit("/", 1)[1]] for h in hits]
     return page(
         request,
         "list.html",
         heading=f'Results for "{query(request, "q")}"',
-        chosen=chosen,
+        chosen=selection,
         sorts={},
         order="",
     )
@@ -133,18 +133,18 @@ async def search(request: Request) -> Response:
 
 async def product(request: Request) -> Response:
     """One product."""
-    found = products().get(request.path_params["id"])
-    if found is None:
+    item = products().get(request.path_params["id"])
+    if item is None:
         raise HTTPException(404)
-    others = [
-        p for p in products().values() if p is not found and p["category"] == found["category"]
+    related = [
+        p for p in products().values() if p is not item and p["category"] == item["category"]
     ]
     return page(
         request,
         "product.html",
-        product=found,
-        others=others[:4],
-        most=min(MAX_QUANTITY, found["stock"]),
+        product=item,
+        others=related[:4],
+        most=min(MAX_QUANTITY, item["stock"]),
     )
 
 
@@ -163,17 +163,19 @@ async def cart(request: Request) -> Response:
 async def change_cart(request: Request) -> Response:
     """Put a product into the cart, or change how many are there."""
     form = await fields(request)
-    found = first(form, "product")
+    product_id = first(form, "product")
     number = first(form, "quantity", "1")
-    if found not in products() or not (number.isascii() and number.isdigit() and len(number) < 4):
+    if product_id not in products() or not (
+        number.isascii() and number.isdigit() and len(number) < 4
+    ):
         raise HTTPException(400, "There is no such product or quantity.")
     with state_of(request).update("shop") as state:
-        kept = state.setdefault("cart", {})
-        already = kept.get(found, 0) if request.url.path == "/cart/add" else 0
-        wanted = min(already + int(number), MAX_QUANTITY, products()[found]["stock"])
-        kept[found] = wanted
-        if not wanted:
-            del kept[found]
+        cart = state.setdefault("cart", {})
+        already = cart.get(product_id, 0) if request.url.path == "/cart/add" else 0
+        quantity = min(already + int(number), MAX_QUANTITY, products()[product_id]["stock"])
+        cart[product_id] = quantity
+        if not quantity:
+            del cart[product_id]
     return see_other("/cart")
 
 

@@ -166,10 +166,10 @@ async def search(request: Request) -> Response:
     exact = next((t for t in current if t.lower() == text.lower()), None)
     if exact is not None:
         return see_other(address(exact))
-    known = [
+    pages = [
         Document(HOST, address(t), t, plain(body), "Encyclopedia") for t, body in current.items()
     ]
-    return page(request, "search.html", hits=find(text, known))
+    return page(request, "search.html", hits=find(text, pages))
 
 
 def make(sites: SiteState) -> Starlette:

@@ -51,8 +51,8 @@ class Pointer:
     @property
     def position(self) -> tuple[int, int]:
         """Where the pointer is, `(x, y)` in pixels."""
-        where = self._connection.root.query_pointer()
-        return where.root_x, where.root_y
+        pointer = self._connection.root.query_pointer()
+        return pointer.root_x, pointer.root_y
 
     def move(
         self, x: int, y: int, duration: float = 0.0, tween: Callable[[float], float] | None = None
