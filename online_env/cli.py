@@ -18,7 +18,7 @@ from hijack_data.errors import ParameterError
 
 from .corrupting import Ledger, corrupt
 from .desktops.protocol import RunResult
-from .embedded.image.cli import image as image_commands
+from .embedded.image.image_commands import image as image_commands
 from .errors import DesktopError
 from .privilege import as_root
 
@@ -77,7 +77,9 @@ def install(
         ready = f"profiles core, {', '.join(profiles)}"
     else:
         archives = sources.from_mirror(mirror, security) if mirror else None
-        name = images.make_sure(profiles, image, archives, lambda text: click.echo(text, err=True))
+        name = images.ensure_image(
+            profiles, image, archives, lambda text: click.echo(text, err=True)
+        )
         cache.make_default(name)
         ready = f"desktops start from the image {name}"
     home.ensure_layer()
@@ -270,7 +272,7 @@ def down(name: str | None, everything: bool) -> None:
 
 def _end(records: list[dict[str, Any]], quiet: bool = False) -> None:
     from .embedded import registry
-    from .embedded.runtime.plain import SetupError
+    from .embedded.runtime.desktop_config import SetupError
 
     for record in {record["id"]: record for record in records}.values():
         try:

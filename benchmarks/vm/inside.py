@@ -9,10 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
-from online_env.embedded.runtime import account, files, kernel, session
-from online_env.embedded.runtime.framebuffer import Doors, Framebuffer
+from online_env.embedded.runtime import account, kernel, root_file_system, session
+from online_env.embedded.runtime.desktop_config import DesktopConfig
+from online_env.embedded.runtime.framebuffer import DesktopEndpoints, Framebuffer
 from online_env.embedded.runtime.init import Init, quit_on_signals
-from online_env.embedded.runtime.plain import DesktopConfig
 
 SCREEN = (1920, 1080)
 ADDRESS = "10.0.2.15"  # what QEMU's user network gives its first guest
@@ -55,11 +55,11 @@ def main() -> NoReturn:
     folder = Path("/run/guest")
     for path in (folder / "logs", Path(session.TOKEN_FILE).parent):
         path.mkdir(parents=True)
-    files.write_settings(root, order)
-    files.install_guest_files(root)
-    files.install_browser(root)
+    root_file_system.write_settings(root, order)
+    root_file_system.install_guest_files(root)
+    root_file_system.install_browser(root)
     quit_on_signals()
-    doors = Doors(Framebuffer(SCREEN, folder, rootless=False), None)
+    doors = DesktopEndpoints(Framebuffer(SCREEN, folder, rootless=False), None)
     Guest(order, folder, os.environ["AH_TOKEN"], ADDRESS, doors).run(
         lambda: print(READY, flush=True)
     )

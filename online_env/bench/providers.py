@@ -68,7 +68,7 @@ def check_installed(provider: str, names: Iterable[str]) -> None:
     """
     if provider != EMBEDDED:
         return
-    from ..embedded.image.install import lacking
+    from ..embedded.image.image_setup import lacking
 
     needed: dict[str, str] = {}
     for name in names:

@@ -260,11 +260,11 @@ def stage_of(bench: Bench, folder: Path) -> Generator[TaskStage]:
         bench: The benchmark.
         folder: The folder of the run, which the desktop must not see.
     """
-    from ..embedded.runtime import masks
+    from ..embedded.runtime import hidden_folders
     from ..environment import SmallTasks
     from ..osworld.played import of_osworld, osworld_stage
 
-    masks.hide(folder)
+    hidden_folders.hide(folder)
     if of_osworld(bench.tasks):
         files = Path(bench.osworld_files) if bench.osworld_files else None
         with osworld_stage(bench.size, files) as stage:

@@ -55,7 +55,7 @@ class Guest:
 
         It waits for the result for at most `patience` seconds.
         """
-        fields |= {"patience": patience} if patience else {}
+        fields |= {"timeout": patience} if patience else {}
         return self._tool("xtool", operation, fields, TIMEOUT + patience)
 
     def keys(self, operation: str, **fields: Any) -> dict[str, Any]:
@@ -64,7 +64,7 @@ class Guest:
 
     def net(self, operation: str, patience: float = 0.0, **fields: Any) -> dict[str, Any]:
         """Examine the network (`inside/nettool.py`)."""
-        fields |= {"patience": patience} if patience else {}
+        fields |= {"timeout": patience} if patience else {}
         return self._tool("nettool", operation, fields, TIMEOUT + patience)
 
     def shell(self, script: str, *words: str, timeout: float = TIMEOUT) -> RunResult:

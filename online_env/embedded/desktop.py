@@ -11,12 +11,12 @@ from ..desktops.http import HttpDesktop
 from ..desktops.protocol import CAPABILITIES, Capability, RunResult, TaskConfig
 from ..errors import DesktopError, GuestError, MissingCapabilityError, UnknownDesktopError
 from . import handle, network_root, registry
-from .pool import Supply
+from .desktop_supply import DesktopSupply
 from .runtime import network
-from .runtime.frames import Frames
+from .runtime.frame_reader import FrameReader
 from .runtime.rootless import LACKING
 
-RESTART = 20.0  # s that the guest server may take to be there again after it has ended
+RESTART_TIMEOUT_S = 20.0  # s that the guest server may take to be there again after it has ended
 
 
 class EmbeddedDesktop:
@@ -26,7 +26,7 @@ class EmbeddedDesktop:
     `close`. It ends with this process, whatever ends this process.
     """
 
-    def __init__(self, supply: Supply | None, record: dict[str, Any]) -> None:
+    def __init__(self, supply: DesktopSupply | None, record: dict[str, Any]) -> None:
         self._supply = supply
         self._use(record)
 
@@ -70,7 +70,7 @@ class EmbeddedDesktop:
                 f" for a {height}x{width} screen give size=({width}, {height})",
                 stacklevel=2,
             )
-        supply = Supply(order, standby=standby)
+        supply = DesktopSupply(order, standby=standby)
         try:
             return cls(supply, supply.next())
         except BaseException:
@@ -225,9 +225,13 @@ class EmbeddedDesktop:
         token = Path(record["token_file"]).read_text(encoding="ascii")
         width, height = record["screen"]
         self._client = HttpDesktop(
-            record["guest"], token, size=(height, width), patience=RESTART, door=record["door"]
+            record["guest"],
+            token,
+            size=(height, width),
+            patience=RESTART_TIMEOUT_S,
+            door=record["door"],
         )
-        self._frames = Frames(record)
+        self._frames = FrameReader(record)
 
     def _let_go(self) -> None:
         self._client.close()

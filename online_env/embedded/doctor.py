@@ -52,14 +52,15 @@ for name in ("up", "work", "usr"):
 options = f"lowerdir=/usr,upperdir={place}/up,workdir={place}/work,userxattr"
 k.mount("overlay", f"{place}/usr", "overlay", 0, options)
 """
-_PATIENCE = 20.0  # s for a probe
-_REFUSED = "online_env.embedded.runtime.plain.SetupError: "
+_PROBE_TIMEOUT_S = 20.0  # s for a probe
+_REFUSED = "online_env.embedded.runtime.desktop_config.SetupError: "
 # Whether users inside can have numbers of their own on the machine.
 _SHIFT_PROBE = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from online_env.embedded.runtime import files, identity
-sys.exit(not identity.make(0, False, [*map(str, files.shown_folders()), *sys.argv[2:]]).base)
+from online_env.embedded.runtime import identity, root_file_system
+folders = [*map(str, root_file_system.shown_folders()), *sys.argv[2:]]
+sys.exit(not identity.make(0, False, folders).base)
 """
 
 
@@ -170,13 +171,13 @@ def _probed(code: str, *words: str) -> "subprocess.CompletedProcess[str]":
         [sys.executable, "-I", "-S", "-c", code, str(PACKAGES), *words],
         capture_output=True,
         text=True,
-        timeout=_PATIENCE,
+        timeout=_PROBE_TIMEOUT_S,
         check=False,
     )
 
 
 def _too_slow() -> str:
-    return f"the probe did not end within {_PATIENCE:g} s"
+    return f"the probe did not end within {_PROBE_TIMEOUT_S:g} s"
 
 
 def _layer() -> Finding:

@@ -18,8 +18,8 @@ from .. import extra
 from ..errors import DesktopError, DesktopTimeoutError, RootRequiredError
 from . import home, registry
 from .image import cache
-from .runtime import masks, session
-from .runtime.plain import DesktopConfig, SetupError
+from .runtime import hidden_folders, session
+from .runtime.desktop_config import DesktopConfig, SetupError
 
 PACKAGES = Path(__file__).resolve().parents[2]
 _KEEPER = (
@@ -89,14 +89,14 @@ def make_order(
         )
     extra.require("an embedded desktop")
     me = os.getpid()
-    folder = cache.chosen(image)
+    folder = cache.find_image_folder(image)
     return DesktopConfig(
         name=name,
         screen=(width, height),
         layer=str(home.ensure_layer()),
         search_path=_search_path(),
         python=sys.executable,
-        hidden=masks.hidden(),
+        hidden=hidden_folders.hidden(),
         apps=tuple(apps),
         osworld=osworld,
         rootless=os.geteuid() != 0,
@@ -201,8 +201,8 @@ class Handle:
         self._keeper.returncode = 0  # it goes on on purpose: no warning about a running child
 
     def _first_report(self) -> dict[str, Any]:
-        patience = self.order.time_out + 15 - (time.monotonic() - self._started)
-        message = self._report(max(0.0, patience))
+        timeout = self.order.time_out + 15 - (time.monotonic() - self._started)
+        message = self._report(max(0.0, timeout))
         if message is None:
             raise DesktopTimeoutError(
                 f"the desktop's keeper said nothing within {self.order.time_out + 15:.0f} s"
@@ -211,12 +211,12 @@ class Handle:
             raise DesktopError(f"the desktop did not start: {message.get('error', message)}")
         return message["ready"]
 
-    def _report(self, patience: float) -> dict[str, Any] | None:
-        """The keeper's next line within `patience` seconds, or `None`."""
+    def _report(self, timeout: float) -> dict[str, Any] | None:
+        """The keeper's next line within `timeout` seconds, or `None`."""
         output = cast("IO[bytes]", self._keeper.stdout)
         if output.closed:
             return None
-        deadline = time.monotonic() + patience
+        deadline = time.monotonic() + timeout
         while b"\n" not in self._buffer:
             ready, _, _ = select.select([output], [], [], max(0.0, deadline - time.monotonic()))
             if not ready:

@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from . import pictures
+from . import default_pictures
 from .runtime.account import UID
 
 _DATA = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share")
@@ -90,10 +90,10 @@ def _fill(layer: Path) -> None:
         (home / name).mkdir()
     backgrounds = system / BACKGROUNDS
     backgrounds.mkdir(parents=True)
-    picture = pictures.wallpaper()
+    picture = default_pictures.wallpaper()
     picture.save(backgrounds / "wallpaper.png")
-    pictures.lock_picture(picture).save(backgrounds / "lock.png")
-    pictures.face().save(home / ".face", "png")
+    default_pictures.lock_picture(picture).save(backgrounds / "lock.png")
+    default_pictures.face().save(home / ".face", "png")
     entry = system / "usr/share/applications/google-chrome.desktop"
     entry.parent.mkdir(parents=True, exist_ok=True)
     entry.write_text(BROWSER_ENTRY, encoding="utf-8")
@@ -118,6 +118,6 @@ def _digest() -> str:
 
 
 def _sources() -> Iterator[Path]:
-    yield from (SOURCES / name for name in ("runtime/account.py", "home.py", "pictures.py"))
+    yield from (SOURCES / name for name in ("runtime/account.py", "home.py", "default_pictures.py"))
     for folder in ("home", "system"):
         yield from sorted(path for path in (SOURCES / folder).rglob("*") if path.is_file())

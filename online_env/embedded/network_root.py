@@ -15,7 +15,7 @@ from ..desktops.protocol import RunResult
 from ..errors import DesktopError
 from .runtime import kernel, network
 
-TIMEOUT = 60.0
+SCRIPT_TIMEOUT_S = 60.0
 PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 
 
@@ -34,14 +34,14 @@ def run(record: Mapping[str, Any], script: str) -> RunResult:
             ["/bin/sh", "-c", script],
             capture_output=True,
             text=True,
-            timeout=TIMEOUT,
+            timeout=SCRIPT_TIMEOUT_S,
             check=False,
             cwd="/",
             env={"PATH": PATH, "LC_ALL": "C"},
             preexec_fn=lambda: _enter(record),
         )
     except subprocess.TimeoutExpired:
-        raise DesktopError(f"`{script[:200]}` did not end within {TIMEOUT:g} s") from None
+        raise DesktopError(f"`{script[:200]}` did not end within {SCRIPT_TIMEOUT_S:g} s") from None
     except (OSError, subprocess.SubprocessError) as error:
         raise DesktopError(
             f"the network of desktop {record['id']!r} cannot be entered ({error}); is it gone?"

@@ -12,7 +12,7 @@ from hijack_data.rng import Stream
 from ..desktops import commands
 from ..desktops.protocol import Desktop
 from ..errors import DesktopError
-from .sites.names import TODAY
+from .sites.hosts_and_dates import TODAY
 
 # The panel shows the text of the first property. The second one's label is hidden, but it is the
 # button's name in the accessibility tree.

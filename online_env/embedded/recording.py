@@ -11,17 +11,17 @@ if TYPE_CHECKING:
     import httpx
 
 # Encoding goes on for a while after a long recording.
-PATIENCE = 120.0
+RECORD_TIMEOUT_S = 120.0
 
 
-def guest_client(record: dict[str, Any], patience: float = 20.0) -> "httpx.Client":
-    """An HTTP client of a desktop's guest server, with its token; `patience` is in seconds."""
+def guest_client(record: dict[str, Any], timeout: float = 20.0) -> "httpx.Client":
+    """An HTTP client of a desktop's guest server, with its token; `timeout` is in seconds."""
     import httpx
 
     secret = Path(record["token_file"]).read_text(encoding="ascii")
     way = httpx.HTTPTransport(uds=record["door"])
     return httpx.Client(
-        base_url=record["guest"], headers={"X-Token": secret}, timeout=patience, transport=way
+        base_url=record["guest"], headers={"X-Token": secret}, timeout=timeout, transport=way
     )
 
 
@@ -36,7 +36,7 @@ def record(record: dict[str, Any], seconds: float | None) -> bytes:
     """
     import httpx
 
-    with guest_client(record, PATIENCE) as client:
+    with guest_client(record, RECORD_TIMEOUT_S) as client:
         try:
             _ask(client, "/start_recording")
             with contextlib.suppress(KeyboardInterrupt):

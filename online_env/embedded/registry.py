@@ -20,16 +20,16 @@ from typing import Any
 from hijack_data.locking import LockedError, lock
 
 from .runtime import limits, network
-from .runtime.plain import SetupError
+from .runtime.desktop_config import SetupError
 
 # One folder for root's desktops, and one for those of each other user.
 RUN = Path("/run/agenthijack") if os.geteuid() == 0 else Path(f"/tmp/agenthijack-{os.geteuid()}")
 RECORD = "desktop.json"
 SLOTS = 4096
-PATIENCE = 20.0  # s for a process to end
+EXIT_TIMEOUT_S = 20.0  # s for a process to end
 LOCK_TIMEOUT_S = 30.0
-POLL = 0.005
-LONGEST = 20  # characters of a name
+POLL_S = 0.005
+MAX_NAME_LENGTH = 20  # characters of a name
 _NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,18}[a-z0-9])?")
 _NEEDED = {"id", "slot", "state", "created"}  # in whatever record
 _STATE_FIELD, _START_FIELD = 0, 19  # of /proc/PID/stat, counted after the name
@@ -103,7 +103,7 @@ def locked() -> Iterator[None]:
                     f" {LOCK_TIMEOUT_S:.0f} s; if that process is stopped, continue it (kill -CONT)"
                     " or end it"
                 ) from None
-            time.sleep(POLL)
+            time.sleep(POLL_S)
     with file_lock:
         file_lock.sign()
         yield
@@ -292,21 +292,21 @@ def _sweep() -> None:
         if _lives(record, "init"):  # the kernel is about to end it
             os.kill(record["init"][0], signal.SIGKILL)
         else:
-            clear(record, patience=0.0)
+            clear(record, timeout=0.0)
     for name in _leftovers({record["id"] for record in records()}):
-        limits.leave_groups(name, patience=0.0)
+        limits.leave_groups(name, timeout=0.0)
         network.remove(name)
     for path in RUN.glob(".*"):  # a start or an end was killed half-way
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)
 
 
-def remove(record: Record, patience: float = PATIENCE) -> None:
+def remove(record: Record, timeout: float = EXIT_TIMEOUT_S) -> None:
     """End a desktop: its keeper is asked to clear up; if it does not, this does.
 
     Args:
         record: of the desktop.
-        patience: for each of its processes, in seconds.
+        timeout: for each of its processes, in seconds.
 
     Raises:
         SetupError: A process does not end, or cannot be seen from here.
@@ -317,9 +317,9 @@ def remove(record: Record, patience: float = PATIENCE) -> None:
             " there"
         )
     if _lives(record, "keeper"):
-        _end(record["keeper"], signal.SIGTERM, patience)
+        _end(record["keeper"], signal.SIGTERM, timeout)
     for role in ("keeper", "init"):
-        if _lives(record, role) and not _end(record[role], signal.SIGKILL, patience):
+        if _lives(record, role) and not _end(record[role], signal.SIGKILL, timeout):
             raise SetupError(
                 f"process {record[role]} of desktop {record['id']!r} does not end; is it stuck on"
                 " a disk?"
@@ -342,14 +342,14 @@ def withdraw(record: Record) -> None:
             clear(record)
 
 
-def clear(record: Record, patience: float = limits.PATIENCE) -> None:
+def clear(record: Record, timeout: float = limits.EXIT_TIMEOUT_S) -> None:
     """Remove groups, network and folder of a desktop; the caller holds the lock.
 
     Args:
         record: of the desktop, whose processes have ended.
-        patience: seconds that the kernel may take to empty its groups.
+        timeout: seconds that the kernel may take to empty its groups.
     """
-    limits.leave_groups(record["id"], patience)
+    limits.leave_groups(record["id"], timeout)
     network.remove(record["id"])
     place = folder(record["id"])
     leaving = RUN / f".{record['id']}"  # so that nobody sees a folder without its record
@@ -359,12 +359,12 @@ def clear(record: Record, patience: float = limits.PATIENCE) -> None:
     shutil.rmtree(leaving, ignore_errors=True)
 
 
-def _end(process: list[int], number: int, patience: float) -> bool:
+def _end(process: list[int], number: int, timeout: float) -> bool:
     """Signal a process, also a stopped one, and wait for its end; return whether it has ended."""
     with contextlib.suppress(ProcessLookupError):
         os.kill(process[0], number)
         os.kill(process[0], signal.SIGCONT)
-    deadline = time.monotonic() + patience
+    deadline = time.monotonic() + timeout
     while alive(process) and time.monotonic() < deadline:
-        time.sleep(POLL)
+        time.sleep(POLL_S)
     return not alive(process)

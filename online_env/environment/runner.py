@@ -16,7 +16,7 @@ from hijack_data.planner import Planner
 from hijack_data.runs.run_planners import label_of
 from hijack_data.types import Size
 
-from ..embedded.runtime import masks
+from ..embedded.runtime import hidden_folders
 from .episode import Episode
 from .record import End, EpisodeRequest
 from .script import Script, planner_of
@@ -44,7 +44,7 @@ class EpisodeRunner:
         self._stage = stage
         self._planner = planner_of(corruption)
         if settings.folder is not None:
-            masks.hide(settings.folder)
+            hidden_folders.hide(settings.folder)
 
     @property
     def size(self) -> Size:

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..desktops.http import HttpDesktop
 from ..embedded import handle
-from ..embedded.pool import Supply
+from ..embedded.desktop_supply import DesktopSupply
 from ..embedded.runtime import network
 from . import history, venv
 from .env import Address, OsworldEnv, OSWorldSettings
@@ -38,7 +38,9 @@ def address_of(record: Mapping[str, Any]) -> Address:
 class EmbeddedEnv(OsworldEnv):
     """OSWorld's environment on an embedded desktop of this machine."""
 
-    def __init__(self, python: Path, supply: Supply, settings: OSWorldSettings, log: Path) -> None:
+    def __init__(
+        self, python: Path, supply: DesktopSupply, settings: OSWorldSettings, log: Path
+    ) -> None:
         self._record: Mapping[str, Any] = {}
         self._client: HttpDesktop | None = None
         self._supply = supply
@@ -97,7 +99,7 @@ def embedded_env(
     order = handle.make_order(size, osworld=True)  # says first what a desktop lacks
     python = venv.python_of(folder)
     cache.mkdir(parents=True, exist_ok=True)
-    supply = Supply(order, standby=standby)
+    supply = DesktopSupply(order, standby=standby)
     height, width = size
     try:
         settings = OSWorldSettings(cache, (width, height), tree)

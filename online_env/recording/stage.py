@@ -273,7 +273,7 @@ class RecordingStage:
 
     def gone(self, number: int, patience: float = 6.0) -> bool:
         """Return whether a window goes away within `patience` seconds."""
-        return bool(self.look("gone", number=number, patience=patience)["gone"])
+        return bool(self.look("gone", number=number, timeout=patience)["gone"])
 
     def _check_uncovered(self, top: Top, box: Box) -> None:
         tops = self.tops()

@@ -10,7 +10,7 @@ import numpy as np
 
 from hijack_data.types import UInt8Array
 
-from ..embedded.pictures import Colour, Floats
+from ..embedded.default_pictures import Colour, Floats
 
 # Height and width: they cover a 4K screen, and one of 2560x1440 that stands upright.
 SIZE = (2560, 3840)

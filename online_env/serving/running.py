@@ -16,7 +16,7 @@ from hijack_data.types import Size
 
 from ..bench.config import Bench
 from ..bench.providers import PROVIDERS, check_installed
-from ..embedded.runtime import masks
+from ..embedded.runtime import hidden_folders
 from ..environment import EvalSettings
 from ..environment.script import Script
 from ..osworld.played import of_osworld
@@ -128,7 +128,7 @@ def make_service(options: ServeOptions) -> DesktopService:
         raise ParameterError("--tasks: OSWorld's tasks can be played by hijack bench, not served")
     check_installed(bench.provider, draws.tasks)
     if options.log is not None:
-        masks.hide(options.log)
+        hidden_folders.hide(options.log)
     provider = PROVIDERS.get(bench.provider)
     desktops = options.desktops
     pool = DesktopPool(

@@ -45,8 +45,8 @@ from online_env.effects.elements import Element, live_elements
 from online_env.effects.guest import Guest, isolated
 from online_env.effects.multi_apps import _misplaced
 from online_env.embedded.guest import inside
+from online_env.embedded.guest.accessibility_tree import NAMESPACES
 from online_env.embedded.guest.inside import locktool, nettool
-from online_env.embedded.guest.tree import NAMESPACES
 from online_env.errors import DesktopError, MissingCapabilityError
 
 

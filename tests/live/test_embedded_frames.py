@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from online_env.embedded.guest.picture import FrozenScreen, PointerImage, to_rgb
-from online_env.embedded.runtime.frames import Frames
+from online_env.embedded.guest.frame_format import FrozenScreen, PointerImage, to_rgb
+from online_env.embedded.runtime.frame_reader import FrameReader
 
 from support.processes import guest_server
 from support.waiting import until
@@ -46,7 +46,7 @@ def same(desktop):
     between them)."""
 
     def compared():
-        with contextlib.closing(Frames(desktop.record)) as frames:
+        with contextlib.closing(FrameReader(desktop.record)) as frames:
             picture = whole(frames)
         png = desktop.client._get("/screenshot").body
         return [picture] if (picture == np.asarray(Image.open(io.BytesIO(png)))).all() else []
@@ -112,7 +112,7 @@ def test_nobody_can_make_the_memory_shorter(desktop):
 
 
 def test_the_screen_goes_on_when_a_machine_never_lets_go(desktop):
-    with contextlib.closing(Frames(desktop.record)) as frames:
+    with contextlib.closing(FrameReader(desktop.record)) as frames:
         guest = frames._opened_guest()
         guest.send(b"?")
         guest.recv(1 << 20)

@@ -120,7 +120,7 @@ def test_a_display_that_hangs_is_told_in_time_and_may_come_back(desktop, monkeyp
         impatient = HttpDesktop(record["guest"], file.read(), timeout=2, source=record["source"])
     with impatient:
         monkeypatch.setattr(desktop, "_client", impatient)
-        monkeypatch.setattr("online_env.embedded.runtime.frames.TIMEOUT", 1.0)
+        monkeypatch.setattr("online_env.embedded.runtime.frame_reader.READ_TIMEOUT_S", 1.0)
         desktop._frames.close()
         with traced(display):
             with pytest.raises(DesktopError, match="within 2 s"):

@@ -10,10 +10,10 @@ from types import SimpleNamespace
 import pytest
 
 from hijack_data.extras import DISTRIBUTION
-from online_env.embedded.pool import Supply
-from online_env.embedded.runtime import files, forward, limits, masks, seccomp
+from online_env.embedded.desktop_supply import DesktopSupply
+from online_env.embedded.runtime import forward, hidden_folders, limits, root_file_system, seccomp
+from online_env.embedded.runtime.desktop_config import DesktopConfig
 from online_env.embedded.runtime.identity import Identity
-from online_env.embedded.runtime.plain import DesktopConfig
 
 ORDER = DesktopConfig(
     name=None,
@@ -76,15 +76,15 @@ def paths_of(monkeypatch, place, prefix="/usr"):
     """What is hidden where our packages lie in `place`."""
     spec = SimpleNamespace(submodule_search_locations=[])
     monkeypatch.setattr(
-        masks.importlib.util,
+        hidden_folders.importlib.util,
         "find_spec",
         lambda name: (
             SimpleNamespace(submodule_search_locations=[f"{place}/{name}"]) if name else spec
         ),
     )
-    monkeypatch.setattr(masks.sys, "prefix", prefix)
-    monkeypatch.setattr(masks.sys, "base_prefix", "/usr")
-    return set(masks.hidden())
+    monkeypatch.setattr(hidden_folders.sys, "prefix", prefix)
+    monkeypatch.setattr(hidden_folders.sys, "base_prefix", "/usr")
+    return set(hidden_folders.hidden())
 
 
 def test_packages_of_a_wheel_are_hidden_and_their_neighbours_are_not(monkeypatch):
@@ -95,9 +95,11 @@ def test_packages_of_a_wheel_are_hidden_and_their_neighbours_are_not(monkeypatch
         SimpleNamespace(parts=("..", "bin", "hijack"), locate=lambda: command),
     ]
     found = SimpleNamespace(files=files_of)
-    monkeypatch.setattr(masks.importlib.metadata, "distribution", {DISTRIBUTION: found}.get)
+    monkeypatch.setattr(
+        hidden_folders.importlib.metadata, "distribution", {DISTRIBUTION: found}.get
+    )
     hidden = paths_of(monkeypatch, place)
-    assert {f"{place}/{name}" for name in masks.PACKAGES} <= hidden
+    assert {f"{place}/{name}" for name in hidden_folders.PACKAGES} <= hidden
     assert {f"{place}/x.dist-info", "/usr/local/lib/python3/bin/hijack"} <= hidden
     assert place not in hidden
 
@@ -109,33 +111,33 @@ def test_a_clone_and_an_environment_are_hidden_whole(monkeypatch, tmp_path):
 
 
 def test_a_spare_that_shows_too_much_is_not_used(monkeypatch, tmp_path):
-    monkeypatch.setattr(masks, "_given", {})
+    monkeypatch.setattr(hidden_folders, "_hidden_by_caller", {})
     closed = []
     spare = SimpleNamespace(
         wait=dict,
         ended=lambda: None,
-        order=SimpleNamespace(hidden=masks.hidden()),
+        order=SimpleNamespace(hidden=hidden_folders.hidden()),
         close=lambda: closed.append(True),
     )
-    supply = Supply(ORDER)
+    supply = DesktopSupply(ORDER)
     assert supply._fit(spare) is spare
-    masks.hide(tmp_path / "run")
+    hidden_folders.hide(tmp_path / "run")
     assert supply._fit(spare) is None
     assert closed == [True]
 
 
 def test_what_is_hidden_is_marked_as_removed(tmp_path):
     missing = Path("/var/lib/no-such-folder-of-ours/deep/below")
-    files.hide(Path("/var/lib/dpkg"), tmp_path)
-    files.hide(missing, tmp_path)
-    files.hide(Path("/var/lib/dpkg/info"), tmp_path)  # what is above it is gone
+    root_file_system.hide(Path("/var/lib/dpkg"), tmp_path)
+    root_file_system.hide(missing, tmp_path)
+    root_file_system.hide(Path("/var/lib/dpkg/info"), tmp_path)  # what is above it is gone
     for place in ("var/lib/dpkg", "var/lib/no-such-folder-of-ours"):
         found = (tmp_path / place).lstat()
         assert stat.S_ISCHR(found.st_mode)
         assert found.st_rdev == 0
     # a whole system folder, and what is out of sight
     for place in ("/usr", "/root/x", "/", "/tmp/x/y"):
-        files.hide(Path(place), tmp_path)
+        root_file_system.hide(Path(place), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["var"]
 
 

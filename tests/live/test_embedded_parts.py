@@ -17,12 +17,19 @@ from hypothesis import strategies as st
 
 from hijack_data.errors import ParameterError, UnknownNameError
 from online_env.cli import _size, desktop
-from online_env.embedded import doctor, home, packages, pictures, pool, registry
+from online_env.embedded import default_pictures, desktop_supply, doctor, home, packages, registry
 from online_env.embedded.guest import commands, recorder, routes_files
 from online_env.embedded.image import sources
-from online_env.embedded.runtime import account, files, identity, internet, network, session
+from online_env.embedded.runtime import (
+    account,
+    identity,
+    internet,
+    network,
+    root_file_system,
+    session,
+)
+from online_env.embedded.runtime.desktop_config import DesktopConfig, SetupError
 from online_env.embedded.runtime.logs import BoundedLogs
-from online_env.embedded.runtime.plain import DesktopConfig, SetupError
 from online_env.errors import GuestError
 
 from support import needs
@@ -65,7 +72,7 @@ def test_a_desktop_whose_internet_ends_again_and_again_is_given_up(tmp_path, mon
     )
     logs = BoundedLogs(os.open(tmp_path / "d1/logs", os.O_RDONLY))
     sites = internet.Internet(order, "d1", logs)
-    for _ in range(internet.RESTARTS):
+    for _ in range(internet.MAX_RESTARTS):
         sites._process.wait()
         sites.serves = True  # as it was before it ended
         sites.look_after(False)
@@ -112,7 +119,7 @@ def test_what_is_cut_off_or_rubbish_is_fetched_again(flaky, tmp_path):
 
 def test_a_recording_that_does_not_begin_is_told_at_once(tmp_path, monkeypatch):
     """Not when it is over, and everything that was to be seen has passed."""
-    monkeypatch.setattr(recorder, "PATIENCE", 0.5)
+    monkeypatch.setattr(recorder, "FFMPEG_TIMEOUT_S", 0.5)
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     ffmpeg = tmp_path / "ffmpeg"
     ffmpeg.write_text("#!/bin/sh\necho waiting for the screen >&2\nexec sleep 60\n")
@@ -142,10 +149,10 @@ def test_a_network_is_never_that_of_another_desktops_internet(tmp_path, monkeypa
 def test_the_desktops_of_one_order_have_names_that_are_allowed(name, number):
     if not registry._NAME.fullmatch(name):
         name = "a-name-of-18-chars" + "-x"
-    found = pool.numbered(name, number)
+    found = desktop_supply.numbered(name, number)
     assert registry._NAME.fullmatch(found)
     assert found == name if number == 1 else found.endswith(f"-{number}")
-    assert pool.numbered(None, number) is None
+    assert desktop_supply.numbered(None, number) is None
 
 
 @given(
@@ -231,23 +238,23 @@ def test_account_replaces_an_old_entry(tmp_path):
 
 
 def test_pictures_are_the_same_every_time():
-    first, second = pictures.wallpaper(), pictures.wallpaper()
+    first, second = default_pictures.wallpaper(), default_pictures.wallpaper()
     assert first.size == (1920, 1080)
     assert first.tobytes() == second.tobytes()
-    locked = pictures.lock_picture(first)
+    locked = default_pictures.lock_picture(first)
     assert np.asarray(locked).mean() < 0.7 * np.asarray(first).mean()
-    assert pictures.face().size == (192, 192)
+    assert default_pictures.face().size == (192, 192)
 
 
 def test_without_chromium_no_command_starts_it(tmp_path, monkeypatch):
     """Else an application that must come beside the task's is waited for in vain, and nothing is in
     its place."""
-    files.install_guest_files(tmp_path)
-    commands = tmp_path / files.LOCAL_BIN / "bin"
+    root_file_system.install_guest_files(tmp_path)
+    commands = tmp_path / root_file_system.LOCAL_BIN / "bin"
     others = {"python", "python3", "show-desktop", "xdg-open"}
     assert {path.name for path in commands.iterdir()} == {"google-chrome", *others}
-    monkeypatch.setattr(files, "CHROMIUM", Path("usr/lib/no-such-browser"))
-    files.name_browser(tmp_path)
+    monkeypatch.setattr(root_file_system, "CHROMIUM", Path("usr/lib/no-such-browser"))
+    root_file_system.name_browser(tmp_path)
     assert {path.name for path in commands.iterdir()} == others
 
 

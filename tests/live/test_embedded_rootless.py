@@ -18,7 +18,7 @@ from online_env.desktops.http import HttpDesktop
 from online_env.effects import perform
 from online_env.embedded import registry
 from online_env.embedded.runtime import kernel, rootless
-from online_env.embedded.runtime.plain import SetupError
+from online_env.embedded.runtime.desktop_config import SetupError
 from online_env.errors import MissingCapabilityError
 
 from support import needs

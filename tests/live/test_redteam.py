@@ -25,8 +25,8 @@ from hijack_data.plan import Effect
 from online_env.desktops.http import HttpDesktop
 from online_env.effects import perform
 from online_env.embedded import handle, registry
-from online_env.embedded.runtime import masks
-from online_env.embedded.runtime.nest import SERVER
+from online_env.embedded.runtime import hidden_folders
+from online_env.embedded.runtime.guest_spawner import SERVER_PROCESS_NAME
 from online_env.errors import DesktopError
 
 from support import needs
@@ -77,8 +77,8 @@ def folders(embedded_machine):
             place.mkdir()
             (place / "record").write_bytes(SECRET)
         Path(name).chmod(0o755)
-        masks.hide(Path(name, "hidden"))
-        masks.hide(Path(name, "later/run"))
+        hidden_folders.hide(Path(name, "hidden"))
+        hidden_folders.hide(Path(name, "later/run"))
         yield Path(name)
 
 
@@ -193,7 +193,7 @@ def test_system_calls_that_reach_past_namespaces_are_not_there(desktop, who):
 
 @pytest.mark.parametrize("who", USERS)
 def test_what_serves_the_desktop_cannot_be_looked_into(desktop, who):
-    found = attack(desktop, who, "look.py", "init", "session", SERVER)
+    found = attack(desktop, who, "look.py", "init", "session", SERVER_PROCESS_NAME)
     assert found.count("looking at") == 3
     assert "OPEN" not in found, found
     desktop.client.launch(["sleep", "1234"])
@@ -224,7 +224,7 @@ def test_runs_and_our_own_files_are_not_there(desktop, folders, who):
     later = folders / "later/run"
     later.mkdir(parents=True, exist_ok=True)  # after the desktop has come up
     (later / "record").write_bytes(SECRET)
-    ours = [place for place in masks.hidden() if Path(place).exists()]
+    ours = [place for place in hidden_folders.hidden() if Path(place).exists()]
     assert len(ours) >= 3
     files = (registry.RUN, desktop.record["token_file"], desktop.record["sites"])
     for place in (folders / "hidden", later, *ours, *files):
@@ -388,7 +388,7 @@ def test_it_holds_where_users_cannot_be_mapped(embedded_machine, monkeypatch):
             for script, arguments in (
                 ("raw.py", ()),
                 ("calls.py", (platform.machine(),)),
-                ("look.py", ("init", "session", SERVER)),
+                ("look.py", ("init", "session", SERVER_PROCESS_NAME)),
             ):
                 found = attack(desktop, "root", script, *arguments)
                 assert found

@@ -18,9 +18,18 @@ pytest.importorskip("Xlib", reason=needs.ONLINE)
 from Xlib import xauth
 
 from online_env.embedded import doctor, home, registry
-from online_env.embedded.runtime import health, init, internet, kernel, limits, logs, nest, network
+from online_env.embedded.runtime import (
+    guest_spawner,
+    health,
+    init,
+    internet,
+    kernel,
+    limits,
+    logs,
+    network,
+)
+from online_env.embedded.runtime.desktop_config import DesktopConfig, SetupError
 from online_env.embedded.runtime.logs import BoundedLogs
-from online_env.embedded.runtime.plain import DesktopConfig, SetupError
 
 from support.waiting import until
 
@@ -153,7 +162,7 @@ def test_a_guest_server_starts_with_the_descriptors_it_was_given_only(kept):
     def left():
         for number in range(12):
             os.dup2(1, number)
-        nest.close_others(set(kept))
+        guest_spawner.close_others(set(kept))
         names = os.listdir("/proc/self/fd")
         return [name for name in names if os.path.exists(f"/proc/self/fd/{name}")]
 
@@ -162,7 +171,7 @@ def test_a_guest_server_starts_with_the_descriptors_it_was_given_only(kept):
 
 def test_a_process_that_is_renamed_shows_nothing_of_its_command():
     def shown():
-        kernel.rename("a-name-of-20-letters")
+        kernel.set_process_name("a-name-of-20-letters")
         line = Path("/proc/self/cmdline").read_bytes().strip(b"\0").decode()
         return line, Path("/proc/self/comm").read_text()
 
@@ -262,14 +271,14 @@ def test_a_program_that_ends_again_and_again_is_given_up(first_process, monkeypa
     started = []
     monkeypatch.setattr(first_process, "start", lambda name, argv: started.append(argv))
     first_process.commands["xfwm4"] = ("xfwm4",)
-    for _ in range(init.RESTARTS):
+    for _ in range(init.MAX_RESTARTS):
         first_process.running[5] = "xfwm4"
         first_process._look_after(5, 9)
-    assert started == [("xfwm4",)] * init.RESTARTS
+    assert started == [("xfwm4",)] * init.MAX_RESTARTS
     first_process.running[5] = "xfwm4"
     with pytest.raises(SetupError, match=r"^xfwm4 ended 9 times within 60 s \(signal 9\); the end"):
         first_process._look_after(5, 9)
-    first_process.deaths["xfwm4"] = [time.monotonic() - init.WINDOW - 1] * 20
+    first_process.deaths["xfwm4"] = [time.monotonic() - init.RESTART_WINDOW_S - 1] * 20
     first_process.running[5] = "xfwm4"
     first_process._look_after(5, 256)  # what was long ago does not count
     first_process._look_after(77, 0)  # a grandchild
@@ -299,7 +308,7 @@ def test_the_doctor_says_what_nothing_limits(tmp_path, monkeypatch):
 
 
 def test_a_probe_that_hangs_is_a_finding(monkeypatch):
-    monkeypatch.setattr(doctor, "_PATIENCE", 0.05)
+    monkeypatch.setattr(doctor, "_PROBE_TIMEOUT_S", 0.05)
     for name in ("_PROBE", "_ROOTLESS_PROBE", "_SHIFT_PROBE"):
         monkeypatch.setattr(doctor, name, "import time; time.sleep(60)")
     monkeypatch.setattr(doctor.os, "geteuid", lambda: 0)
@@ -318,13 +327,13 @@ def test_old_golden_homes_go_and_the_present_one_stays(tmp_path):
 
 def test_groups_that_are_busy_are_left_after_a_while(tmp_path, monkeypatch):
     monkeypatch.setattr(limits, "GROUPS", tmp_path)
-    monkeypatch.setattr(limits, "PATIENCE", 0.1)
+    monkeypatch.setattr(limits, "EXIT_TIMEOUT_S", 0.1)
     (tmp_path / "cgroup.controllers").write_text("memory pids\n")
     busy = tmp_path / "agenthijack-d1"
     (busy / "inner").mkdir(parents=True)
     limits.leave_groups("d1")
     assert busy.exists()
     threading.Timer(0.05, (busy / "inner").rmdir).start()
-    monkeypatch.setattr(limits, "PATIENCE", 60.0)
+    monkeypatch.setattr(limits, "EXIT_TIMEOUT_S", 60.0)
     limits.leave_groups("d1")
     until(lambda: not busy.exists())

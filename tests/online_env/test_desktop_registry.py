@@ -11,10 +11,10 @@ from dataclasses import replace
 import pytest
 
 from hijack_data.errors import HijackError
-from online_env.embedded import handle, pool, registry
+from online_env.embedded import desktop_supply, handle, registry
 from online_env.embedded.handle import Handle
-from online_env.embedded.runtime import limits, masks, network
-from online_env.embedded.runtime.plain import DesktopConfig, SetupError
+from online_env.embedded.runtime import hidden_folders, limits, network
+from online_env.embedded.runtime.desktop_config import DesktopConfig, SetupError
 from online_env.errors import DesktopError, DesktopTimeoutError
 
 from support.waiting import until
@@ -167,7 +167,7 @@ def test_a_keeper_is_asked_to_end_and_killed_if_it_does_not(sleeper, stubborn):
     _, inside = sleeper(stubborn=True)
     record = claim("mine", keeper=who)
     registry.save({**record, "init": inside})
-    registry.remove(registry.load("mine"), patience=0.1)
+    registry.remove(registry.load("mine"), timeout=0.1)
     keeper.wait()
     assert keeper.returncode == -(signal.SIGKILL if stubborn else signal.SIGTERM)
     assert not registry.alive(inside)
@@ -178,7 +178,7 @@ def test_a_process_that_cannot_be_ended_keeps_its_desktop_on_the_list(monkeypatc
     record = claim("mine", keeper=ME)
     monkeypatch.setattr(registry.os, "kill", lambda pid, number: None)
     with pytest.raises(SetupError) as error:
-        registry.remove(record, patience=0.01)
+        registry.remove(record, timeout=0.01)
     assert str(error.value) == (
         f"process {list(ME)} of desktop 'mine' does not end; is it stuck on a disk?"
     )
@@ -367,7 +367,7 @@ def supply(monkeypatch):
     made = []
 
     def start(standby=False):
-        made.append(pool.Supply(ORDER, standby))
+        made.append(desktop_supply.DesktopSupply(ORDER, standby))
         return made[-1]
 
     yield start
@@ -398,8 +398,8 @@ def test_a_spare_is_handed_out_unless_it_has_died_or_shows_too_much(supply, monk
     until(lambda: not registry.alive(spare["init"]))
     assert (spare["id"], one.next()["id"]) == ("d1-3", "d1-4")
     assert one.ready()
-    monkeypatch.setattr(masks, "_given", {})
-    masks.hide(tmp_path / "records of a run")
+    monkeypatch.setattr(hidden_folders, "_hidden_by_caller", {})
+    hidden_folders.hide(tmp_path / "records of a run")
     last = one.next()
     assert last["id"] == "d1-6", "d1-5 was started before the folder was hidden"
     one.close()

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from online_env.embedded import registry
-from online_env.embedded.guest.picture import ASK, DONE, FrozenScreen, PointerImage
+from online_env.embedded.guest.frame_format import ASK, DONE, FrozenScreen, PointerImage
 from online_env.embedded.runtime import forward
+from online_env.embedded.runtime.frame_reader import FrameReader
 from online_env.embedded.runtime.framebuffer import DOOR
-from online_env.embedded.runtime.frames import Frames
 
 from support.waiting import until
 
@@ -80,7 +80,7 @@ def frames(request):
         descriptor = os.memfd_create("screen")
         os.write(descriptor, data)
         guest = Guest(screens)
-        one = Frames({"id": "d1", "keeper": [os.getpid(), 0], "memory": descriptor})
+        one = FrameReader({"id": "d1", "keeper": [os.getpid(), 0], "memory": descriptor})
         opened.append((one, descriptor))
         return one, guest
 

@@ -11,8 +11,8 @@ from support import needs
 pytest.importorskip("jeepney", reason=needs.ONLINE)
 pytest.importorskip("Xlib", reason=needs.ONLINE)
 
+from online_env.embedded.guest.accessibility_tree import AccessibilityTree
 from online_env.embedded.guest.atspi import reader, states
-from online_env.embedded.guest.tree import AccessibilityTree
 from online_env.errors import DesktopError
 
 from support.atspi import PID, ROOT, SHOWN, App, Session, Thing, session
@@ -115,7 +115,7 @@ def test_a_tree_is_the_same_with_and_without_a_cache_and_in_any_pieces(tree_of, 
 
 
 def test_an_application_that_is_silent_costs_its_own_part_only(tree_of, monkeypatch):
-    monkeypatch.setattr(reader, "PATIENCE", 0.15)
+    monkeypatch.setattr(reader, "APP_TIMEOUT_S", 0.15)
     hung = App({}, silent=("GetItems", "GetApplicationBusAddress", "Get", "GetRole"))
     with session(hung=hung, editor=editor(cached=CACHED)) as found:
         tree = tree_of(found)

@@ -70,7 +70,7 @@ def test_a_recording_that_fails_is_told_with_the_log(ffmpeg, monkeypatch, script
     async def scenario():
         one = ffmpeg(script)
         await one.start((640, 480))
-        monkeypatch.setattr(recorder, "PATIENCE", 0.3)
+        monkeypatch.setattr(recorder, "FFMPEG_TIMEOUT_S", 0.3)
         await one.stop()
 
     with pytest.raises(GuestError) as error:

@@ -13,7 +13,7 @@ from support import needs
 
 pytest.importorskip("starlette", reason=needs.ONLINE)
 
-from online_env.embedded.guest import commands, gate
+from online_env.embedded.guest import commands, request_checks
 from online_env.embedded.registry import process_start
 
 from support.guests import TOKEN, at_home, guest_client, httpx, said
@@ -92,7 +92,7 @@ def raw(guest, head, body):
 
 
 def test_a_body_over_the_limit_is_refused_and_the_connection_closed(guest, monkeypatch):
-    monkeypatch.setattr(gate, "BODY_LIMIT", 1000)
+    monkeypatch.setattr(request_checks, "BODY_LIMIT", 1000)
     fits = json.dumps({"command": ["true"]}).ljust(1000).encode()
     kind = {"Content-Type": "application/json"}
     assert guest.post("/execute", content=fits, headers=kind).status_code == 200

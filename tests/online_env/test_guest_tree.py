@@ -14,9 +14,9 @@ pytest.importorskip("jeepney", reason=needs.ONLINE)
 pytest.importorskip("Xlib", reason=needs.ONLINE)
 
 from hijack_data.elements import boxes_from_tree
-from online_env.embedded.guest import tree
+from online_env.embedded.guest import accessibility_tree
 from online_env.embedded.guest.atspi import icons, states
-from online_env.embedded.guest.atspi.places import put_in_place
+from online_env.embedded.guest.atspi.libreoffice_boxes import correct_libreoffice_boxes
 from online_env.embedded.guest.atspi.reader import Application, AtspiNode
 from online_env.embedded.guest.atspi.visibility import VisibilityFilter, candidates
 
@@ -43,7 +43,7 @@ def node(name="", box=None, *children, role=BUTTON, **more):
 
 def parsed(*roots):
     """The applications of the tree, read back by a parser."""
-    text = tree.to_xml([Application(root, 0) for root in roots])
+    text = accessibility_tree.to_xml([Application(root, 0) for root in roots])
     return ElementTree.fromstring(text)
 
 
@@ -105,7 +105,10 @@ def test_a_role_is_a_tag_that_xml_allows(role, tag):
     assert found.tag == tag
     assert [*found.attrib.values()].count("kept") == 1
     assert (
-        boxes_from_tree(tree.to_xml([Application(node(role_name=role), 0)]), (300, 400)) is not None
+        boxes_from_tree(
+            accessibility_tree.to_xml([Application(node(role_name=role), 0)]), (300, 400)
+        )
+        is not None
     )
 
 
@@ -130,7 +133,7 @@ def test_a_node_that_is_its_own_grandchild_is_written_once():
 
 
 def test_an_application_that_does_not_answer_has_a_remark():
-    text = tree.to_xml([Application(node("mute", note="did not -- answer"), 0)])
+    text = accessibility_tree.to_xml([Application(node("mute", note="did not -- answer"), 0)])
     assert "<!-- did not - - answer -->" in text
 
 
@@ -140,7 +143,7 @@ def test_chromium_is_called_as_it_was_started(tmp_path):
         program.symlink_to(shutil.which("sleep"))
         with subprocess.Popen([program, "60"]) as process:
             until(lambda: comm(process.pid) == command)
-            text = tree.to_xml([Application(node("Chromium"), process.pid)])
+            text = accessibility_tree.to_xml([Application(node("Chromium"), process.pid)])
             process.kill()
         return ElementTree.fromstring(text)[0].get("name")
 
@@ -161,7 +164,9 @@ def test_the_terminal_that_is_meant_is_the_focused_one_in_front():
         (terminal(0), behind, 0),
         (node("no terminal", states=states.FOCUSED), active, 0),
     ]
-    assert [tree._rank(one, frame) for one, frame, _ in table] == [rank for *_, rank in table]
+    assert [accessibility_tree._rank(one, frame) for one, frame, _ in table] == [
+        rank for *_, rank in table
+    ]
 
 
 # What is seen
@@ -251,8 +256,8 @@ def office(late, bars=1):
 
 
 def places(root):
-    put_in_place(Application(root, 7))
-    return {one.name: one.box for one in tree.walk(root)}
+    correct_libreoffice_boxes(Application(root, 7))
+    return {one.name: one.box for one in accessibility_tree.walk(root)}
 
 
 def test_what_a_root_pane_holds_is_where_the_pane_is_drawn():
@@ -263,7 +268,7 @@ def test_what_a_root_pane_holds_is_where_the_pane_is_drawn():
 
 def test_a_root_pane_of_another_size_than_its_parent_stays_where_it_is():
     root = office(late=20)
-    (pane,) = [one for one in tree.walk(root) if one.name == "pane"]
+    (pane,) = [one for one in accessibility_tree.walk(root) if one.name == "pane"]
     pane.box = (0, 10, 400, 200)
     assert places(root)["button"] == (100, 250, 20, 20)
 
@@ -271,8 +276,8 @@ def test_a_root_pane_of_another_size_than_its_parent_stays_where_it_is():
 @pytest.mark.parametrize(("bars", "seen"), [(1, False), (0, True)])
 def test_the_second_menu_bar_of_a_window_is_not_drawn(bars, seen):
     root = office(late=20, bars=bars)
-    put_in_place(Application(root, 7))
-    shown = {one.name for one in tree.walk(root) if one.states & states.SHOWING}
+    correct_libreoffice_boxes(Application(root, 7))
+    shown = {one.name for one in accessibility_tree.walk(root) if one.states & states.SHOWING}
     assert ({"second", "File"} <= shown) == seen
     assert ("second" in shown) == seen
     assert ("bar" in shown) == bool(bars)

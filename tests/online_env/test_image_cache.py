@@ -17,8 +17,8 @@ import zstandard
 from click.testing import CliRunner
 
 from hijack_data.errors import ParameterError, StorageError
-from online_env.embedded.image import archive, cache, doctor, manifest, tree
-from online_env.embedded.image.cli import image as commands
+from online_env.embedded.image import archive, cache, file_entries, image_checks, manifest
+from online_env.embedded.image.image_commands import image as commands
 from online_env.errors import DesktopImageError
 
 from support import images
@@ -28,7 +28,7 @@ ROOT = Path(__file__).resolve().parents[2]
 HALF = """
 import sys, time
 from online_env.embedded.image import cache
-with cache.writing(print) as folder, cache.workshop(folder) as fresh:
+with cache.cache_lock(print) as folder, cache.build_folder(folder) as fresh:
     (fresh / "root").mkdir(mode=0o500)
     (fresh / "manifest.json").write_text("{")
     print("half", flush=True)
@@ -113,7 +113,7 @@ def test_an_image_goes_out_and_comes_back(packed, folder):
     assert cache.verify(made) == []
     program = made / "root/usr/bin/sudo"
     assert program.stat().st_mode & 0o7777 == 0o4755
-    assert program.stat().st_mtime == tree.EPOCH
+    assert program.stat().st_mtime == file_entries.EPOCH
     assert (made / "root/closed").stat().st_mode & 0o7777 == 0o700
     assert os.readlink(made / "root/bin") == "usr/bin"
     # the same again changes nothing, and gives another name
@@ -173,7 +173,7 @@ def test_verify_finds_a_changed_manifest_or_list():
 @pytest.mark.parametrize("name", [*CHANGES, "root", "manifest", "list"])
 def test_an_image_that_was_damaged_is_whole_once_it_is_imported_again(name, packed):
     damage = {
-        "root": lambda made: tree.remove(made / cache.ROOT),
+        "root": lambda made: file_entries.remove(made / cache.ROOT),
         "manifest": lambda made: (made / manifest.NAME).write_text("{"),
         "list": lambda made: (made / manifest.FILES).unlink(),
     }
@@ -275,10 +275,10 @@ def test_a_file_that_would_leave_the_folder_is_refused(packed, tmp_path):
 def test_what_a_list_may_not_hold():
     for path in ("/etc/passwd", "root/../../x", "", "root//x"):
         with pytest.raises(DesktopImageError, match="cannot be in an image"):
-            tree.parse(tree.Entry(path, "file").to_json(), "list")
+            file_entries.parse(file_entries.Entry(path, "file").to_json(), "list")
     # a file below a link would be written where that leads
     with pytest.raises(DesktopImageError, match="list:1: is no entry"):
-        tree.parse("[1, 2]\n", "list")
+        file_entries.parse("[1, 2]\n", "list")
 
 
 def test_an_image_with_a_file_below_a_link_is_refused(tmp_path):
@@ -286,13 +286,13 @@ def test_an_image_with_a_file_below_a_link_is_refused(tmp_path):
     folder.mkdir()
     (folder / "out").symlink_to(tmp_path)
     entries = [
-        tree.Entry("out", "link", content=str(tmp_path)),
-        tree.Entry("out/escaped", "file", 0o644, 1, 0, tree.digest(_one(tmp_path))),
+        file_entries.Entry("out", "link", content=str(tmp_path)),
+        file_entries.Entry("out/escaped", "file", 0o644, 1, 0, file_entries.digest(_one(tmp_path))),
     ]
-    (folder / manifest.FILES).write_text(tree.listing(entries))
+    (folder / manifest.FILES).write_text(file_entries.listing(entries))
     (tmp_path / "escaped").write_text("x")
     found = dataclasses.replace(
-        images.fill(_new(tmp_path)), files_sha256=tree.digest(folder / manifest.FILES)
+        images.fill(_new(tmp_path)), files_sha256=file_entries.digest(folder / manifest.FILES)
     )
     (folder / manifest.NAME).write_text(found.to_json())
     archive.write(folder, tmp_path / "bad.tar.zst")
@@ -333,7 +333,7 @@ def test_a_folder_that_runs_no_programs_is_refused_and_found_by_the_doctor(monke
     monkeypatch.setattr(cache.os, "statvfs", lambda folder: flags)
     with pytest.raises(DesktopImageError, match=r"noexec.*AGENTHIJACK_IMAGES"):
         images.publish()
-    place, _ = doctor.findings(None)
+    place, _ = image_checks.findings(None)
     assert place[1] is False
     assert "noexec" in place[2]
     assert "AGENTHIJACK_IMAGES" in place[3]
@@ -365,7 +365,7 @@ def test_a_second_build_waits_and_says_for_whom(folder):
     with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, text=True) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "half\n"
-        with cache.writing(said.append):
+        with cache.cache_lock(said.append):
             assert process.wait(10) == 0
     holder = f"process {process.pid} on {os.uname().nodename}"
     assert said == [f"waiting: {folder} is being written by {holder}"]
@@ -387,15 +387,15 @@ def test_unknown_images_are_answered_with_those_there_are():
 
 def test_which_image_a_desktop_starts_from(monkeypatch):
     made = images.publish()
-    assert cache.chosen(None) is None
-    assert cache.chosen("tiny") == made
+    assert cache.find_image_folder(None) is None
+    assert cache.find_image_folder("tiny") == made
     monkeypatch.setenv(cache.CHOICE, "tiny")
-    assert cache.chosen(None) == made
-    assert cache.chosen("host") is None
-    assert doctor.is_asked_for(None)
-    assert not doctor.is_asked_for("host")
+    assert cache.find_image_folder(None) == made
+    assert cache.find_image_folder("host") is None
+    assert image_checks.is_asked_for(None)
+    assert not image_checks.is_asked_for("host")
     monkeypatch.setenv(cache.CHOICE, "gone")
-    _, found = doctor.findings(None)
+    _, found = image_checks.findings(None)
     assert found[1] is False
     assert "no image 'gone'" in found[2]
 
@@ -428,6 +428,6 @@ def test_commands(packed):
 def test_the_kind_of_a_file_system(tmp_path):
     mounts = tmp_path / "mounts"
     mounts.write_text("a / ext4 rw 0 0\nb /mem tmpfs rw 0 0\nc /memory xfs rw 0 0\n")
-    assert doctor.file_system(Path("/mem/x"), mounts) == "tmpfs"
-    assert doctor.file_system(Path("/memory"), mounts) == "xfs"
-    assert doctor.file_system(Path("/other"), mounts) == "ext4"
+    assert image_checks.file_system(Path("/mem/x"), mounts) == "tmpfs"
+    assert image_checks.file_system(Path("/memory"), mounts) == "xfs"
+    assert image_checks.file_system(Path("/other"), mounts) == "ext4"

@@ -10,9 +10,9 @@ from click.testing import CliRunner
 
 from online_env.cli import desktop as commands
 from online_env.embedded import packages
-from online_env.embedded.image import archive, cache, doctor, install
-from online_env.embedded.runtime import network, programs
-from online_env.embedded.runtime.plain import SetupError
+from online_env.embedded.image import archive, cache, image_checks, image_setup
+from online_env.embedded.runtime import network, program_paths
+from online_env.embedded.runtime.desktop_config import SetupError
 from online_env.errors import DesktopImageError
 
 from support import images
@@ -53,29 +53,29 @@ def run(*words):
     ],
 )
 def test_only_root_on_debian_12_gets_packages(tmp_path, monkeypatch, text, user, apt, expected):
-    monkeypatch.setattr(install.os, "geteuid", lambda: user)
-    monkeypatch.setattr(install.shutil, "which", lambda name: name if apt else None)
+    monkeypatch.setattr(image_setup.os, "geteuid", lambda: user)
+    monkeypatch.setattr(image_setup.shutil, "which", lambda name: name if apt else None)
     release = tmp_path / "os-release"
     if text is not None:
         release.write_text(text)
-    assert install.prefers_packages(release) is expected
+    assert image_setup.prefers_packages(release) is expected
 
 
 def test_a_file_becomes_what_desktops_start_from(packed, folder):
     done = run("--image", str(packed))
     assert done.exit_code == 0, done.output
     assert "desktops start from the image core" in done.output
-    assert cache.chosen(None) == cache.resolve("core")
-    assert cache.chosen(cache.HOST) is None
-    assert doctor.is_asked_for(None)
+    assert cache.find_image_folder(None) == cache.resolve("core")
+    assert cache.find_image_folder(cache.HOST) is None
+    assert image_checks.is_asked_for(None)
     cache.remove("core", print)
-    assert cache.chosen(None) is None
+    assert cache.find_image_folder(None) is None
     assert not (folder / "default").exists()
 
 
 def test_an_image_that_is_here_is_taken(monkeypatch):
     images.publish(name="mine")
-    monkeypatch.setattr(install, "prefers_packages", lambda: False)
+    monkeypatch.setattr(image_setup, "prefers_packages", lambda: False)
     done = run("--profile", "core")
     assert "desktops start from the image mine" in done.output
     assert run("--image", "mine").exit_code == 0
@@ -92,9 +92,9 @@ def test_the_present_profiles_stay(monkeypatch):
 
     images.publish(name="mine")
     cache.make_default("mine")
-    monkeypatch.setattr(install.build, "build", build)
-    monkeypatch.setattr(install, "_own_archives", list)
-    assert install.make_sure(["media"], None, None, print) == "new"
+    monkeypatch.setattr(image_setup.build, "build", build)
+    monkeypatch.setattr(image_setup, "_own_archives", list)
+    assert image_setup.ensure_image(["media"], None, None, print) == "new"
     assert built[-1] == ("core", "media")
 
 
@@ -109,7 +109,7 @@ def server(tmp_path):
 
 
 def test_an_image_is_fetched(packed, server, folder):
-    assert install.make_sure((), f"{server}/{packed.name}", None, print) == "core"
+    assert image_setup.ensure_image((), f"{server}/{packed.name}", None, print) == "core"
     assert cache.verify(cache.resolve("core")) == []
     assert [path.name for path in folder.iterdir() if path.is_file()] == [".lock"]
 
@@ -118,12 +118,12 @@ def test_what_cannot_be_fetched_is_named(packed, server):
     packed.write_bytes(packed.read_bytes()[:-100])
     for name, reason in (("none", "not found"), (packed.name, "is cut off")):
         with pytest.raises(DesktopImageError, match=f"{server}/{name}.*({reason})"):
-            install.make_sure((), f"{server}/{name}", None, print)
+            image_setup.ensure_image((), f"{server}/{name}", None, print)
     nobody = "http://127.0.0.1:9/x"
     with pytest.raises(DesktopImageError, match=r"cannot be fetched.*--image FILE"):
-        install.make_sure((), nobody, None, print)
+        image_setup.ensure_image((), nobody, None, print)
     with pytest.raises(DesktopImageError, match="there is no such file"):
-        install.make_sure((), "gone.tar.zst", None, print)
+        image_setup.ensure_image((), "gone.tar.zst", None, print)
     assert cache.images() == {}
 
 
@@ -131,9 +131,9 @@ def test_without_an_archive_it_says_what_to_give(monkeypatch):
     def refuse():
         raise DesktopImageError("names no archive; give one with --mirror URL")
 
-    monkeypatch.setattr(install.sources, "from_machine", refuse)
+    monkeypatch.setattr(image_setup.sources, "from_machine", refuse)
     with pytest.raises(DesktopImageError, match=r"--mirror URL, or an image .* --image FILE"):
-        install.make_sure(("web",), None, None, print)
+        image_setup.ensure_image(("web",), None, None, print)
 
 
 def test_host_and_image_exclude_each_other():
@@ -145,20 +145,20 @@ def test_host_and_image_exclude_each_other():
 def test_what_an_image_lacks(monkeypatch):
     images.publish(name="mine")
     monkeypatch.setattr(packages, "missing", lambda names: ["of the machine"])
-    assert install.lacking("web") == ["of the machine"]
+    assert image_setup.lacking("web") == ["of the machine"]
     cache.make_default("mine")
-    assert install.lacking("web") == list(packages.PROFILES["web"])
+    assert image_setup.lacking("web") == list(packages.PROFILES["web"])
 
 
 def test_a_program_comes_from_the_machine_or_from_the_image(tmp_path, monkeypatch):
     program = tmp_path / "usr/bin/never-there"
     program.parent.mkdir(parents=True)
     program.write_text("")
-    found = programs.command("never-there", str(tmp_path))
+    found = program_paths.command("never-there", str(tmp_path))
     assert found[-1] == str(program)
     assert Path(found[0]).name.startswith("ld-linux-")
     assert found[0].startswith(str(tmp_path))
-    assert programs.command("sh", str(tmp_path)) == [programs.shutil.which("sh")]
+    assert program_paths.command("sh", str(tmp_path)) == [program_paths.shutil.which("sh")]
     with pytest.raises(SetupError, match=r"never-there is not installed.*hijack desktop install"):
-        programs.command("never-there")
+        program_paths.command("never-there")
     network.remove("never-there")  # nothing of it is there: fine

@@ -11,7 +11,7 @@ import pytest
 
 from hijack_data.errors import StorageError
 from hijack_data.files import unwritable
-from online_env.embedded.image import build, chamber, debian, guest, sources
+from online_env.embedded.image import build, debian, guest_packages, sources, unprivileged_chroot
 from online_env.embedded.image.manifest import Manifest, Pin
 from online_env.errors import DesktopImageError
 
@@ -310,7 +310,7 @@ def test_owners_cannot_be_changed_in_the_chamber_and_nobody_notices(tmp_path):
     child = os.fork()
     if child == 0:
         try:
-            chamber.pretend_to_own()
+            unprivileged_chroot.fake_ownership()
             os.chown(place, 12345, 12345)
             os._exit(place.stat().st_uid == 12345)
         finally:
@@ -321,20 +321,20 @@ def test_owners_cannot_be_changed_in_the_chamber_and_nobody_notices(tmp_path):
 def test_a_command_that_cannot_run_is_told_with_the_log(tmp_path):
     (tmp_path / "root").mkdir()
     with pytest.raises(DesktopImageError, match=r"the end of .*build\.log"):
-        chamber.run(tmp_path / "root", [["true"]], tmp_path / "build.log")
+        unprivileged_chroot.run(tmp_path / "root", [["true"]], tmp_path / "build.log")
 
 
 def test_the_guests_packages_are_copied_and_pinned(tmp_path):
     pytest.importorskip("starlette", reason="needs the extra [online]")
-    parts = guest.install(tmp_path / "guest")
+    parts = guest_packages.install(tmp_path / "guest")
     names = {part.name for part in parts}
     assert {"starlette", "uvicorn", "python-xlib", "mss", "jeepney"} <= names
     assert (tmp_path / "guest/Xlib/display.py").is_file()
     assert not list((tmp_path / "guest").rglob("*.pyc"))
-    assert guest.install(tmp_path / "again") == parts
+    assert guest_packages.install(tmp_path / "again") == parts
 
 
 def test_a_missing_package_of_the_guest_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(guest, "NEEDED", ("no-such-package",))
+    monkeypatch.setattr(guest_packages, "NEEDED", ("no-such-package",))
     with pytest.raises(DesktopImageError, match=r"no-such-package.*\[online\]"):
-        guest.install(tmp_path / "guest")
+        guest_packages.install(tmp_path / "guest")

@@ -14,8 +14,8 @@ pytest.importorskip("jinja2", reason=needs.ONLINE)
 
 from online_env.embedded.sites.dns import answer
 from online_env.embedded.sites.hosts import search
+from online_env.embedded.sites.hosts_and_dates import host_name
 from online_env.embedded.sites.index import MAX_WORDS, Document, find
-from online_env.embedded.sites.names import host_of
 from online_env.embedded.sites.pages import clean, money
 
 from support.sites import local_web
@@ -161,7 +161,7 @@ def test_what_every_site_serves(web, path, status):
     ],
 )
 def test_a_host_is_a_name_without_port_and_final_dot(header, host):
-    assert host_of(header) == host
+    assert host_name(header) == host
 
 
 def test_text_is_stored_without_what_nobody_typed():

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from online_env.embedded.image import build, cache, tree
+from online_env.embedded.image import build, cache, file_entries
 from online_env.embedded.image.manifest import Manifest, Pin
 
 RECIPE = build.Recipe(("core",), ())
@@ -23,14 +23,14 @@ def fill(folder: Path, text: str = "hello") -> Manifest:
     (root / "etc/a name with spaces\nand a line").write_text("x")
     (root / "closed").mkdir(mode=0o500)
     (folder / cache.GUEST).mkdir()
-    tree.settle(folder, 0.0)
+    file_entries.set_times(folder, 0.0)
     return build.describe(folder, RECIPE, CHOICE, PYTHON)
 
 
 def publish(text: str = "hello", name: str = "tiny") -> Path:
     """An image in the cache of the environment; returns its folder."""
-    with cache.writing(print) as folder, cache.workshop(folder) as fresh:
+    with cache.cache_lock(print) as folder, cache.build_folder(folder) as fresh:
         found = fill(fresh, text)
         made = cache.publish(fresh, found)
-        cache.name_it(folder, name, found.id)
+        cache.write_name(folder, name, found.id)
     return made

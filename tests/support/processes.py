@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from online_env.embedded.runtime.nest import SERVER
+from online_env.embedded.runtime.guest_spawner import SERVER_PROCESS_NAME
 
 # A process that traces another one: that one stops, and its parent does not learn of it.
 _TRACER = """
@@ -60,7 +60,7 @@ def state(pid: int) -> str:
 
 def guest_server(record: dict) -> int:
     """The guest server of a desktop."""
-    found = [pid for pid in children(record["init"][0]) if comm(pid) == SERVER]
+    found = [pid for pid in children(record["init"][0]) if comm(pid) == SERVER_PROCESS_NAME]
     return found[0]
 
 

@@ -11,13 +11,13 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import Any, cast
 
 CONTROL_PORT = 5001
-PATIENCE = 5.0  # s for a request to be read
-LOOK = 60.0  # s for which the desktop is looked after at a time
+READ_TIMEOUT_S = 5.0  # s for a request to be read
+ATTEND_S = 60.0  # s for which the desktop is looked after at a time
 RESET = "/reset"
 
 
 class _Request(BaseHTTPRequestHandler):
-    timeout = PATIENCE
+    timeout = READ_TIMEOUT_S
 
     def do_POST(self) -> None:
         """Note that a reset was asked for; the answer follows when it is done."""
@@ -74,7 +74,7 @@ class Control:
             attend: looks after the desktop until one of some descriptors can be read.
         """
         while self._server.asked is None:
-            if attend(LOOK, (self._server.fileno(),)):
+            if attend(ATTEND_S, (self._server.fileno(),)):
                 self._server.handle_request()
 
     def answer(self, outcome: dict[str, Any]) -> None:

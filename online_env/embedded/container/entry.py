@@ -18,9 +18,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..runtime import image_python, init, kernel, session
-from ..runtime.framebuffer import Doors, Framebuffer
+from ..runtime.desktop_config import DesktopConfig, SetupError
+from ..runtime.framebuffer import DesktopEndpoints, Framebuffer
 from ..runtime.identity import Identity
-from ..runtime.plain import DesktopConfig, SetupError
 from . import pristine
 from .control import Control
 
@@ -49,7 +49,7 @@ class Container(init.Init):
             FOLDER,
             token,
             identity,
-            Doors(framebuffer, guest),
+            DesktopEndpoints(framebuffer, guest),
             logs=os.open(FOLDER / "logs", os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC),
         )
 
@@ -59,7 +59,7 @@ class Container(init.Init):
         Raises:
             SetupError: A part of it does not come up.
         """
-        self._start_nest()
+        self._start_spawner()
         self._write_authority()
         self._start_servers()
         self._start_session()
@@ -73,7 +73,7 @@ class Container(init.Init):
         with contextlib.suppress(ChildProcessError):
             while True:
                 os.wait()
-        self.nest.close()
+        self.spawner.close()
         self.doors.framebuffer.close()
         self.logs.close()
         os.close(self.wake)

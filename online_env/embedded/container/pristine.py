@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ..runtime import account, session
-from ..runtime.plain import DesktopConfig, SetupError
+from ..runtime.desktop_config import DesktopConfig, SetupError
 
 FOLDER = Path("/run/desktop-server")
 # Emptied at each reset.

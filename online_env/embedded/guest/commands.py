@@ -18,7 +18,7 @@ from ...errors import DesktopError, DesktopTimeoutError
 
 OUTPUT_CAP = 8 * 2**20
 CAP_NOTE = b"\n[output cut: more than 8 MiB]"
-TIMEOUT = 120.0
+COMMAND_TIMEOUT_S = 120.0
 MAX_TIMEOUT = 600.0
 GRACE = 0.3  # s that the output of a command may stay open behind it
 TOOLS = "/usr/local/lib/desktop/bin"
@@ -43,7 +43,7 @@ class CommandResult:
     returncode: int
 
 
-def argv_of(command: object, shell: bool) -> list[str]:
+def parse_command(command: object, shell: bool) -> list[str]:
     """The arguments to run for a `command` field.
 
     As in OSWorld's server, `~/` at the start of an argument is the home folder.
@@ -85,7 +85,7 @@ class Runner:
     async def run(
         self,
         argv: Sequence[str],
-        timeout: float = TIMEOUT,
+        timeout: float = COMMAND_TIMEOUT_S,
         folder: str | None = None,
         merge: bool = False,
     ) -> CommandResult:

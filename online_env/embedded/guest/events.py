@@ -8,12 +8,12 @@ from typing import Any, cast
 
 from ...errors import GuestError
 from .display import SharedDisplay
-from .fields import BAD_REQUEST, flag, number, text
+from .request_fields import BAD_REQUEST, flag, number, text
 from .shim.ah_input import Connection, Keyboard, Pointer, UnknownButtonError, UnknownKeyError
 
 MAX_EVENTS = 1000
-FAR = 100_000
-LONGEST = 60.0  # seconds of one event
+MAX_COORDINATE = 100_000
+MAX_DURATION_S = 60.0  # seconds of one event
 MAX_CLICKS = 10
 MAX_PRESSES = 1000
 MAX_INTERVAL = 5.0
@@ -124,9 +124,10 @@ class _Player:
         if not isinstance(content, str):
             raise GuestError(f"text must be a text, got {content!r:.200}", BAD_REQUEST)
         interval = number(event, "interval", 0.0, 0.0, MAX_TYPING_INTERVAL)
-        if interval * len(content) > LONGEST:
+        if interval * len(content) > MAX_DURATION_S:
             raise GuestError(
-                f"typing {len(content)} characters at {interval:g} s each is over {LONGEST:g} s",
+                f"typing {len(content)} characters at {interval:g} s each is over"
+                f" {MAX_DURATION_S:g} s",
                 BAD_REQUEST,
             )
         self.keyboard.type(content, interval)
@@ -165,13 +166,13 @@ _ACTS: dict[str, Callable[[_Player, Event], None]] = {
 
 
 def _point(event: Event, x: str, y: str) -> tuple[int, int]:
-    across = number(event, x, None, -FAR, FAR)
-    down = number(event, y, None, -FAR, FAR)
+    across = number(event, x, None, -MAX_COORDINATE, MAX_COORDINATE)
+    down = number(event, y, None, -MAX_COORDINATE, MAX_COORDINATE)
     return round(across), round(down)
 
 
 def _duration(event: Event) -> float:
-    return number(event, "duration", 0.0, 0.0, LONGEST)
+    return number(event, "duration", 0.0, 0.0, MAX_DURATION_S)
 
 
 def _button(event: Event) -> str | int:

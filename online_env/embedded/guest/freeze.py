@@ -11,11 +11,11 @@ from contextlib import suppress
 
 from ...errors import DesktopError
 from .display import SharedDisplay
-from .picture import ASK, DONE, FrozenScreen
-from .screen import ScreenCapture, pointer_of
+from .frame_format import ASK, DONE, FrozenScreen
+from .screen import ScreenCapture, read_pointer
 from .shim.ah_input import Connection
 
-PATIENCE = 0.2  # s for which the screen is frozen at most
+MAX_FREEZE_S = 0.2  # s for which the screen is frozen at most
 
 
 class Freezer:
@@ -66,17 +66,17 @@ class Freezer:
             # something was drawn below it.
             connection.root.xfixes_hide_cursor()
             self._bare = connection
-        pointer = pointer_of(connection)
+        pointer = read_pointer(connection)
         screen = connection.root.get_geometry()
         self._screen.count()
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + MAX_FREEZE_S
         return FrozenScreen(screen.width, screen.height, end, pointer).pack()
 
 
 def _show(caller: socket.socket, message: bytes) -> bool:
     """Describe the frozen screen and wait for the copy; return whether the machine is there."""
     try:
-        caller.settimeout(PATIENCE)
+        caller.settimeout(MAX_FREEZE_S)
         caller.send(message)
         return caller.recv(len(DONE)) == DONE
     except OSError:

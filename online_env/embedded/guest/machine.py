@@ -8,14 +8,14 @@ from jeepney.io.blocking import open_dbus_connection
 from hijack_data.types import Box
 
 from ...errors import DesktopError, GuestError
+from .accessibility_tree import AccessibilityTree
 from .commands import TOOLS, Runner
 from .display import SharedDisplay
 from .events import Input
-from .fields import BAD_REQUEST, flag, number, text
 from .recorder import Recorder
+from .request_fields import BAD_REQUEST, flag, number, text
 from .screen import ScreenCapture
 from .tools import Tools
-from .tree import AccessibilityTree
 from .windows import Windows, require
 
 LOWEST, HIGHEST = -32768, 32767  # of a coordinate in X

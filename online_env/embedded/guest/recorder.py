@@ -10,8 +10,8 @@ from pathlib import Path
 from ...errors import GuestError
 from .commands import Runner
 
-RATE = 15
-PATIENCE = 15.0  # s that ffmpeg has to start, and to finish the file
+FRAMES_PER_S = 15
+FFMPEG_TIMEOUT_S = 15.0  # s that ffmpeg has to start, and to finish the file
 
 
 class Recorder:
@@ -46,7 +46,7 @@ class Recorder:
                 "-draw_mouse",
                 "1",
                 "-framerate",
-                str(RATE),
+                str(FRAMES_PER_S),
                 "-video_size",
                 f"{size[0]}x{size[1]}",
                 "-i",
@@ -67,7 +67,7 @@ class Recorder:
                 start_new_session=True,
             )
         process = self._process
-        for _ in range(int(PATIENCE / 0.05)):
+        for _ in range(int(FFMPEG_TIMEOUT_S / 0.05)):
             if process.returncode is not None:
                 raise GuestError(f"ffmpeg ended at once: {self._log()}", 500)
             if self._video.exists() and self._video.stat().st_size:
@@ -76,7 +76,9 @@ class Recorder:
         self._process = None
         os.killpg(process.pid, signal.SIGKILL)
         await process.wait()
-        raise GuestError(f"ffmpeg did not begin to write within {PATIENCE:g} s: {self._log()}", 500)
+        raise GuestError(
+            f"ffmpeg did not begin to write within {FFMPEG_TIMEOUT_S:g} s: {self._log()}", 500
+        )
 
     async def stop(self) -> Path:
         """End the recording and return the file, which `discard` removes.
@@ -90,12 +92,13 @@ class Recorder:
             raise GuestError(f"No recording in progress to stop. FFmpeg log: {self._log()}", 400)
         process.send_signal(signal.SIGINT)
         try:
-            await asyncio.wait_for(process.wait(), PATIENCE)
+            await asyncio.wait_for(process.wait(), FFMPEG_TIMEOUT_S)
         except TimeoutError:
             os.killpg(process.pid, signal.SIGKILL)
             await process.wait()
             raise GuestError(
-                f"ffmpeg did not end within {PATIENCE:g} s and was killed: {self._log()}", 500
+                f"ffmpeg did not end within {FFMPEG_TIMEOUT_S:g} s and was killed: {self._log()}",
+                500,
             ) from None
         if not self._video.exists() or not self._video.stat().st_size:
             raise GuestError(f"ffmpeg wrote no video: {self._log()}", 500)

@@ -16,10 +16,10 @@ from starlette.responses import JSONResponse, PlainTextResponse, Response, Strea
 from starlette.routing import Route
 
 from ...errors import GuestError
-from .fields import BAD_REQUEST, body_of, text
-from .files import FAILED, NOT_FOUND, chunks, expand, listing, open_file, save
-from .gate import JsonAnswer
 from .machine import GuestMachine
+from .request_checks import JsonAnswer
+from .request_fields import BAD_REQUEST, read_json_body, text
+from .user_files import FAILED, NOT_FOUND, chunks, expand, listing, open_file, save
 
 DOWNLOAD_TRIES = 3
 DOWNLOAD_TIMEOUT = 300
@@ -71,7 +71,7 @@ class Files:
 
     async def download(self, request: Request) -> Response:
         """Fetch a file from the desktop's network."""
-        body = await body_of(request)
+        body = await read_json_body(request)
         url = text(body, "url")
         path = expand(text(body, "path"))
         size = await run_in_threadpool(_download, url, path)
@@ -79,7 +79,7 @@ class Files:
 
     async def list_directory(self, request: Request) -> Response:
         """The content of a folder."""
-        body = await body_of(request)
+        body = await read_json_body(request)
         path = expand(body.get("path"))
         tree = await run_in_threadpool(listing, path)
         return JsonAnswer({"directory_tree": tree})
@@ -113,7 +113,7 @@ class Files:
         Raises:
             GuestError: The picture or the desktop is missing.
         """
-        body = await body_of(request)
+        body = await read_json_body(request)
         path = expand(text(body, "path"))
         if not os.path.isfile(path):
             raise GuestError(f"File not found: {path}", NOT_FOUND)

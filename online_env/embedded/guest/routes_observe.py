@@ -8,10 +8,10 @@ from starlette.routing import Route
 from hijack_data import png
 
 from ...errors import GuestError
-from .fields import body_of
-from .files import chunks, open_file
-from .gate import problem
 from .machine import GuestMachine
+from .request_checks import problem
+from .request_fields import read_json_body
+from .user_files import chunks, open_file
 
 
 class Observe:
@@ -129,12 +129,12 @@ class Observe:
 
         The body is `{"action": "activate|close|minimise|place|show_desktop", "id", "box", "on"}`.
         """
-        await run_in_threadpool(self._machine.act, await body_of(request))
+        await run_in_threadpool(self._machine.act, await read_json_body(request))
         return JSONResponse({"status": "success"})
 
     async def input(self, request: Request) -> Response:
         """Play mouse and keyboard events."""
-        body = await body_of(request)
+        body = await read_json_body(request)
         if "events" not in body:
             return problem(
                 'events is required: {"events": [{"type": "click", "x": 10, "y": 20}]}', 400

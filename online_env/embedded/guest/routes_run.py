@@ -16,19 +16,19 @@ from starlette.routing import Route
 from hijack_data.surrogates import without_halves
 
 from ...errors import DesktopError, DesktopTimeoutError, GuestError
-from .commands import TIMEOUT, CommandResult, argv_of
-from .fields import body_of, flag, number, text
-from .files import expand
-from .gate import JsonAnswer
+from .commands import COMMAND_TIMEOUT_S, CommandResult, parse_command
 from .machine import GuestMachine
+from .request_checks import JsonAnswer
+from .request_fields import flag, number, read_json_body, text
+from .user_files import expand
 from .windows import Window
 
 CODE_TIMEOUT = 60.0
 SCRIPT_TIMEOUT = 100.0
 OPEN_TIMEOUT = 60.0
 VERIFY_TIMEOUT = 5.0
-POLL = 0.05
-SPLASH = 3.0  # s that a new window stays before it counts
+POLL_S = 0.05
+SPLASH_S = 3.0  # s that a new window stays before it counts
 
 
 class RunRoutes:
@@ -56,12 +56,12 @@ class RunRoutes:
 
     async def execute(self, request: Request) -> Response:
         """Run a command to its end."""
-        body = await body_of(request)
+        body = await read_json_body(request)
         return JSONResponse(_success(await self._execute(body)))
 
     async def _execute(self, body: dict[str, Any]) -> CommandResult:
-        argv = argv_of(body.get("command"), flag(body, "shell"))
-        return await self._machine.runner.run(argv, number(body, "timeout", TIMEOUT))
+        argv = parse_command(body.get("command"), flag(body, "shell"))
+        return await self._machine.runner.run(argv, number(body, "timeout", COMMAND_TIMEOUT_S))
 
     async def execute_with_verification(self, request: Request) -> Response:
         """Run a command, then wait until a window is there or another command succeeds.
@@ -69,19 +69,19 @@ class RunRoutes:
         Raises:
             GuestError: What is to be verified is not an object.
         """
-        body = await body_of(request)
+        body = await read_json_body(request)
         verification = body.get("verification") or {}
         if not isinstance(verification, dict):
             raise GuestError(f"verification must be an object, got {verification!r:.200}", 400)
         verification = cast("dict[str, Any]", verification)
-        patience = number(body, "max_wait_time", 10.0)
+        timeout = number(body, "max_wait_time", 10.0)
         pause = number(body, "check_interval", 1.0, 0.01)
         outcome = _success(await self._execute(body))
         if not verification:
             return JSONResponse(outcome)
         start = time.monotonic()
         verified = await self._verify(verification)
-        while not verified and time.monotonic() - start < patience:
+        while not verified and time.monotonic() - start < timeout:
             await sleep(pause)
             verified = await self._verify(verification)
         waited = {
@@ -100,7 +100,7 @@ class RunRoutes:
         if "command_success" not in verification:
             return True
         try:
-            argv = argv_of(verification["command_success"], shell=True)
+            argv = parse_command(verification["command_success"], shell=True)
             outcome = await self._machine.runner.run(argv, VERIFY_TIMEOUT)
             return outcome.returncode == 0
         except DesktopError:
@@ -112,7 +112,7 @@ class RunRoutes:
         Raises:
             GuestError: The fields are not an object.
         """
-        body = await body_of(request)
+        body = await read_json_body(request)
         fields = body.get("fields")
         if not isinstance(fields, dict):
             raise GuestError(f"fields must be an object, got {fields!r:.200}", 400)
@@ -124,9 +124,9 @@ class RunRoutes:
 
     async def launch(self, request: Request) -> Response:
         """Start a program and leave it running."""
-        body = await body_of(request)
+        body = await read_json_body(request)
         shell = flag(body, "shell")
-        argv = argv_of(body.get("command"), shell)
+        argv = parse_command(body.get("command"), shell)
         await self._machine.runner.launch(argv)
         started = without_halves(" ".join(argv[2:] if shell else argv))
         return PlainTextResponse(f"{started} launched successfully")
@@ -137,9 +137,9 @@ class RunRoutes:
         Raises:
             GuestError: There is no such file or program, or no window appears.
         """
-        body = await body_of(request)
+        body = await read_json_body(request)
         path = expand(body.get("path"))
-        patience = number(body, "timeout", OPEN_TIMEOUT)
+        timeout = number(body, "timeout", OPEN_TIMEOUT)
         argv = [path]
         if Path(path).exists():
             argv = ["xdg-open", path]
@@ -148,20 +148,20 @@ class RunRoutes:
         windows = await run_in_threadpool(self._machine.windows.all)
         before = {window.id for window in windows}
         await self._machine.runner.launch(argv)
-        window = await self._await_window(before, Path(path), patience)
+        window = await self._await_window(before, Path(path), timeout)
         if window is None:
             raise GuestError(
-                f"Failed to find window for {Path(path).name} within {patience:g} seconds.", 500
+                f"Failed to find window for {Path(path).name} within {timeout:g} seconds.", 500
             )
         await run_in_threadpool(self._machine.windows.activate, window.id)
         return PlainTextResponse("File opened and window activated successfully")
 
-    async def _await_window(self, before: set[int], path: Path, patience: float) -> Window | None:
+    async def _await_window(self, before: set[int], path: Path, timeout: float) -> Window | None:
         """A window that names the file, or a new one that has stayed a while.
 
         An application may show another window first.
         """
-        deadline = time.monotonic() + patience
+        deadline = time.monotonic() + timeout
         fresh_since: float | None = None
         while time.monotonic() < deadline:
             windows = await run_in_threadpool(self._machine.windows.all)
@@ -174,9 +174,9 @@ class RunRoutes:
                 fresh_since = None
             elif fresh_since is None:
                 fresh_since = time.monotonic()
-            elif time.monotonic() - fresh_since > SPLASH:
+            elif time.monotonic() - fresh_since > SPLASH_S:
                 return fresh[-1]
-            await sleep(POLL)
+            await sleep(POLL_S)
         return None
 
     async def activate_window(self, request: Request) -> Response:
@@ -190,7 +190,7 @@ class RunRoutes:
         return await self._act(request, self._machine.windows.close, "Window closed successfully.")
 
     async def _act(self, request: Request, act: Callable[[int], None], message: str) -> Response:
-        body = await body_of(request)
+        body = await read_json_body(request)
         name, strict, by_class = (
             text(body, "window_name"),
             flag(body, "strict"),
@@ -214,7 +214,7 @@ class RunRoutes:
 
     async def run_python(self, request: Request) -> Response:
         """Run Python code in the desktop's Python, with our pyautogui."""
-        body = await body_of(request)
+        body = await read_json_body(request)
         code = text(body, "code")
         try:
             outcome = await self._script("python3", code, number(body, "timeout", CODE_TIMEOUT))
@@ -240,7 +240,7 @@ class RunRoutes:
 
     async def run_bash_script(self, request: Request) -> Response:
         """Run a bash script; its errors are part of its output."""
-        body = await body_of(request)
+        body = await read_json_body(request)
         script = text(body, "script")
         timeout = number(body, "timeout", SCRIPT_TIMEOUT)
         folder = expand(body["working_dir"]) if body.get("working_dir") else None

@@ -13,7 +13,7 @@ from hijack_data.types import UInt8Array
 
 from ...errors import DesktopError
 from .display import SharedDisplay
-from .picture import PointerImage, to_rgb
+from .frame_format import PointerImage, to_rgb
 from .shim.ah_input import Connection
 
 
@@ -37,7 +37,7 @@ class ScreenCapture:
         with self._lock:
             image = to_rgb(self._grab())
             with self._display.use() as connection:
-                pointer = pointer_of(connection)
+                pointer = read_pointer(connection)
             pointer.draw(image)
             return image, self.count()
 
@@ -69,7 +69,7 @@ class ScreenCapture:
                 return
 
 
-def pointer_of(connection: Connection) -> PointerImage:
+def read_pointer(connection: Connection) -> PointerImage:
     """The pointer as it is now; raises the errors that `SharedDisplay.use` handles."""
     try:
         return PointerImage.of(connection.display.xfixes_get_cursor_image(connection.root))

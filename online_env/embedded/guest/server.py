@@ -3,8 +3,8 @@
 from starlette.applications import Starlette
 from starlette.types import ASGIApp
 
-from .gate import HANDLERS, Gate
 from .machine import GuestMachine
+from .request_checks import HANDLERS, TokenMiddleware
 from .routes_files import Files
 from .routes_observe import Observe
 from .routes_run import RunRoutes
@@ -17,4 +17,4 @@ def make_app(machine: GuestMachine, token: str | None, osworld: bool = False) ->
     are closed.
     """
     routes = [route for part in (Observe, RunRoutes, Files) for route in part(machine).routes()]
-    return Gate(Starlette(routes=routes, exception_handlers=HANDLERS), token, osworld)
+    return TokenMiddleware(Starlette(routes=routes, exception_handlers=HANDLERS), token, osworld)

@@ -24,7 +24,9 @@ from .inside.ewmh import Screen
 from .shim.ah_input import Connection
 
 PLACES = 6  # of the calls in which an operation waits, so many are named
-LIMIT = 45.0  # s for an operation beyond its patience; the machine waits for its answer longer
+EXTRA_TIMEOUT_S = (
+    45.0  # s for an operation beyond its timeout; the machine waits for its answer longer
+)
 _PEER = struct.Struct("3i")  # SO_PEERCRED: process, user, group
 _Facts = dict[str, Any]
 _Work = Callable[..., _Facts]
@@ -36,10 +38,10 @@ class Tools:
     Args:
         name: of the display.
         display: the connection of the server, made before anybody used the desktop.
-        limit: seconds after which an operation has failed, beyond the patience that it was given.
+        limit: seconds after which an operation has failed, beyond the timeout that it was given.
     """
 
-    def __init__(self, name: str, display: SharedDisplay, limit: float = LIMIT) -> None:
+    def __init__(self, name: str, display: SharedDisplay, limit: float = EXTRA_TIMEOUT_S) -> None:
         self._name = name
         self._display = display
         self._limit = limit
@@ -85,7 +87,7 @@ class Tools:
         thread = threading.Thread(
             target=_carry_out, args=(future, partial(self._on_screen, work, fields)), daemon=True
         )
-        limit = self._limit + float(fields.get("patience", 0.0))
+        limit = self._limit + float(fields.get("timeout", 0.0))
         thread.start()
         thread.join(limit)
         if not future.done():

@@ -16,9 +16,9 @@ from typing import IO, Any
 from hijack_data.files import replace_atomic, unwritable, write_atomic
 
 from ...errors import DesktopImageError
-from . import manifest, tree
+from . import file_entries, manifest
+from .file_entries import Entry
 from .manifest import Manifest
-from .tree import Entry
 
 LEVEL = 6
 SUFFIX = ".tar.zst"
@@ -37,7 +37,7 @@ def write(folder: Path, path: Path) -> None:
         MissingDependencyError: The package `zstandard` is missing.
     """
     zstandard = _zstandard()
-    entries = tree.parse((folder / manifest.FILES).read_text(encoding="utf-8"), str(folder))
+    entries = file_entries.parse((folder / manifest.FILES).read_text(encoding="utf-8"), str(folder))
     compressor = zstandard.ZstdCompressor(level=LEVEL, threads=os.cpu_count() or 1)
 
     def pack(temporary: Path) -> None:
@@ -64,7 +64,7 @@ def _add_bytes(tar: tarfile.TarFile, name: str, data: bytes) -> None:
 def _add(tar: tarfile.TarFile, folder: Path, entry: Entry) -> None:
     info = tarfile.TarInfo(entry.path)
     info.mode = entry.mode
-    info.mtime = entry.time or tree.EPOCH
+    info.mtime = entry.time or file_entries.EPOCH
     if entry.kind == "link":
         info.type = tarfile.SYMTYPE
         info.linkname = entry.content
@@ -138,7 +138,7 @@ def unpack(path: Path, folder: Path) -> Manifest:
             raise DesktopImageError(f"{path}:{manifest.FILES}: is not the one of the manifest")
         write_atomic(folder / manifest.NAME, text)
         write_atomic(folder / manifest.FILES, listed)
-        entries = tree.parse(listed.decode(), f"{path}:{manifest.FILES}")
+        entries = file_entries.parse(listed.decode(), f"{path}:{manifest.FILES}")
         folders = {""}
         for entry in entries:
             _extract(tar, path, folder, entry, folders)
@@ -191,7 +191,7 @@ def _set_folders(folder: Path, entries: list[Entry]) -> None:
     for entry in reversed(entries):
         if entry.kind == "folder":
             (folder / entry.path).chmod(entry.mode)
-            os.utime(folder / entry.path, (tree.EPOCH, tree.EPOCH))
+            os.utime(folder / entry.path, (file_entries.EPOCH, file_entries.EPOCH))
 
 
 def _zstandard() -> Any:

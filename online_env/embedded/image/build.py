@@ -1,7 +1,7 @@
 """Building an image: Debian's packages, unpacked and configured in a tree of their own.
 
 The essential packages are unpacked here; then dpkg, which is among them, installs itself and all
-others in the chamber, as debootstrap does in its second stage.
+others in the chroot, as debootstrap does in its second stage.
 """
 
 import io
@@ -17,7 +17,7 @@ from pathlib import Path
 
 from ...errors import DesktopImageError
 from .. import packages
-from . import cache, chamber, debian, guest, manifest, sources, tree
+from . import cache, debian, file_entries, guest_packages, manifest, sources, unprivileged_chroot
 from .cache import Report
 from .manifest import Manifest, Pin
 
@@ -56,7 +56,7 @@ LEFT = (
     "var/lib/dbus/machine-id",
 )
 LEFT_FILES = ("etc/*-", "var/lib/dpkg/*-old", "var/lib/dpkg/lock*", "var/lib/dpkg/triggers/Lock")
-_DAYS = str(tree.EPOCH // 86400)
+_DAYS = str(file_entries.EPOCH // 86400)
 _AR = b"!<arch>\n"
 _AR_HEADER = 60
 # Without this a program that is installed would start its services.
@@ -126,7 +126,7 @@ def choose(recipe: Recipe) -> Choice:
         DesktopImageError: An archive cannot be read, or lacks something.
     """
     index, trust = sources.read(recipe.sources, architecture(), recipe.unsigned)
-    names = recipe.packages or (*packages.packages(recipe.profiles), *guest.DEBIAN)
+    names = recipe.packages or (*packages.packages(recipe.profiles), *guest_packages.DEBIAN)
     unknown = [name for name in names if name not in index.best]
     if unknown:
         raise DesktopImageError(f"the archives have no package {', '.join(unknown)}")
@@ -174,18 +174,18 @@ def build(recipe: Recipe, name: str | None, report: Report) -> tuple[str, Manife
     def say(text: str) -> None:
         report(f"{time.monotonic() - began:6.1f} s  {text}")
 
-    with cache.writing(report) as folder:
+    with cache.cache_lock(report) as folder:
         choice = choose(recipe)
         size = 5.0 * sum(package.size for package in choice.all)
         cache.check_room(folder, size)
         paths = sources.fetch_packages(choice.all, folder / "packages", say)
-        with cache.workshop(folder) as fresh:
+        with cache.build_folder(folder) as fresh:
             log = folder / "build.log"
             log.unlink(missing_ok=True)
             python = _fill(fresh, choice, paths, log, say)
             image = describe(fresh, recipe, choice, python)
             cache.publish(fresh, image)
-        cache.name_it(folder, image_name, image.id)
+        cache.write_name(folder, image_name, image.id)
         say(f"image {image_name} ({image.id}): {image.summary}")
     return image_name, image
 
@@ -196,21 +196,21 @@ def _fill(fresh: Path, choice: Choice, paths: dict[str, Path], log: Path, say: R
     _prepare(root, choice, paths)
     say(f"{len(choice.base)} base packages unpacked")
     python = fresh / cache.GUEST
-    parts = guest.install(python)
+    parts = guest_packages.install(python)
     _install(root, choice, paths, log, say)
     _clean(root)
-    tree.settle(root, began)
+    file_entries.set_times(root, began)
     # They remember the times of folders, so they come after those are settled.
     commands = _last_commands(root)
-    chamber.run(
+    unprivileged_chroot.run(
         root,
         commands,
         log,
         lent={"guest": python},
-        environment={"SOURCE_DATE_EPOCH": str(tree.EPOCH)},
+        environment={"SOURCE_DATE_EPOCH": str(file_entries.EPOCH)},
     )
     _clean(root)
-    tree.settle(fresh, began)
+    file_entries.set_times(fresh, began)
     say("configured")
     return parts
 
@@ -220,7 +220,7 @@ def _last_commands(root: Path) -> list[list[str]]:
     compiled = ["python3", "-m", "compileall", "-q", "-j", "1"]
     commands = [
         [*compiled, "--invalidation-mode", "unchecked-hash", guest_folder],
-        ["python3", "-I", "-S", "-B", "-c", guest.PROOF],
+        ["python3", "-I", "-S", "-B", "-c", guest_packages.PROOF],
     ]
     if (root / "usr/bin/fc-cache").exists():
         commands.append(["fc-cache", "--force", "--system-only"])
@@ -270,12 +270,12 @@ def _install(root: Path, choice: Choice, paths: dict[str, Path], log: Path, say:
     commands = [["ldconfig"], [*force, "--install", *files(first)]]
     if later:
         commands.append([*force, "--force-overwrite", "--unpack", *files(later)])
-    chamber.run(root, [*commands, configure], log, mounts)
+    unprivileged_chroot.run(root, [*commands, configure], log, mounts)
     say("base packages configured")
     if extra:
-        chamber.run(root, [[*force, "--unpack", *files(extra)]], log, mounts)
+        unprivileged_chroot.run(root, [[*force, "--unpack", *files(extra)]], log, mounts)
         say(f"{len(extra)} more packages unpacked")
-    chamber.run(root, [["dpkg", "--configure", "--pending"]], log, mounts)
+    unprivileged_chroot.run(root, [["dpkg", "--configure", "--pending"]], log, mounts)
 
 
 def unpack(path: Path, root: Path) -> None:
@@ -335,7 +335,7 @@ def _clean(root: Path) -> None:
     for name in LEFT:
         path = root / name
         if path.is_dir() and not path.is_symlink():
-            tree.remove(path)
+            file_entries.remove(path)
             path.mkdir()
         else:
             path.unlink(missing_ok=True)
@@ -364,8 +364,8 @@ def describe(fresh: Path, recipe: Recipe, choice: Choice, python: Sequence[Pin])
     Raises:
         DesktopImageError: A file is a device, a socket or a pipe.
     """
-    entries = [tree.look(path, fresh) for path in tree.walk(fresh)]
-    listed = tree.listing(entries)
+    entries = [file_entries.read_entry(path, fresh) for path in file_entries.walk(fresh)]
+    listed = file_entries.listing(entries)
     (fresh / manifest.FILES).write_text(listed, encoding="utf-8")
     image = Manifest(
         suite=sources.SUITE,
@@ -376,7 +376,7 @@ def describe(fresh: Path, recipe: Recipe, choice: Choice, python: Sequence[Pin])
         python=tuple(python),
         files=len(entries),
         size=sum(entry.size for entry in entries),
-        files_sha256=tree.digest(fresh / manifest.FILES),
+        files_sha256=file_entries.digest(fresh / manifest.FILES),
     )
     (fresh / manifest.NAME).write_text(image.to_json(), encoding="utf-8")
     return image

@@ -23,7 +23,7 @@ from hijack_data.locking import LockedError, lock
 
 from ...errors import DesktopImageError
 from .. import home, registry
-from . import archive, debian, manifest, tree
+from . import archive, debian, file_entries, manifest
 from .manifest import Manifest
 
 VARIABLE = "AGENTHIJACK_IMAGES"
@@ -81,7 +81,7 @@ def is_noexec(folder: Path) -> bool:
 
 
 @contextmanager
-def writing(report: Report) -> Iterator[Path]:
+def cache_lock(report: Report) -> Iterator[Path]:
     """Hold the cache: one process at a time builds, imports or removes. Yields its folder.
 
     Args:
@@ -100,12 +100,12 @@ def writing(report: Report) -> Iterator[Path]:
     with file_lock:
         file_lock.sign()
         for leftover in (*folder.glob(f"{BUILDING}*"), *folder.glob(f"{REMOVED}*")):
-            tree.remove(leftover)
+            file_entries.remove(leftover)
         yield folder
 
 
 @contextmanager
-def workshop(folder: Path) -> Iterator[Path]:
+def build_folder(folder: Path) -> Iterator[Path]:
     """A folder to make an image in; nothing is left of it unless `publish` renamed it."""
     fresh = Path(tempfile.mkdtemp(prefix=BUILDING, dir=folder))
     try:
@@ -115,7 +115,7 @@ def workshop(folder: Path) -> Iterator[Path]:
             raise StorageError(f"{fresh}: the disk is full; free some space") from None
         raise
     finally:
-        tree.remove(fresh)
+        file_entries.remove(fresh)
 
 
 def publish(fresh: Path, image: Manifest) -> Path:
@@ -147,7 +147,7 @@ def is_whole(folder: Path) -> bool:
         return False
 
 
-def name_it(folder: Path, name: str, image: str) -> None:
+def write_name(folder: Path, name: str, image: str) -> None:
     """Let `name` stand for the image with the id `image`; before, it may have stood for another."""
     write_atomic(folder / _NAMES / check_name(name), f"{image}\n")
 
@@ -234,7 +234,7 @@ def check_architecture(image: Manifest, label: str) -> None:
         )
 
 
-def wanted(name: str | None) -> str:
+def requested_name(name: str | None) -> str:
     """The name of the image for a desktop, or `host` for the machine's own packages.
 
     Args:
@@ -263,7 +263,7 @@ def make_default(name: str) -> None:
     (place() / _DEFAULT).unlink(missing_ok=True)
 
 
-def chosen(name: str | None) -> Path | None:
+def find_image_folder(name: str | None) -> Path | None:
     """The image for a desktop, or `None` for the machine's own packages.
 
     Args:
@@ -272,7 +272,7 @@ def chosen(name: str | None) -> Path | None:
     Raises:
         DesktopImageError: There is no such image.
     """
-    resolved = wanted(name)
+    resolved = requested_name(name)
     return None if resolved == HOST else resolve(resolved)
 
 
@@ -308,12 +308,12 @@ def import_file(path: Path, name: str | None, report: Report) -> tuple[str, Mani
     image = archive.read_manifest(path)
     check_architecture(image, str(path))
     image_name = check_name(name or default_name(image.profiles))
-    with writing(report) as folder:
+    with cache_lock(report) as folder:
         if not is_whole(folder / image.id):
             check_room(folder, image.size)
-            with workshop(folder) as fresh:
+            with build_folder(folder) as fresh:
                 publish(fresh, archive.unpack(path, fresh))
-        name_it(folder, image_name, image.id)
+        write_name(folder, image_name, image.id)
     return image_name, image
 
 
@@ -332,10 +332,10 @@ def verify(folder: Path) -> list[str]:
     if image.id != folder.name:
         return [f"{folder / manifest.NAME}: was changed: its id is {image.id}"]
     listed = folder / manifest.FILES
-    if not listed.is_file() or tree.digest(listed) != image.files_sha256:
+    if not listed.is_file() or file_entries.digest(listed) != image.files_sha256:
         return [f"{listed}: is missing or was changed"]
-    entries = tree.parse(listed.read_text(encoding="utf-8"), str(listed))
-    return list(tree.differences(folder, entries, (manifest.NAME, manifest.FILES)))
+    entries = file_entries.parse(listed.read_text(encoding="utf-8"), str(listed))
+    return list(file_entries.differences(folder, entries, (manifest.NAME, manifest.FILES)))
 
 
 def remove(name: str, report: Report) -> str:
@@ -344,7 +344,7 @@ def remove(name: str, report: Report) -> str:
     Raises:
         DesktopImageError: There is none, or a desktop runs from it.
     """
-    with writing(report) as folder:
+    with cache_lock(report) as folder:
         ids_by_name = names()
         image = ids_by_name.get(name) or resolve(name).name
         _check_unused(image, name)
@@ -371,4 +371,4 @@ def _put_away(image: Path) -> None:
     """Remove an image; by another name first, so that no half image is left by an interrupt."""
     target = image.with_name(f"{REMOVED}{image.name}")
     image.rename(target)
-    tree.remove(target)
+    file_entries.remove(target)

@@ -25,10 +25,10 @@ from ...errors import DesktopImageError
 from .. import home
 from ..container.control import CONTROL_PORT
 from ..container.entry import GUEST_PORT, SERVER
-from ..runtime import files, image_python
+from ..runtime import image_python, root_file_system
+from ..runtime.desktop_config import DesktopConfig
 from ..runtime.identity import Identity
-from ..runtime.plain import DesktopConfig
-from . import cache, manifest, tree
+from . import cache, file_entries, manifest
 
 REPOSITORY = "agenthijack-desktop"
 # The engine's own, by mounts.
@@ -45,7 +45,7 @@ _MODULES = (
     " entry._load(); print(*sorted(sys.modules), sep='\\n')"
 )
 _CODE = Path(__file__).resolve().parents[3]
-_CHROME = f"{files.LOCAL_BIN}/chrome"
+_CHROME = f"{root_file_system.LOCAL_BIN}/chrome"
 
 
 def write(image: Path, path: Path) -> str:
@@ -69,7 +69,7 @@ def write(image: Path, path: Path) -> str:
             layers = [Path(folder, f"{number}.tar") for number in (0, 1)]
             _system(image, layers[0])
             _desktop(image, layers[1])
-            digests = [tree.digest(layer) for layer in layers]
+            digests = [file_entries.digest(layer) for layer in layers]
             config = json.dumps(_config(image_manifest.architecture, digests)).encode()
             config_name = f"{hashlib.sha256(config).hexdigest()}.json"
             names = [f"{digest}.tar" for digest in digests]
@@ -89,7 +89,7 @@ def _config(architecture: str, digests: list[str]) -> dict[str, Any]:
     return {
         "architecture": architecture,
         "os": "linux",
-        "created": "2023-11-14T22:13:20Z",  # tree.EPOCH
+        "created": "2023-11-14T22:13:20Z",  # file_entries.EPOCH
         "config": {
             "Entrypoint": [image_python.PYTHON, "-I", "-S", "-B", "-c", _START],
             "Env": ["PATH=/usr/sbin:/usr/bin:/sbin:/bin", "LANG=C.UTF-8", "OPENBLAS_NUM_THREADS=1"],
@@ -111,11 +111,11 @@ def _system(image: Path, path: Path) -> None:
     listed = (image / manifest.FILES).read_text(encoding="utf-8")
     begin = f"{cache.ROOT}/"
     with _layer(path) as tar:
-        for entry in tree.parse(listed, str(image)):
+        for entry in file_entries.parse(listed, str(image)):
             name = entry.path.removeprefix(begin)
             if entry.path.startswith(begin):
                 _add_entry(tar, name, image / entry.path, entry)
-        browser = f"{files.CHROMIUM}/chromium"
+        browser = f"{root_file_system.CHROMIUM}/chromium"
         if not (image / begin / browser).is_file():
             return
         folder = Path()
@@ -128,7 +128,7 @@ def _system(image: Path, path: Path) -> None:
         tar.addfile(info)
 
 
-def _add_entry(tar: tarfile.TarFile, name: str, path: Path, entry: tree.Entry) -> None:
+def _add_entry(tar: tarfile.TarFile, name: str, path: Path, entry: file_entries.Entry) -> None:
     kinds = {"folder": tarfile.DIRTYPE, "link": tarfile.SYMTYPE, "file": tarfile.REGTYPE}
     info = _info(name, kinds[entry.kind], entry.mode, entry.time)
     if entry.kind == "link":
@@ -149,7 +149,7 @@ def _info(name: str, kind: bytes, mode: int = 0o755, time: int = 0) -> tarfile.T
     info = tarfile.TarInfo(name)
     info.type = kind
     info.mode = mode
-    info.mtime = time or tree.EPOCH
+    info.mtime = time or file_entries.EPOCH
     return info
 
 
@@ -175,7 +175,7 @@ def _desktop(image: Path, path: Path) -> None:
     server = SERVER.lstrip("/")
     with tempfile.TemporaryDirectory(prefix="agenthijack-layer-") as folder, _layer(path) as tar:
         upper = Path(folder)
-        files.fill_upper(upper, order, Identity(-1, 0, True))
+        root_file_system.fill_upper(upper, order, Identity(-1, 0, True))
         (upper / "etc/chromium.d").mkdir(parents=True, exist_ok=True)
         (upper / "etc/chromium.d/zz-container").write_text(_CHROMIUM, encoding="ascii")
         for name in (*_ENGINES, f"{_CHROME}/chrome"):
@@ -197,8 +197,8 @@ def _add_parents(tar: tarfile.TarFile, name: str, top: str) -> None:
 
 
 def _add_tree(tar: tarfile.TarFile, top: Path, name: str) -> None:
-    for path in tree.walk(top):
-        entry = replace(tree.look(path, top), time=tree.EPOCH)
+    for path in file_entries.walk(top):
+        entry = replace(file_entries.read_entry(path, top), time=file_entries.EPOCH)
         member = f"{name}/{entry.path}".lstrip("/")
         _add_entry(tar, member, path, entry)
 

@@ -32,7 +32,7 @@ APT = Path("/etc/apt")
 KEYRING = Path("/usr/share/keyrings/debian-archive-keyring.gpg")
 SCHEMES = ("http", "https", "file")
 TRIES = 4
-PATIENCE = 60.0  # s for an answer
+ANSWER_TIMEOUT_S = 60.0  # s for an answer
 AT_ONCE = 8
 # How the archives are known to be Debian's; the weakest of all sources goes into the manifest.
 TRUST = ("none", "tls", "signature")
@@ -237,7 +237,7 @@ def fetch(url: str, sha256: str | None = None) -> bytes:
         if turn:
             time.sleep(turn)
         try:
-            with urllib.request.urlopen(url, timeout=PATIENCE) as answer:
+            with urllib.request.urlopen(url, timeout=ANSWER_TIMEOUT_S) as answer:
                 data = answer.read()
         except urllib.error.HTTPError as error:
             if error.code in (403, 404, 410):

@@ -23,7 +23,7 @@ LOOPBACK = "127.0.0.1"
 # Inside: what OSWorld's clients reach beside the guest server: the browser's tools, and VLC's page.
 OSWORLD_PORTS = {"chromium": 9222, "vlc": 8080}
 CHUNK = 1 << 18
-PAUSE = 0.1  # s before accepting again what could not be accepted
+ACCEPT_PAUSE_S = 0.1  # s before accepting again what could not be accepted
 _ESTABLISHED = "01"
 _REFUSAL = b"only the user who started this desktop (or root) may use it\n"
 _REFUSED = (
@@ -166,7 +166,7 @@ def _attend(port: Port, owners: Owners, network: Path) -> None:
         try:
             caller, _ = port.listener.accept()
         except OSError:  # no descriptors left: others give some back
-            time.sleep(PAUSE)
+            time.sleep(ACCEPT_PAUSE_S)
             continue
         work = (caller, port.target, owners)
         threading.Thread(target=_connect, args=work, daemon=True).start()

@@ -14,8 +14,8 @@ from pathlib import Path
 from . import account
 from .identity import Identity
 
-DOOR = "screen"
-GUEST_DOOR = "guest"
+FREEZE_SOCKET = "screen"
+GUEST_SOCKET = "guest"
 # What the file holds before the pixels (X11/XWDFile.h): a header and 256 colours, about 3 KB.
 _ROOM = 1 << 16
 
@@ -38,15 +38,15 @@ class Framebuffer:
             fcntl.F_ADD_SEALS,
             fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL,
         )
-        identity.give_open(self.memory, account.UID)
-        self.door = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self.door.bind(str(folder / DOOR))
-        self.door.listen(8)
+        identity.fchown(self.memory, account.UID)
+        self.freeze_socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.freeze_socket.bind(str(folder / FREEZE_SOCKET))
+        self.freeze_socket.listen(8)
 
     def close(self) -> None:
         """Close the memory and the door; what has them open keeps them."""
         os.close(self.memory)
-        self.door.close()
+        self.freeze_socket.close()
 
     def show(self, folder: Path) -> None:
         """Let an X server that inherits the memory find it in `folder`.
@@ -58,7 +58,7 @@ class Framebuffer:
 
 
 @dataclass(frozen=True)
-class Doors:
+class DesktopEndpoints:
     """The memory and the guest server's socket, which the keeper made for the desktop to keep open.
 
     The socket is a file in the run folder, which nobody else may enter. A TCP socket of the
@@ -70,14 +70,14 @@ class Doors:
     guest: socket.socket
 
     @classmethod
-    def make(cls, screen: tuple[int, int], folder: Path, identity: Identity) -> "Doors":
+    def make(cls, screen: tuple[int, int], folder: Path, identity: Identity) -> "DesktopEndpoints":
         """Make them for a screen of `(width, height)` pixels in the run folder `folder`."""
         guest = socket.socket(socket.AF_UNIX)
-        guest.bind(str(folder / GUEST_DOOR))
+        guest.bind(str(folder / GUEST_SOCKET))
         guest.listen(128)
         return cls(Framebuffer(screen, folder, identity), guest)
 
     def close(self) -> None:
         """Close the keeper's ends of the sockets."""
-        self.framebuffer.door.close()
+        self.framebuffer.freeze_socket.close()
         self.guest.close()

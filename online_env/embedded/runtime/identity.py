@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from . import account, kernel
-from .plain import SetupError
+from .desktop_config import SetupError
 
 RANGE = 1 << 16
 # Above what distributions give to users and below 2**31 + 2**28; one range for each slot of the
@@ -39,13 +39,13 @@ class Identity:
     base: int
     rootless: bool
 
-    def give(self, path: "str | Path", uid: int, gid: int | None = None) -> None:
+    def chown(self, path: "str | Path", uid: int, gid: int | None = None) -> None:
         """Make a file, or a link, the property of a user inside."""
         if not self.rootless:
             group = uid if gid is None else gid
             os.chown(path, self.base + uid, self.base + group, follow_symlinks=False)
 
-    def give_open(self, descriptor: int, uid: int) -> None:
+    def fchown(self, descriptor: int, uid: int) -> None:
         """Make an open file the property of a user inside."""
         if not self.rootless:
             os.fchown(descriptor, self.base + uid, self.base + uid)

@@ -13,22 +13,22 @@ from pathlib import Path
 from typing import NoReturn
 
 from . import kernel
+from .desktop_config import DesktopConfig
 from .identity import Identity
-from .plain import DesktopConfig
 
 PYTHON = "/usr/bin/python3"
 PACKAGES = ("hijack_data", "online_env")
 # Below the root of the image, while the guest server loads.
 SEARCH_PATH = ("/run/code", "/run/guest", "/usr/lib/python3/dist-packages")
 _CODE = (
-    f"import sys; sys.path[:0] = {list(SEARCH_PATH)}; from online_env.embedded.runtime.nest import"
-    " resume; resume(*map(int, sys.argv[1:]))"
+    f"import sys; sys.path[:0] = {list(SEARCH_PATH)};"
+    " from online_env.embedded.runtime.guest_spawner import resume; resume(*map(int, sys.argv[1:]))"
 )
 _HERE = Path(__file__).resolve().parents[3]
 
 
 def become(order: DesktopConfig, identity: Identity, line: socket.socket) -> NoReturn:
-    """Go on as `nest.resume` in the image's Python.
+    """Go on as `guest_spawner.resume` in the image's Python.
 
     Args:
         order: of the desktop.

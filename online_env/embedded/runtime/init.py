@@ -14,21 +14,21 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
-from .. import windows
-from . import account, files, kernel, limits, seccomp, session
-from .framebuffer import Doors
+from .. import window_report
+from . import account, kernel, limits, root_file_system, seccomp, session
+from .desktop_config import DesktopConfig, SetupError
+from .framebuffer import DesktopEndpoints
+from .guest_spawner import GuestServerSpawner
 from .identity import Identity
 from .logs import BoundedLogs
-from .nest import Nest
-from .plain import DesktopConfig, SetupError
 
 Found = TypeVar("Found")
-NEST = "nest"
+SPAWNER = "spawner"
 GUEST = "guest"
 SERVERS = ("Xvfb", "dbus-daemon")  # nothing works without them, and nothing can go on after them
 # So often may one program die within a minute before the desktop is given up.
-RESTARTS = 8
-WINDOW = 60.0
+MAX_RESTARTS = 8
+RESTART_WINDOW_S = 60.0
 WAKE_BYTES = 4096
 FAMILY_LOCAL = 256
 FAMILY_WILD = 65535
@@ -52,7 +52,7 @@ class Init:
         folder: Path,
         token: str,
         identity: Identity,
-        doors: Doors,
+        doors: DesktopEndpoints,
         logs: int | None = None,
     ) -> None:
         self.order = order
@@ -74,11 +74,11 @@ class Init:
 
         A part that does not come up is a `SetupError`.
         """
-        kernel.rename("init")
-        self._start_nest()
+        kernel.set_process_name("init")
+        self._start_spawner()
         kernel.unshare(kernel.CLONE_NEWNS)
-        files.enter_root(self.order, self.identity, self.folder)
-        self._ask_nest(self.nest.follow)
+        root_file_system.enter_root(self.order, self.identity, self.folder)
+        self._ask_spawner(self.spawner.follow)
         kernel.set_host_name(account.HOST_NAME)
         self.identity.enter()
         kernel.forbid_reading()
@@ -91,12 +91,12 @@ class Init:
         for name, program in session.LATE.items():
             self.start(name, program.argv)
         while True:
-            self.attend(WINDOW)
+            self.attend(RESTART_WINDOW_S)
 
-    def _start_nest(self) -> None:
+    def _start_spawner(self) -> None:
         self.wake = wake_on_children()
-        self.nest = Nest(self.order, self.identity, self.logs.writer(NEST))
-        self.running[self.nest.pid] = NEST
+        self.spawner = GuestServerSpawner(self.order, self.identity, self.logs.writer(SPAWNER))
+        self.running[self.spawner.pid] = SPAWNER
 
     def attend(self, timeout: float, descriptors: Iterable[int] = ()) -> set[int]:
         """Keep logs and look after processes until one of `descriptors` can be read.
@@ -189,16 +189,18 @@ class Init:
             self.start(name, program.argv)
         programs = [*session.SHELL.values(), *apps.values()]
         expected = [program.window for program in programs]
-        announced = [windows.MANAGER, windows.SETTINGS, *expected]
+        announced = [window_report.MANAGER, window_report.SETTINGS, *expected]
         reader, writer = os.pipe()
         log = self.logs.writer("windows")
-        self._ask_nest(lambda: self.nest.show_windows(announced, self.environment, (writer, log)))
+        self._ask_spawner(
+            lambda: self.spawner.show_windows(announced, self.environment, (writer, log))
+        )
         os.close(writer)
         # A program that starts before the fonts are published may keep drawing with others.
-        present = self._await(reader, {windows.SETTINGS}, set())
+        present = self._await(reader, {window_report.SETTINGS}, set())
         for name, program in session.SHELL.items():
             self.start(name, program.argv)
-        present = self._await(reader, {windows.MANAGER}, present)
+        present = self._await(reader, {window_report.MANAGER}, present)
         for name, program in apps.items():
             self.start(name, program.argv, again=False)
         self._await(reader, set(expected), present)
@@ -250,7 +252,7 @@ class Init:
             SetupError: One of them has ended.
         """
         for pid, name in self.running.items():
-            if name in (*SERVERS, NEST) and os.waitpid(pid, os.WNOHANG)[0]:
+            if name in (*SERVERS, SPAWNER) and os.waitpid(pid, os.WNOHANG)[0]:
                 raise SetupError(f"{name} ended; {self._tail(name)}")
 
     def _start_guest(self) -> int:
@@ -261,26 +263,26 @@ class Init:
         os.close(token_writer)
         doors = (
             self.doors.guest.fileno(),
-            self.doors.framebuffer.door.fileno(),
+            self.doors.framebuffer.freeze_socket.fileno(),
             secret,
             writer,
             self.logs.writer(GUEST),
         )
-        self._ask_nest(lambda: self.nest.serve(self.environment, self.order.osworld, doors))
+        self._ask_spawner(lambda: self.spawner.serve(self.environment, self.order.osworld, doors))
         for descriptor in (secret, writer):
             os.close(descriptor)
         return serving
 
     def _guest_started(self) -> None:
-        patience = max(20.0, self.deadline - time.monotonic())
-        self.running[self._ask_nest(lambda: self.nest.started(patience))] = GUEST
+        timeout = max(20.0, self.deadline - time.monotonic())
+        self.running[self._ask_spawner(lambda: self.spawner.started(timeout))] = GUEST
 
-    def _ask_nest(self, ask: "Callable[[], Found]") -> "Found":
+    def _ask_spawner(self, ask: "Callable[[], Found]") -> "Found":
         try:
             return ask()
         except OSError as error:
             reason = f"what starts the guest server does not answer ({error})"
-            raise SetupError(f"{reason}; {self._tail(NEST)}") from None
+            raise SetupError(f"{reason}; {self._tail(SPAWNER)}") from None
 
     def _tail(self, name: str) -> str:
         return f"the end of {name}.log: {self.logs.tail(name) or '(empty)'}"
@@ -300,21 +302,21 @@ class Init:
             raise SetupError(
                 f"{name} ended ({_how(status)}), and with it the desktop; {self._tail(name)}"
             )
-        if name == NEST:
-            raise SetupError(f"what starts the guest server ended; {self._tail(NEST)}")
+        if name == SPAWNER:
+            raise SetupError(f"what starts the guest server ended; {self._tail(SPAWNER)}")
         if name == GUEST or name in self.commands:
             self._again(name, status)
 
     def _again(self, name: str, status: int) -> None:
         now_s = time.monotonic()
         before = self.deaths.get(name, [])
-        recent = [death for death in before if now_s - death < WINDOW]
+        recent = [death for death in before if now_s - death < RESTART_WINDOW_S]
         recent.append(now_s)
         self.deaths[name] = recent
-        if len(recent) > RESTARTS:
+        if len(recent) > MAX_RESTARTS:
             raise SetupError(
-                f"{name} ended {len(recent)} times within {WINDOW:.0f} s ({_how(status)});"
-                f" {self._tail(name)}"
+                f"{name} ended {len(recent)} times within {RESTART_WINDOW_S:.0f} s"
+                f" ({_how(status)}); {self._tail(name)}"
             )
         if len(recent) > 1:
             time.sleep(0.1)

@@ -8,11 +8,11 @@ from typing import IO, cast
 
 from .. import registry
 from . import kernel, limits, network, session
+from .desktop_config import DesktopConfig, SetupError
 from .logs import BoundedLogs
-from .plain import DesktopConfig, SetupError
 
 # So often is a server that ended started again.
-RESTARTS = 5
+MAX_RESTARTS = 5
 LOG = "sites"
 
 
@@ -45,7 +45,7 @@ class Internet:
             str(self.state),
         )
         self._deadline = time.monotonic() + order.time_out
-        self._left = RESTARTS
+        self._left = MAX_RESTARTS
         self._process = self._start()
         self.serves = False
 
@@ -79,7 +79,7 @@ class Internet:
         if not has_ended:
             return
         if not self._left:
-            raise SetupError(f"the local internet ended {RESTARTS + 1} times; {self._tail()}")
+            raise SetupError(f"the local internet ended {MAX_RESTARTS + 1} times; {self._tail()}")
         self._left -= 1
         self.serves = False
         self._deadline = time.monotonic() + self._order.time_out

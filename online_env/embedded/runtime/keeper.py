@@ -24,15 +24,26 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from .. import registry
-from . import account, files, forward, identity, init, kernel, limits, network, rootless, session
-from .framebuffer import GUEST_DOOR, Doors
+from . import (
+    account,
+    forward,
+    identity,
+    init,
+    kernel,
+    limits,
+    network,
+    root_file_system,
+    rootless,
+    session,
+)
+from .desktop_config import DesktopConfig, SetupError
+from .framebuffer import GUEST_SOCKET, DesktopEndpoints
 from .health import GuestHealth
 from .identity import Identity
 from .internet import Internet
 from .logs import BoundedLogs
-from .plain import DesktopConfig, SetupError
 
-# Mounts follow later: the guest server is loaded before (nest.py).
+# Mounts follow later: the guest server is loaded before (guest_spawner.py).
 NAMESPACES = (
     kernel.CLONE_NEWPID | kernel.CLONE_NEWUTS | kernel.CLONE_NEWIPC | kernel.CLONE_NEWCGROUP
 )
@@ -122,17 +133,17 @@ def _keep(
     token_file.write_text(token, encoding="ascii")
     logs = BoundedLogs(os.open(folder / "logs", os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC))
     internet = Internet(order, name, logs)
-    folders = [*map(str, files.shown_folders(order.system)), f"{order.layer}/home"]
+    folders = [*map(str, root_file_system.shown_folders(order.system)), f"{order.layer}/home"]
     user = identity.make(record["slot"], order.rootless, folders)
     user.give(folder / "logs", 0)  # process 1 writes there
-    doors = Doors.make(order.screen, folder, user)
-    ports, reached = _ports(order, record["slot"], str(folder / GUEST_DOOR), listener)
+    doors = DesktopEndpoints.make(order.screen, folder, user)
+    ports, reached = _ports(order, record["slot"], str(folder / GUEST_SOCKET), listener)
     record |= {
         **reached,
         "netns": network.desktop_namespace(name),
         "web_netns": network.web_namespace(name),
         "token_file": str(token_file),
-        "door": str(folder / GUEST_DOOR),
+        "door": str(folder / GUEST_SOCKET),
         "memory": doors.framebuffer.memory,
         "sites": str(internet.state),
         "shifted": bool(user.base),
@@ -241,7 +252,7 @@ def _fail(record: dict[str, Any], reason: str) -> int:
 
 
 def _launch(
-    order: DesktopConfig, name: str, token: str, user: Identity, doors: Doors
+    order: DesktopConfig, name: str, token: str, user: Identity, doors: DesktopEndpoints
 ) -> tuple[int, int]:
     """Fork the launcher, which forks process 1.
 
@@ -279,7 +290,12 @@ def _launch(
 
 
 def _first_process(
-    order: DesktopConfig, name: str, token: str, user: Identity, doors: Doors, writer: int
+    order: DesktopConfig,
+    name: str,
+    token: str,
+    user: Identity,
+    doors: DesktopEndpoints,
+    writer: int,
 ) -> NoReturn:
     try:
         kernel.die_with_parent()

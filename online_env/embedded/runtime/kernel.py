@@ -208,7 +208,7 @@ def forbid_reading() -> None:
     _check(_libc.prctl(_PR_SET_DUMPABLE, 0, 0, 0, 0), "prctl(PR_SET_DUMPABLE)")
 
 
-def rename(title: str) -> None:
+def set_process_name(title: str) -> None:
     """Call this process `title` in lists of processes.
 
     The paths of its owner are nobody's business inside.

@@ -13,12 +13,12 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from .plain import DesktopConfig
+from .desktop_config import DesktopConfig
 
 GROUPS = Path("/sys/fs/cgroup")
 RESOURCES = ("processes", "memory")
-PATIENCE = 10.0  # s for the last process of a group to be reaped
-POLL = 0.01
+EXIT_TIMEOUT_S = 10.0  # s for the last process of a group to be reaped
+POLL_S = 0.01
 MAX_OPEN_FILES = 8192
 _PREFIX = "agenthijack-"
 OOM_SCORE = "500"  # the desktop's processes are the first to go without memory
@@ -117,21 +117,21 @@ def _join(group: Group) -> None:
     (group.folder / "cgroup.procs").write_text(str(os.getpid()), encoding="ascii")
 
 
-def leave_groups(name: str, patience: float = PATIENCE) -> None:
+def leave_groups(name: str, timeout: float = EXIT_TIMEOUT_S) -> None:
     """Remove the groups of a desktop whose processes have ended.
 
     Args:
         name: of the desktop.
-        patience: seconds for which they may be busy: until the last process is reaped.
+        timeout: seconds for which they may be busy: until the last process is reaped.
     """
-    deadline = time.monotonic() + patience
+    deadline = time.monotonic() + timeout
     for group in groups(name):
         while group.folder.exists():
             with contextlib.suppress(OSError):
                 group.folder.rmdir()
             if time.monotonic() >= deadline:
                 break
-            time.sleep(POLL)
+            time.sleep(POLL_S)
 
 
 def leftovers(ids: set[str]) -> list[str]:

@@ -13,8 +13,8 @@ import contextlib
 import subprocess
 from pathlib import Path
 
-from . import kernel, programs
-from .plain import SetupError
+from . import kernel, program_paths
+from .desktop_config import SetupError
 
 NETNS = Path("/run/netns")
 WEB_ADDRESS = "10.77.0.1"
@@ -51,7 +51,7 @@ def create(name: str, system: str = "/") -> None:
     """
     desktop = desktop_namespace(name)
     web = web_namespace(name)
-    ip = programs.command("ip", system)
+    ip = program_paths.command("ip", system)
     _batch(ip, [f"netns add {desktop}", f"netns add {web}"])
     _batch(
         ip,

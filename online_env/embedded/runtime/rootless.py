@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ...privilege import as_root
 from . import identity, kernel
-from .plain import SetupError
+from .desktop_config import SetupError
 
 LACKING = (
     "no sudo, OSWorld mode, or limits for a desktop as a whole "

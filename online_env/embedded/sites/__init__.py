@@ -7,7 +7,7 @@ outside. See docs/local_internet.md.
 Nothing here loads NumPy before something goes wrong: 0.3 s that every desktop would wait for.
 """
 
-from .names import HOSTS, TODAY
+from .hosts_and_dates import HOSTS, TODAY
 from .state import SiteState
 
 __all__ = ["HOSTS", "TODAY", "SiteState"]

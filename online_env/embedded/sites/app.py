@@ -12,7 +12,7 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.staticfiles import StaticFiles
 
 from .hosts import docs, forms, mail, news, search, shop, wiki
-from .names import host_of
+from .hosts_and_dates import host_name
 from .pages import HERE
 from .state import SiteState
 
@@ -56,7 +56,7 @@ class SitesApp:
 
     def _pick(self, scope: AsgiScope) -> Any:
         host = dict(scope["headers"]).get(b"host", b"").decode("latin-1")
-        app = self._sites.get(host_of(host))
+        app = self._sites.get(host_name(host))
         if app is None:
             return PlainTextResponse("No such site is served here.\n", 421)
         if scope["path"] == "/generate_204" and scope["method"] in ("GET", "HEAD"):

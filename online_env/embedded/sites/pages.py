@@ -15,7 +15,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute
 
-from .names import TODAY, day, long_date, short_date
+from .hosts_and_dates import TODAY, day, long_date, short_date
 from .state import SiteState, StorageFullError
 
 HERE = Path(__file__).parent
@@ -94,7 +94,7 @@ def query(request: Request, name: str) -> str:
     return " ".join(clean(request.query_params.get(name, "")).split())[:200]
 
 
-def state_of(request: Request) -> SiteState:
+def site_state(request: Request) -> SiteState:
     """The state folder that this server was started with."""
     return request.app.state.sites
 

@@ -10,7 +10,7 @@ import uvicorn
 
 from .app import SitesApp
 from .dns import Responder
-from .names import HOSTS
+from .hosts_and_dates import HOSTS
 from .state import SiteState
 
 

@@ -122,7 +122,7 @@ def test_an_operation_ends_while_a_program_holds_the_x_server(bare_display):
         tools.run("xtool", "state", {})
     assert "open (ewmh.py:" in str(failed.value)
     with pytest.raises(DesktopTimeoutError, match=r"within 0\.7 s: .* may hold the X server"):
-        tools.run("xtool", "minimise", {"patience": 0.2})
+        tools.run("xtool", "minimise", {"timeout": 0.2})
     holder.ungrab_server()
     holder.sync()
     assert tools.run("xtool", "state", {})["size"] == [640, 480]

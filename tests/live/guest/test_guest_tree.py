@@ -13,10 +13,10 @@ import pytest
 from lxml import etree
 
 from hijack_data.elements import boxes_from_tree
+from online_env.embedded.guest.accessibility_tree import AccessibilityTree
+from online_env.embedded.guest.atspi.bus_client import BusClient, _Channel
 from online_env.embedded.guest.atspi.states import STATES
-from online_env.embedded.guest.atspi.wire import Wire, _Channel
 from online_env.embedded.guest.display import SharedDisplay
-from online_env.embedded.guest.tree import AccessibilityTree
 from online_env.embedded.guest.windows import Windows
 
 ST = "{https://accessibility.ubuntu.example.org/ns/state}"
@@ -227,7 +227,7 @@ def test_stopped_application_does_not_hold_up_the_others(clean, eventually):
     eventually("nothing to complain of", lambda: not told()[1])
 
 
-def lose_when_asked(wire: Wire) -> None:
+def lose_when_asked(wire: BusClient) -> None:
     """Have applications end their own sockets with calls under way.
 
     One that ended its socket before is found out by the first question to anybody.
@@ -257,7 +257,7 @@ def read_twice(bus: str, display: str, uid: int, answers: Connection) -> None:
     asked = sum(map(directly._reader.wire.is_direct, directly._reader._asked_in))
     lose_when_asked(directly._reader.wire)
     after_a_loss = directly.read()
-    Wire.connect = lambda *arguments: None
+    BusClient.connect = lambda *arguments: None
     over_the_bus = AccessibilityTree(bus, windows)
     over_the_bus.read()
     answers.send((asked, first, after_a_loss, over_the_bus.read()))

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from online_env.embedded.sites import HOSTS
-from online_env.embedded.sites.names import host_of
+from online_env.embedded.sites.hosts_and_dates import host_name
 from online_env.embedded.sites.server import bind
 
 
@@ -33,7 +33,7 @@ def test_hosts_are_known_however_they_are_spelled(web: Any, host: str) -> None:
 
 @given(st.text(max_size=40))
 def test_host_names_never_fail(text: str) -> None:
-    assert host_of(text) == host_of(text).lower()
+    assert host_name(text) == host_name(text).lower()
 
 
 @pytest.mark.parametrize("host", HOSTS)

@@ -7,7 +7,7 @@ import struct
 from dataclasses import dataclass
 from typing import Any
 
-from .wire import Cursor, Method, Reference
+from .bus_client import Cursor, Method, Reference
 
 NAMESPACE = "org.a11y.atspi."
 REGISTRY: Reference = ("org.a11y.atspi.Registry", "/org/a11y/atspi/accessible/root")

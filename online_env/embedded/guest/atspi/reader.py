@@ -9,6 +9,7 @@ from jeepney.io.blocking import open_dbus_connection
 
 from ....errors import DesktopError
 from . import methods as m
+from .bus_client import BusClient, Reference
 from .states import (
     DOCUMENT_WEB,
     EXTENDED,
@@ -18,11 +19,10 @@ from .states import (
     SHOWING,
     TABLE,
 )
-from .wire import Reference, Wire
 
 # s of silence of one application: on a busy machine LibreOffice needs more than one for its cache
-PATIENCE = 2.0
-BUDGET = 8.0  # s for the whole tree
+APP_TIMEOUT_S = 2.0
+TREE_BUDGET_S = 8.0  # s for the whole tree
 MAX_NODES = 10_000
 MAX_CHILDREN = 1024  # of one node, as OSWorld's server
 MAX_DEPTH = 50
@@ -102,7 +102,7 @@ class AtspiReader:
     def __init__(self, bus: str) -> None:
         try:
             address = _ask(bus, ("/org/a11y/bus", "org.a11y.Bus", "org.a11y.Bus", "GetAddress"))[0]
-            self.wire = Wire(address, PATIENCE, BUDGET)
+            self.wire = BusClient(address, APP_TIMEOUT_S, TREE_BUDGET_S)
             # Applications fill their caches only while somebody listens. Nobody sends this event.
             self._listener = open_dbus_connection(address)
             registry = DBusAddress(
@@ -150,7 +150,8 @@ class AtspiReader:
         for root in roots:
             if root.reference[0] in self.wire.silent:
                 root.note = (
-                    f"did not answer within {PATIENCE:g} s; this part of the tree may be incomplete"
+                    f"did not answer within {APP_TIMEOUT_S:g} s; this part of the tree may be"
+                    " incomplete"
                 )
         return [Application(root, pid or 0) for root, pid in zip(roots, pids, strict=True)]
 

@@ -93,7 +93,7 @@ class VisibilityFilter:
 
     def apply(self, application: Application) -> None:
         """Go through the tree of an application; its nodes have their boxes."""
-        owners = {application.pid, _parent_of(application.pid)} - {0}
+        owners = {application.pid, _parent_pid(application.pid)} - {0}
         app_surfaces = [surface for surface in self._surfaces if surface.pid in owners]
         is_told = _has_known_window(application, app_surfaces)
         stack = [_Visit(application.root, None, False, self._screen)]
@@ -104,7 +104,7 @@ class VisibilityFilter:
             part = visit.clip
             if node.box is not None:
                 if node.role in TOP_LEVEL:
-                    surface = _window_of(node, app_surfaces, surface, is_told)
+                    surface = _find_window(node, app_surfaces, surface, is_told)
                 part = _common(corners(node), visit.clip)
                 self._mark(node, part, surface, visit.in_menu, app_surfaces)
             below = self._clip_below(node, part, visit.clip)
@@ -175,7 +175,7 @@ def _has_known_window(application: Application, app_surfaces: list[SurfaceLike])
     return False
 
 
-def _window_of(
+def _find_window(
     node: AtspiNode, app_surfaces: list[SurfaceLike], above: SurfaceLike | None, is_told: bool
 ) -> SurfaceLike | None:
     """The window that a top-level node is."""
@@ -217,7 +217,7 @@ def _common(a: Box, b: Box) -> Box:
     return x1, y1, x2, y2
 
 
-def _parent_of(pid: int) -> int:
+def _parent_pid(pid: int) -> int:
     """The process that started `pid`: a panel shows the windows of its plug-ins as its own."""
     try:
         text = Path(f"/proc/{pid}/stat").read_text()

@@ -20,7 +20,7 @@ MAXIMISED = ("_NET_WM_STATE_MAXIMIZED_HORZ", "_NET_WM_STATE_MAXIMIZED_VERT")
 FULL_SCREEN = ("_NET_WM_STATE_FULLSCREEN",)
 # What a question about a window that has closed meanwhile raises; the last is python-xlib's own.
 GONE = (error.BadWindow, error.BadDrawable, error.BadMatch, AttributeError)
-TICK = 0.01
+POLL_S = 0.01
 _TYPE = "_NET_WM_WINDOW_TYPE_"
 _WORD = 0xFFFFFFFF  # a client message carries unsigned 32-bit numbers
 _MESSAGE_WORDS = 5
@@ -85,7 +85,7 @@ class Screen:
         """The title of a window."""
         return self.text(window, "_NET_WM_NAME") or self.text(window, "WM_NAME")
 
-    def class_of(self, window: Any) -> str:
+    def window_class(self, window: Any) -> str:
         """WM_CLASS of a window, as `instance.Class`."""
         return ".".join(window.get_wm_class() or ())
 
@@ -201,7 +201,7 @@ def describe(screen: Screen, number: int) -> dict[str, Any] | None:
         return {
             "id": number,
             "pid": screen.number(window, "_NET_WM_PID"),
-            "class": screen.class_of(window),
+            "class": screen.window_class(window),
             "title": screen.title(window),
             "box": screen.box(window),
             "type": kind.removeprefix(_TYPE).lower(),
@@ -211,11 +211,11 @@ def describe(screen: Screen, number: int) -> dict[str, Any] | None:
         return None
 
 
-def until(condition: Callable[[], Any], patience: float) -> Any:
-    """The first true value of `condition` within `patience` seconds, or its last value."""
-    end = time.monotonic() + patience
+def poll_until(condition: Callable[[], Any], timeout: float) -> Any:
+    """The first true value of `condition` within `timeout` seconds, or its last value."""
+    end = time.monotonic() + timeout
     while True:
         value = condition()
         if value or time.monotonic() >= end:
             return value
-        time.sleep(TICK)
+        time.sleep(POLL_S)

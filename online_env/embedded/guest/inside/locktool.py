@@ -9,9 +9,9 @@ from typing import Any
 from Xlib import XK, X
 from Xlib.ext import xtest
 
-from .ewmh import GONE, Screen, until
+from .ewmh import GONE, Screen, poll_until
 
-KEY_PATIENCE = 0.2  # s in which a typed key would have come
+KEY_TIMEOUT_S = 0.2  # s in which a typed key would have come
 KEY_PAUSE = 0.03  # s between two keys
 DIALOG = 0.1  # s that a locker takes to show the field for the password
 LATIN_1 = 0x100  # characters below are their own keysyms
@@ -49,7 +49,7 @@ def _topmost(screen: Screen, width: int, height: int) -> _Facts | None:
             x1, y1, x2, y2 = box = screen.box(window)
             is_inside = x2 > 0 and y2 > 0 and x1 < width and y1 < height
             if is_inside and screen.is_drawn(window):
-                return {"class": screen.class_of(window), "box": box}
+                return {"class": screen.window_class(window), "box": box}
     return None
 
 
@@ -79,7 +79,7 @@ def _typed_reaches(screen: Screen) -> bool:
     screen.display.sync()
     window.set_input_focus(X.RevertToParent, X.CurrentTime)
     _press(screen, "a")
-    came = bool(until(lambda: _key_came(screen), KEY_PATIENCE))
+    came = bool(poll_until(lambda: _key_came(screen), KEY_TIMEOUT_S))
     if not came:
         _press(screen, "BackSpace")
     with contextlib.suppress(*GONE):
@@ -100,7 +100,7 @@ def enter(screen: Screen, text: str) -> _Facts:
 
     `typed` is False, and nothing was pressed, if the keyboard lacks one of the characters.
     """
-    keys = [_key_of(screen, letter) for letter in text]
+    keys = [_find_key(screen, letter) for letter in text]
     if None in keys:
         return {"typed": False}
     wake(screen)
@@ -114,7 +114,7 @@ def enter(screen: Screen, text: str) -> _Facts:
     return {"typed": True}
 
 
-def _key_of(screen: Screen, letter: str) -> "tuple[int, bool] | None":
+def _find_key(screen: Screen, letter: str) -> "tuple[int, bool] | None":
     """The key of a letter, and whether Shift goes with it; `None` if the keyboard has none."""
     symbol = ord(letter)
     if symbol >= LATIN_1:

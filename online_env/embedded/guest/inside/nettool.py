@@ -22,13 +22,13 @@ MAPPED = b"\0" * 10 + b"\xff\xff"  # how an IPv6 address that stands for an IPv4
 _Facts = dict[str, Any]
 
 
-def survey(sites: list[tuple[str, int]], patience: float) -> _Facts:
+def survey(sites: list[tuple[str, int]], timeout: float) -> _Facts:
     """Interfaces of the default routes, controlling hosts, and what can be reached."""
     targets: list[_Facts] = [{"kind": "tcp", "host": host, "port": port} for host, port in sites]
     outside = [server for server in name_servers() if not server.startswith(LOCAL)]
     if outside:
         targets.append({"kind": "dns", "host": outside[0], "name": sites[0][0]})
-    return {"interfaces": interfaces(), "hosts": hosts(), **reach(targets, patience)}
+    return {"interfaces": interfaces(), "hosts": hosts(), **reach(targets, timeout)}
 
 
 def interfaces() -> list[str]:
@@ -89,37 +89,37 @@ def _lines(path: str) -> list[str]:
         return []
 
 
-def reach(targets: list[_Facts], patience: float) -> _Facts:
+def reach(targets: list[_Facts], timeout: float) -> _Facts:
     """Try all targets at once.
 
     Args:
         targets: `{"kind": "tcp", "host", "port"}` or `{"kind": "dns", "host" (the server), "name"}`
             each.
-        patience: for each, in seconds.
+        timeout: for each, in seconds.
     """
     tries = {"tcp": _tcp, "dns": _dns}
     with concurrent.futures.ThreadPoolExecutor(max(len(targets), 1)) as pool:
-        jobs = [pool.submit(_timed, tries[target["kind"]], target, patience) for target in targets]
+        jobs = [pool.submit(_timed, tries[target["kind"]], target, timeout) for target in targets]
         results = [job.result() for job in jobs]
     reached = [{**target, **result} for target, result in zip(targets, results, strict=False)]
     return {"reached": reached}
 
 
-def _timed(work: Callable[[_Facts, float], _Facts], target: _Facts, patience: float) -> _Facts:
+def _timed(work: Callable[[_Facts, float], _Facts], target: _Facts, timeout: float) -> _Facts:
     start = time.monotonic()
     try:
-        result = {"ok": True, **work(target, patience)}
+        result = {"ok": True, **work(target, timeout)}
     except OSError as error:
         result = {"ok": False, "error": str(error) or type(error).__name__}
     return {**result, "seconds": round(time.monotonic() - start, 4)}
 
 
-def _tcp(target: _Facts, patience: float) -> _Facts:
-    with socket.create_connection((target["host"], target["port"]), patience) as connection:
+def _tcp(target: _Facts, timeout: float) -> _Facts:
+    with socket.create_connection((target["host"], target["port"]), timeout) as connection:
         return {"address": connection.getpeername()[0]}
 
 
-def _dns(target: _Facts, patience: float) -> _Facts:
+def _dns(target: _Facts, timeout: float) -> _Facts:
     """One A question over UDP; any answer to it counts.
 
     Raises:
@@ -132,7 +132,7 @@ def _dns(target: _Facts, patience: float) -> _Facts:
     question = header + name + b"\0" + struct.pack(">2H", A_RECORD, INTERNET)
     family = socket.AF_INET6 if ":" in target["host"] else socket.AF_INET
     with socket.socket(family, socket.SOCK_DGRAM) as asker:
-        asker.settimeout(patience)
+        asker.settimeout(timeout)
         asker.connect((target["host"], DNS_PORT))
         asker.send(question)
         answer = asker.recv(512)

@@ -14,7 +14,7 @@ from Xlib.ext import shape
 from .ewmh import GONE, Screen
 
 DEEP = 12  # levels of windows inside windows
-PAUSE = 0.02
+POLL_S = 0.02
 
 _Facts = dict[str, Any]
 _Span = tuple[int, int]  # of columns in a row
@@ -45,7 +45,7 @@ def _top(screen: Screen, top: Any) -> _Facts:
     return {
         "id": top.id,
         "client": client.id if client else 0,
-        "class": screen.class_of(client or top),
+        "class": screen.window_class(client or top),
         "box": _outline(screen, top),
         "free": bool(attributes.override_redirect) and client is None,
     }
@@ -98,17 +98,17 @@ def _drawn(screen: Screen, window: Any) -> bool:
         return False
 
 
-def gone(screen: Screen, number: int, patience: float) -> _Facts:
-    """Whether a window goes away within `patience` seconds."""
+def gone(screen: Screen, number: int, timeout: float) -> _Facts:
+    """Whether a window goes away within `timeout` seconds."""
     window = screen.window(number)
-    end = time.monotonic() + patience
+    end = time.monotonic() + timeout
     while time.monotonic() < end:
         try:
             if window.get_attributes().map_state != X.IsViewable:
                 return {"gone": True}
         except GONE:
             return {"gone": True}
-        time.sleep(PAUSE)
+        time.sleep(POLL_S)
     return {"gone": False}
 
 

@@ -9,17 +9,19 @@ from typing import Any
 from Xlib import X
 from Xlib.ext import xtest
 
-from .ewmh import FULL_SCREEN, GONE, MAXIMISED, TICK, Screen, until
+from .ewmh import FULL_SCREEN, GONE, MAXIMISED, POLL_S, Screen, poll_until
 from .ewmh import describe as describe_window
 
 FIXED = ("desktop", "dock")  # window types that are part of the desktop itself
 PAINT = 0x7B797D  # a colour that no application paints its windows with
 PAINT_BYTES = PAINT.to_bytes(3, "little")
 SAMPLES = 6  # a window is looked at where this many parts of its width and height meet
-PLACE = 3.0  # s for a window to get to its place
-KEY_PATIENCE = 0.2  # s in which a button would have changed
+PLACE_TIMEOUT_S = 3.0  # s for a window to get to its place
+KEY_TIMEOUT_S = 0.2  # s in which a button would have changed
 CLOSE_PAUSE = 0.4  # s between two requests to close
-SAME = 20  # looks, `TICK` apart, at which a window that leaves the full screen must be the same
+STABLE_POLLS = (
+    20  # looks, `POLL_S` apart, at which a window that leaves the full screen must be the same
+)
 
 _Facts = dict[str, Any]
 
@@ -84,7 +86,7 @@ def _pointer(screen: Screen) -> list[int]:
     return [pointer.root_x, pointer.root_y]
 
 
-def minimise(screen: Screen, patience: float) -> _Facts:
+def minimise(screen: Screen, timeout: float) -> _Facts:
     """Show the desktop; if the window manager cannot, minimise window by window."""
     before = visible(screen)
     active = screen.active()
@@ -102,7 +104,7 @@ def minimise(screen: Screen, patience: float) -> _Facts:
     def done() -> bool:
         return not visible(screen) and (screen.is_desktop_shown() or not able)
 
-    until(done, patience)
+    poll_until(done, timeout)
     return {
         "managed": True,
         "hidden": before,
@@ -112,7 +114,7 @@ def minimise(screen: Screen, patience: float) -> _Facts:
     }
 
 
-def restore(screen: Screen, ids: "list[int] | None", active: int, patience: float) -> _Facts:
+def restore(screen: Screen, ids: "list[int] | None", active: int, timeout: float) -> _Facts:
     """Bring windows back, whatever hid them (`None`: all that are minimised).
 
     Those that were closed since are left out.
@@ -127,14 +129,14 @@ def restore(screen: Screen, ids: "list[int] | None", active: int, patience: floa
     def left() -> set[int]:
         return set(minimised) - set(visible(screen))
 
-    until(lambda: not left(), patience / 2)
+    poll_until(lambda: not left(), timeout / 2)
     hidden = left()
     again = [number for number in ids if number in hidden]
     if active in minimised:
         again.append(active)
     for number in again:
         screen.activate(screen.window(number))
-    until(lambda: not left(), patience / 2)
+    poll_until(lambda: not left(), timeout / 2)
     return {"restored": minimised, "left": sorted(left())}
 
 
@@ -142,14 +144,14 @@ def _is_minimised(window: _Facts) -> bool:
     return "hidden" in window["states"] and window["type"] not in FIXED
 
 
-def await_window(screen: Screen, before: list[int], classes: list[str], patience: float) -> _Facts:
+def await_window(screen: Screen, before: list[int], classes: list[str], timeout: float) -> _Facts:
     """Wait for a new application window that stays.
 
     Args:
         screen: where to look.
         before: ids of the windows that are not new.
         classes: the window's WM_CLASS contains one of these, in lower case.
-        patience: in seconds.
+        timeout: in seconds.
     """
 
     def is_wanted(window: _Facts) -> bool:
@@ -160,17 +162,17 @@ def await_window(screen: Screen, before: list[int], classes: list[str], patience
     def newest() -> _Facts | None:
         return next((window for window in reversed(listed(screen)) if is_wanted(window)), None)
 
-    end = time.monotonic() + patience
+    end = time.monotonic() + timeout
     while time.monotonic() < end:
-        window = until(newest, end - time.monotonic())
-        time.sleep(5 * TICK)  # a window that is only passing by has gone by then
+        window = poll_until(newest, end - time.monotonic())
+        time.sleep(5 * POLL_S)  # a window that is only passing by has gone by then
         again = describe(screen, window["id"]) if window else None
         if again and again["mapped"]:
             return {"window": again}
     return {"window": None}
 
 
-def drawn(screen: Screen, number: int, frames: dict[str, list[int]], patience: float) -> _Facts:
+def drawn(screen: Screen, number: int, frames: dict[str, list[int]], timeout: float) -> _Facts:
     """Give windows their places; tell whether new window `number` then draws itself.
 
     Otherwise it only shows what was there: it is painted over and told to draw, and whatever hangs
@@ -186,7 +188,7 @@ def drawn(screen: Screen, number: int, frames: dict[str, list[int]], patience: f
         pen.free()
     _expose(window)
     screen.display.sync()
-    return {"drawn": bool(until(lambda: not _painted(window), patience)), "under": under}
+    return {"drawn": bool(poll_until(lambda: not _painted(window), timeout)), "under": under}
 
 
 def _expose(window: Any) -> None:
@@ -213,7 +215,7 @@ def _painted(window: Any) -> bool:
     return 2 * painted > len(parts) ** 2
 
 
-def place(screen: Screen, frames: dict[str, list[int]], patience: float = PLACE) -> _Facts:
+def place(screen: Screen, frames: dict[str, list[int]], timeout: float = PLACE_TIMEOUT_S) -> _Facts:
     """Give windows (by number) their places; none stays maximised or full-screen.
 
     A place is what a person sees of the window, xyxy.
@@ -223,40 +225,40 @@ def place(screen: Screen, frames: dict[str, list[int]], patience: float = PLACE)
         with contextlib.suppress(*GONE):
             window = screen.window(int(number))
             if screen.has(window, FULL_SCREEN):
-                under[number] = _leave_full_screen(screen, int(number), patience)
-            _place(screen, window, frame, patience)
+                under[number] = _leave_full_screen(screen, int(number), timeout)
+            _place(screen, window, frame, timeout)
     return {"under": under}
 
 
-def _leave_full_screen(screen: Screen, number: int, patience: float) -> _Facts | None:
+def _leave_full_screen(screen: Screen, number: int, timeout: float) -> _Facts | None:
     """Return what a window is like without filling the screen.
 
     Chromium first takes back the place that it had before, and may maximise itself a little later.
     """
     window = screen.window(number)
     screen.switch(window, FULL_SCREEN, False)
-    until(lambda: not screen.has(window, FULL_SCREEN), patience / 2)
+    poll_until(lambda: not screen.has(window, FULL_SCREEN), timeout / 2)
     last: list[Any] = []
 
     def rests() -> bool:
         last.append([screen.box(window), screen.has(window, MAXIMISED)])
-        return len(last) > SAME and all(box == last[-1] for box in last[-SAME:])
+        return len(last) > STABLE_POLLS and all(box == last[-1] for box in last[-STABLE_POLLS:])
 
-    until(rests, patience / 2)
+    poll_until(rests, timeout / 2)
     facts = describe(screen, number)
     if facts is None:
         return None
     return {"frame": facts["frame"], "states": facts["states"]}
 
 
-def _place(screen: Screen, window: Any, frame: list[int], patience: float) -> None:
+def _place(screen: Screen, window: Any, frame: list[int], timeout: float) -> None:
     if screen.has(window, MAXIMISED):
         screen.switch(window, MAXIMISED, False)
-        until(lambda: not screen.has(window, MAXIMISED), patience / 2)
+        poll_until(lambda: not screen.has(window, MAXIMISED), timeout / 2)
     left, top, right, bottom = screen.margins(window)
     box = [frame[0] + left, frame[1] + top, frame[2] - right, frame[3] - bottom]
     screen.move_to(window, box)
-    until(lambda: screen.box(window) == box, patience / 2)
+    poll_until(lambda: screen.box(window) == box, timeout / 2)
 
 
 def maximise(screen: Screen, number: int) -> _Facts:
@@ -265,14 +267,14 @@ def maximise(screen: Screen, number: int) -> _Facts:
     return {}
 
 
-def fill(screen: Screen, number: int, patience: float = PLACE) -> _Facts:
+def fill(screen: Screen, number: int, timeout: float = PLACE_TIMEOUT_S) -> _Facts:
     """Let a window fill the screen."""
     window = screen.window(number)
     screen.switch(window, FULL_SCREEN, True)
-    return {"filled": bool(until(lambda: screen.has(window, FULL_SCREEN), patience))}
+    return {"filled": bool(poll_until(lambda: screen.has(window, FULL_SCREEN), timeout))}
 
 
-def activate(screen: Screen, number: int, patience: float = PLACE) -> _Facts:
+def activate(screen: Screen, number: int, timeout: float = PLACE_TIMEOUT_S) -> _Facts:
     """Give a window the focus, if it is still there."""
 
     def has_it() -> bool:
@@ -280,14 +282,14 @@ def activate(screen: Screen, number: int, patience: float = PLACE) -> _Facts:
 
     if number and not has_it() and number in (window["id"] for window in listed(screen)):
         screen.activate(screen.window(number))
-        until(has_it, patience)
+        poll_until(has_it, timeout)
     return {"active": has_it()}
 
 
-def close(screen: Screen, ids: Iterable[int], patience: float) -> _Facts:
+def close(screen: Screen, ids: Iterable[int], timeout: float) -> _Facts:
     """Ask windows and the dialogs before them to close; tell which are still there."""
     requested = set(ids)
-    end = time.monotonic() + patience
+    end = time.monotonic() + timeout
 
     def left() -> list[int]:
         return [
@@ -298,7 +300,7 @@ def close(screen: Screen, ids: Iterable[int], patience: float) -> _Facts:
     while numbers and time.monotonic() < end:
         for number in reversed(numbers):
             screen.ask_to_close(screen.window(number))
-        until(lambda: not left(), CLOSE_PAUSE)
+        poll_until(lambda: not left(), CLOSE_PAUSE)
         numbers = left()
     return {"left": left()}
 
@@ -327,7 +329,7 @@ def click(screen: Screen, number: int, frame: list[int]) -> _Facts:
         xtest.fake_input(screen.display, kind, 1)
         screen.display.sync()
         # A window manager that raises on click holds the event back until it has done so.
-        changes.append(bool(until(lambda down=down: is_down() == down, KEY_PATIENCE)))
+        changes.append(bool(poll_until(lambda down=down: is_down() == down, KEY_TIMEOUT_S)))
     return {"moved": False, "pointer": _pointer(screen), "delivered": all(changes)}
 
 

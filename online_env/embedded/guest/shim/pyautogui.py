@@ -23,7 +23,7 @@ from ah_input import (
     UnknownButtonError,
     UnknownKeyError,
 )
-from ah_input.keys import keysym_of
+from ah_input.keys import character_keysym
 from ah_tweens import TWEENS, linear
 
 __version__ = "0.9.54"
@@ -329,7 +329,7 @@ drag = dragRel
 
 def isValidKey(key):
     """Whether a key of that name can be pressed."""
-    return bool(keysym_of(key) if len(key) == 1 else KEYSYMS.get(key.lower()))
+    return bool(character_keysym(key) if len(key) == 1 else KEYSYMS.get(key.lower()))
 
 
 def _known(key):

@@ -18,10 +18,10 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from ..hosts_and_dates import TODAY
 from ..index import Document
 from ..library import load
-from ..names import TODAY
-from ..pages import fields, first, page, query, see_other, site, state_of
+from ..pages import fields, first, page, query, see_other, site, site_state
 from ..state import SiteState
 
 HOST = "forms.test"
@@ -106,7 +106,7 @@ def _found(request: Request, entries: Sequence[Mapping[str, Any]]) -> Mapping[st
 
 
 def _kept(request: Request) -> list[dict[str, Any]]:
-    return state_of(request).read("forms").get("registrations", [])
+    return site_state(request).read("forms").get("registrations", [])
 
 
 async def home(request: Request) -> Response:
@@ -122,7 +122,7 @@ async def register(request: Request) -> Response:
     entry, refused = await _answers(request)
     if refused is not None:
         return refused
-    with state_of(request).update("forms") as state:
+    with site_state(request).update("forms") as state:
         registrations = state.setdefault("registrations", [])
         entry["number"] = FIRST_NUMBER + len(registrations)
         registrations.append(entry)
@@ -191,7 +191,7 @@ async def change(request: Request) -> Response:
     answers, refused = await _answers(request, entry["number"])
     if refused is not None:
         return refused
-    with state_of(request).update("forms") as state:
+    with site_state(request).update("forms") as state:
         registrations = state.get("registrations", [])
         registrations[registrations.index(_open(request, registrations))] = {
             **answers,
@@ -205,7 +205,7 @@ async def cancel(request: Request) -> Response:
     entry = _open(request, _kept(request))
     if request.method != "POST":
         return page(request, "cancel.html", entry=entry)
-    with state_of(request).update("forms") as state:
+    with site_state(request).update("forms") as state:
         registrations = state.get("registrations", [])
         registrations[registrations.index(_open(request, registrations))]["cancelled"] = True
     return see_other(f"/registrations/{entry['number']}")
@@ -237,7 +237,7 @@ async def feedback(request: Request) -> Response:
     if not fine:
         problem = "Please choose a course and how you liked it."
         return page(request, "feedback.html", 422, entry=record, problem=problem)
-    with state_of(request).update("forms") as state:
+    with site_state(request).update("forms") as state:
         state.setdefault("feedback", []).append(record)
     return see_other("/thanks")
 

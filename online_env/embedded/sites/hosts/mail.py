@@ -16,9 +16,9 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from ..hosts_and_dates import TODAY
 from ..library import load
-from ..names import TODAY
-from ..pages import fields, first, page, query, see_other, site, state_of
+from ..pages import fields, first, page, query, see_other, site, site_state
 from ..state import SiteState
 from .forms import EMAIL
 
@@ -87,7 +87,7 @@ def _in_folder(state: dict[str, Any], folder: str) -> list[dict[str, Any]]:
 
 
 def _common(request: Request) -> dict[str, object]:
-    state = state_of(request).read("mail")
+    state = site_state(request).read("mail")
     unread = sum(not m["read"] for m in _in_folder(state, "inbox"))
     return {
         "owner": content()["owner"],
@@ -104,14 +104,14 @@ async def folder(request: Request) -> Response:
     name = request.path_params.get("folder", "inbox")
     if name not in FOLDERS:
         raise HTTPException(404)
-    messages = _in_folder(state_of(request).read("mail"), name)
+    messages = _in_folder(site_state(request).read("mail"), name)
     return page(request, "list.html", folder=name, heading=FOLDERS[name], messages=messages)
 
 
 async def search(request: Request) -> Response:
     """The messages with certain words."""
     text = query(request, "q").lower()
-    state = state_of(request).read("mail")
+    state = site_state(request).read("mail")
     everything = received(state) + _written(state, "sent")
     matches = [
         m for m in everything if text in f"{m['from']['name']} {m['subject']} {m['body']}".lower()
@@ -134,9 +134,9 @@ def _find(state: dict[str, Any], ident: str) -> dict[str, Any]:
 async def message(request: Request) -> Response:
     """One message."""
     ident = request.path_params["id"]
-    letter = _find(state_of(request).read("mail"), ident)
+    letter = _find(site_state(request).read("mail"), ident)
     if not letter["read"]:
-        _flag(state_of(request), ident, {"read": True})
+        _flag(site_state(request), ident, {"read": True})
     return page(request, "message.html", message=letter, folder=letter["folder"])
 
 
@@ -149,11 +149,11 @@ async def act(request: Request) -> Response:
     """Move or mark messages."""
     ident = request.path_params["id"]
     action = request.path_params["action"]
-    idents = {m["id"] for m in received(state_of(request).read("mail"))}
+    idents = {m["id"] for m in received(site_state(request).read("mail"))}
     if action not in _ACTIONS or ident not in idents:
         raise HTTPException(404)
     folder = first(await fields(request), "back", "inbox")
-    _flag(state_of(request), ident, _ACTIONS[action])
+    _flag(site_state(request), ident, _ACTIONS[action])
     if folder == "message":
         return see_other(f"/message/{ident}")
     return see_other(f"/folder/{folder}" if folder in FOLDERS else "/")
@@ -165,7 +165,7 @@ async def compose(request: Request) -> Response:
     replied = query(request, "reply")
     passed_on = query(request, "forward")
     draft_id = query(request, "draft")
-    state = state_of(request).read("mail")
+    state = site_state(request).read("mail")
     if replied:
         original = _find(state, replied)
         quoted = "\n".join(f"> {line}" for line in original["body"].splitlines())
@@ -222,7 +222,7 @@ async def send(request: Request) -> Response:
             contacts=content()["contacts"],
         )
     _store(
-        state_of(request), "drafts" if is_draft else "sent", letter, replaces=first(form, "draft")
+        site_state(request), "drafts" if is_draft else "sent", letter, replaces=first(form, "draft")
     )
     return see_other("/folder/drafts" if is_draft else "/folder/sent")
 

@@ -17,7 +17,7 @@ from starlette.routing import Route
 
 from ..index import Document, find
 from ..library import load
-from ..pages import fields, first, page, query, see_other, site, state_of
+from ..pages import fields, first, page, query, see_other, site, site_state
 from ..state import SiteState
 from .forms import EMAIL
 
@@ -60,7 +60,7 @@ def documents() -> list[Document]:
 
 
 def _cart(request: Request) -> dict[str, int]:
-    return state_of(request).read("shop").get("cart", {})
+    return site_state(request).read("shop").get("cart", {})
 
 
 def _common(request: Request) -> dict[str, object]:
@@ -169,7 +169,7 @@ async def change_cart(request: Request) -> Response:
         number.isascii() and number.isdigit() and len(number) < 4
     ):
         raise HTTPException(400, "There is no such product or quantity.")
-    with state_of(request).update("shop") as state:
+    with site_state(request).update("shop") as state:
         cart = state.setdefault("cart", {})
         already = cart.get(product_id, 0) if request.url.path == "/cart/add" else 0
         quantity = min(already + int(number), MAX_QUANTITY, products()[product_id]["stock"])
@@ -229,7 +229,7 @@ async def checkout(request: Request) -> Response:
             subtotal=sum(x["cents"] for x in lines),
         )
     order["gift"] = first(form, "gift") == "yes"
-    return see_other(f"/order/{_place(state_of(request), order)}")
+    return see_other(f"/order/{_place(site_state(request), order)}")
 
 
 def _place(sites: SiteState, order: dict[str, Any]) -> str:
@@ -249,7 +249,7 @@ def _place(sites: SiteState, order: dict[str, Any]) -> str:
 
 async def placed(request: Request) -> Response:
     """The page after an order."""
-    for order in state_of(request).read("shop").get("orders", []):
+    for order in site_state(request).read("shop").get("orders", []):
         if order["number"] == request.path_params["number"]:
             return page(request, "order.html", order=order, products=products())
     raise HTTPException(404)

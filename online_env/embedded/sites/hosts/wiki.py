@@ -17,7 +17,7 @@ from starlette.routing import Route
 
 from ..index import Document, find
 from ..library import articles, plain, render
-from ..pages import clean, fields, first, page, query, see_other, site, state_of
+from ..pages import clean, fields, first, page, query, see_other, site, site_state
 from ..state import SiteState
 
 HOST = "wiki.test"
@@ -42,7 +42,7 @@ def _current(pages: dict[str, Any]) -> dict[str, str]:
 
 
 def _pages(request: Request) -> dict[str, Any]:
-    return state_of(request).read("wiki").get("pages", {})
+    return site_state(request).read("wiki").get("pages", {})
 
 
 def _title(request: Request) -> str:
@@ -125,7 +125,7 @@ async def edit(request: Request) -> Response:
         return page(
             request, "edit.html", 422, title=title, text="", problem="An article cannot be empty."
         )
-    with state_of(request).update("wiki") as state:
+    with site_state(request).update("wiki") as state:
         entry = state.setdefault("pages", {}).setdefault(title, {"revisions": []})
         revision = {
             "number": len(entry["revisions"]) + 1,

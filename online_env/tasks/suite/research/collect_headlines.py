@@ -3,8 +3,8 @@
 from datetime import date
 
 from online_env.embedded.sites.hosts.news import SECTIONS
+from online_env.embedded.sites.hosts_and_dates import long_date
 from online_env.embedded.sites.library import articles
-from online_env.embedded.sites.names import long_date
 from online_env.tasks import Task
 from online_env.tasks.kit import told
 from online_env.tasks.kit.notes import take_note, unlike

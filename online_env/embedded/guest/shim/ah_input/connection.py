@@ -10,7 +10,7 @@ from Xlib.ext import xtest
 from Xlib.protocol import event
 
 # s to wait for an application that says it answers: Chromium takes up to one on a busy machine
-PING_PATIENCE = 3.0
+PING_TIMEOUT_S = 3.0
 DEAF_PAUSE = 0.15  # s to give one that does not
 
 
@@ -77,7 +77,7 @@ class Connection:
                 self.display.next_event()
 
     def _await_answer(self, ping: int) -> None:
-        deadline = time.monotonic() + PING_PATIENCE
+        deadline = time.monotonic() + PING_TIMEOUT_S
         while (remaining_s := deadline - time.monotonic()) > 0:
             if (
                 not self.display.pending_events()

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from Xlib import X
 
 from .connection import Connection
-from .keys import CAPS_LOCK, NAMED, SHIFT, keysym_of
-from .layout import KeyboardLayout, KeyStroke, sole_typist
+from .keys import CAPS_LOCK, NAMED, SHIFT, character_keysym
+from .layout import KeyboardLayout, KeyStroke, typing_lock
 
 MAX_TEXT = 100_000  # characters in one call
 BURST = 250  # characters before the application is waited for
@@ -68,15 +68,15 @@ class Keyboard:
             text: to type.
             interval: seconds a character.
         """
-        symbols = symbols_of(text)
+        symbols = text_keysyms(text)
         layout = KeyboardLayout(self._connection)
         with contextlib.ExitStack() as stack:
             if any(symbol not in layout.keys for symbol in symbols):
-                stack.enter_context(sole_typist())
+                stack.enter_context(typing_lock())
                 layout = KeyboardLayout(self._connection)
             stack.enter_context(self._without_caps_lock(layout))
             for run, lacking in layout.chunks(symbols):
-                with layout.lent(lacking) as keys:
+                with layout.borrow_keys(lacking) as keys:
                     self._type_run([keys[symbol] for symbol in run], layout, interval)
 
     def release_all(self) -> None:
@@ -124,7 +124,7 @@ class Keyboard:
         self._connection.sync()
 
     def _change(self, name: str, down: bool) -> None:
-        symbol = NAMED.get(name.lower(), -1) if len(name) != 1 else keysym_of(name)
+        symbol = NAMED.get(name.lower(), -1) if len(name) != 1 else character_keysym(name)
         if symbol == -1 or (symbol == 0 and len(name) == 1):
             raise UnknownKeyError(
                 f"there is no key {name!r}; keys are pyautogui's KEYBOARD_KEYS or one character"
@@ -133,9 +133,9 @@ class Keyboard:
         if symbol in layout.keys:
             self._send(*layout.keys[symbol], layout, down)
         elif symbol and down:
-            with sole_typist():
+            with typing_lock():
                 layout = KeyboardLayout(self._connection)
-                with layout.lent([symbol]) as keys:
+                with layout.borrow_keys([symbol]) as keys:
                     self._type_run([keys[symbol]], layout, 0.0)
 
     def _send(self, code: int, shifted: bool, layout: KeyboardLayout, down: bool) -> None:
@@ -153,7 +153,7 @@ class Keyboard:
             self._held.remove(code)
 
 
-def symbols_of(text: str) -> list[int]:
+def text_keysyms(text: str) -> list[int]:
     """The keysyms that type `text`.
 
     Raises:
@@ -164,7 +164,7 @@ def symbols_of(text: str) -> list[int]:
             f"{len(text)} characters are more than {MAX_TEXT} in one call; write a file or use the"
             " clipboard for these"
         )
-    symbols = [keysym_of(character) for character in text.replace("\r\n", "\n")]
+    symbols = [character_keysym(character) for character in text.replace("\r\n", "\n")]
     if 0 in symbols:
         character = text.replace("\r\n", "\n")[symbols.index(0)]
         raise UnknownKeyError(

@@ -144,7 +144,7 @@ CAPS_LOCK = 0xFFE5
 CONTROL = {"\n": 0xFF0D, "\r": 0xFF0D, "\t": 0xFF09, "\b": 0xFF08}
 
 
-def keysym_of(character: str) -> int:
+def character_keysym(character: str) -> int:
     """The keysym that types `character`.
 
     It is 0 if no key types it (other control characters, halves of a pair).

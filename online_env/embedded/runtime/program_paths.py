@@ -8,7 +8,7 @@ import os
 import shutil
 from pathlib import Path
 
-from .plain import SetupError
+from .desktop_config import SetupError
 
 # Only the first holds files: the other one's links lead to the machine's, seen from outside.
 _FOLDERS = ("usr/bin", "usr/sbin")

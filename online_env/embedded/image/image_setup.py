@@ -17,7 +17,7 @@ from . import build, cache, manifest, sources
 from .cache import Report
 
 DEBIAN_12 = ("ID=debian", "VERSION_ID=12")
-PATIENCE = 60.0  # s for an answer
+ANSWER_TIMEOUT_S = 60.0  # s for an answer
 _BLOCK = 1 << 20
 
 
@@ -36,7 +36,7 @@ def prefers_packages(release: Path = Path("/etc/os-release")) -> bool:
     return lines.issuperset(DEBIAN_12)
 
 
-def make_sure(
+def ensure_image(
     profiles: Iterable[str],
     source: str | None,
     archives: Iterable[sources.AptSource] | None,
@@ -57,7 +57,7 @@ def make_sure(
     if source is not None:
         return _given(source, report)
     images = cache.images()
-    present = cache.names().get(cache.wanted(None), "")
+    present = cache.names().get(cache.requested_name(None), "")
     installed = images[present].profiles if present else ()
     required = build.normal_profiles([*profiles, *installed])
     for name, image in cache.names().items():
@@ -75,7 +75,7 @@ def lacking(profile: str) -> list[str]:
         DesktopImageError: The image that it would start from is missing.
         MissingPackageError: It would start from the machine's packages, which are not Debian's.
     """
-    image = cache.chosen(None)
+    image = cache.find_image_folder(None)
     if image is None:
         return packages.missing(packages.PROFILES[profile])
     present = {part.name for part in manifest.read(image / manifest.NAME).packages}
@@ -110,7 +110,7 @@ def _fetched(url: str, report: Report) -> str:
     report(f"fetching {url}")
     with tempfile.TemporaryFile(dir=folder) as file:
         try:
-            with urllib.request.urlopen(url, timeout=PATIENCE) as answer:
+            with urllib.request.urlopen(url, timeout=ANSWER_TIMEOUT_S) as answer:
                 shutil.copyfileobj(answer, file, _BLOCK)
             file.flush()
         except ValueError as error:

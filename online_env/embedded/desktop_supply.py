@@ -11,11 +11,11 @@ from typing import Any
 from ..errors import DesktopError
 from . import registry
 from .handle import Handle
-from .runtime import masks
-from .runtime.plain import DesktopConfig
+from .runtime import hidden_folders
+from .runtime.desktop_config import DesktopConfig
 
 
-class Supply:
+class DesktopSupply:
     """Builds desktops to one order, one after the other; at most two are up at a time.
 
     Args:
@@ -82,15 +82,15 @@ class Supply:
         except DesktopError:
             return None
         # One that stands by since before a folder was to be hidden would show it.
-        if spare.ended() is None and set(masks.hidden()) <= set(spare.order.hidden):
+        if spare.ended() is None and set(hidden_folders.hidden()) <= set(spare.order.hidden):
             return spare
         spare.close()
         return None
 
     def _start(self) -> Handle:
         self._made += 1
-        name = numbered(self._order.name, self._made)
-        return Handle(replace(self._order, name=name, hidden=masks.hidden()))
+        name = numbered_name(self._order.name, self._made)
+        return Handle(replace(self._order, name=name, hidden=hidden_folders.hidden()))
 
     def _collect(self, wait: bool) -> None:
         for handle in list(self._leaving):
@@ -99,9 +99,9 @@ class Supply:
                 self._leaving.remove(handle)
 
 
-def numbered(name: str | None, number: int) -> str | None:
+def numbered_name(name: str | None, number: int) -> str | None:
     """Return the name of the desktop with this number, the first being 1, of those of one order."""
     if name is None or number == 1:
         return name
     end = f"-{number}"
-    return f"{name[: registry.LONGEST - len(end)]}{end}"
+    return f"{name[: registry.MAX_NAME_LENGTH - len(end)]}{end}"

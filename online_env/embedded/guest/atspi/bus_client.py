@@ -194,18 +194,18 @@ class _Channel:
         del buffer[:position]
 
 
-class Wire:
+class BusClient:
     """A connection to a bus, and to those applications on it that take calls directly.
 
-    An application that does not answer for `patience` seconds, or is not done `budget` seconds
+    An application that does not answer for `timeout` seconds, or is not done `budget` seconds
     after `begin`, is left alone from then on: it is in `silent`.
     """
 
-    def __init__(self, address: str, patience: float, budget: float) -> None:
+    def __init__(self, address: str, timeout: float, budget: float) -> None:
         self._connection: DBusConnection = open_dbus_connection(address)
         self._bus = _Channel(self._connection.sock)
         self._direct: dict[str, _Channel] = {}
-        self._patience = patience
+        self._patience = timeout
         self._budget = budget
         self._end = 0.0
         self._serial = 1000  # jeepney counts from 1 and makes a few calls only
@@ -261,9 +261,9 @@ class Wire:
                 self._receive(channel, run)
         return run.answers
 
-    def _give_up(self, run: "_Run", patience: float) -> None:
+    def _give_up(self, run: "_Run", timeout: float) -> None:
         """Leave alone who is silent; its direct connection would fill up, the bus drops calls."""
-        run.give_up(patience)
+        run.give_up(timeout)
         self.keep(self._direct.keys() - self.silent)
 
     def _send(self, run: "_Run") -> None:
@@ -353,18 +353,18 @@ class _Run:
         self._flying[name] = 0
         self._queues[name].extendleft(self.waiting.pop(serial) for serial in reversed(serials))
 
-    def time_left(self, patience: float) -> float:
+    def time_left(self, timeout: float) -> float:
         """Seconds until the next application has been silent for too long."""
         last = min(self._heard[name] for name, count in self._flying.items() if count)
-        return max(0.0, last + patience - time.monotonic())
+        return max(0.0, last + timeout - time.monotonic())
 
-    def give_up(self, patience: float) -> None:
-        """Leave the applications alone that have not answered for `patience` seconds."""
+    def give_up(self, timeout: float) -> None:
+        """Leave the applications alone that have not answered for `timeout` seconds."""
         now_s = time.monotonic()
         for name in [
             name
             for name, count in self._flying.items()
-            if count and now_s - self._heard[name] >= patience
+            if count and now_s - self._heard[name] >= timeout
         ]:
             self._silent.add(name)
             self._queues.pop(name, None)

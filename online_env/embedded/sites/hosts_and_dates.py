@@ -19,7 +19,7 @@ HOSTS = (
 TODAY = date(2026, 3, 4)
 
 
-def host_of(header: str) -> str:
+def host_name(header: str) -> str:
     """The name in a Host header, without port, final dot or capitals.
 
     `"Shop.test.:80"` is `"shop.test"`.

@@ -46,7 +46,7 @@ class TooLargeError(GuestError):
     """A body over the limit, found while it was read."""
 
 
-class Gate:
+class TokenMiddleware:
     """Lets a request pass that has the token.
 
     Without one (OSWorld's mode) it must not be for a route of ours.

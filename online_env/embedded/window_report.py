@@ -9,13 +9,13 @@ from collections.abc import Iterable
 
 MANAGER = "window-manager"
 SETTINGS = "settings-daemon"
-PAUSE = 0.01
+POLL_S = 0.01
 
 
 def report(descriptor: int, names: Iterable[str]) -> None:
     """Write a line to `descriptor` for each of `names` once it is there.
 
-    Ends after the last one; the parent kills it when its patience ends.
+    Ends after the last one; the parent kills it when its timeout ends.
 
     Args:
         descriptor: where to write.
@@ -34,7 +34,7 @@ def report(descriptor: int, names: Iterable[str]) -> None:
         for name in mapped & missing:
             os.write(descriptor, f"{name}\n".encode())
         missing -= mapped
-        time.sleep(PAUSE)
+        time.sleep(POLL_S)
 
 
 def _mapped_names(screen) -> set[str]:  # type: ignore[no-untyped-def]

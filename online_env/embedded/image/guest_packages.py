@@ -34,7 +34,7 @@ NEEDED = (
 OPTIONAL = ("sniffio",)  # older versions of anyio
 # Debian's packages for it, beside those of the profiles.
 DEBIAN = ("python3", "python3-numpy")
-# What `chamber.run` does at last, so that no image is made in which the guest server cannot load.
+# The last command of a build: no image is made in which the guest server cannot load.
 PROOF = (
     "import sys; sys.path[:0] = ['/run/guest', '/usr/lib/python3/dist-packages'];"
     " import numpy, starlette.applications, uvicorn, anyio, h11, multipart, Xlib.display, mss,"

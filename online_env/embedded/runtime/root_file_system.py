@@ -6,8 +6,8 @@
 
 Nothing else of the machine is there, and nothing of ours: what the desktop needs written is made in
 the upper folders before they are laid over the machine's, and what it must not see is covered there
-(masks.py). No Python of ours is shown either: the guest server has loaded all it needs before it
-comes in (nest.py).
+(hidden_folders.py). No Python of ours is shown either: the guest server has loaded all it needs
+before it comes in (guest_spawner.py).
 """
 
 import os
@@ -17,9 +17,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from . import account, kernel, session
+from .desktop_config import DesktopConfig, SetupError
 from .identity import Identity
 from .network import WEB_ADDRESS
-from .plain import DesktopConfig, SetupError
 
 ROOT = Path("/")
 SYSTEM_FOLDERS = ("bin", "sbin", "lib", "lib32", "lib64", "libx32", "usr", "etc", "var", "opt")
@@ -98,7 +98,7 @@ def fill_upper(upper: Path, order: DesktopConfig, identity: Identity) -> None:
         hide(Path(path), upper)
     for path in (upper, *upper.rglob("*")):
         status = path.lstat()
-        identity.give(path, status.st_uid, status.st_gid)
+        identity.chown(path, status.st_uid, status.st_gid)
 
 
 def hide(path: Path, upper: Path) -> None:
@@ -213,12 +213,12 @@ def _system(root: Path, order: DesktopConfig, identity: Identity) -> None:
             _overlay(path, name, root / name, order, identity)
         elif path.is_symlink():
             (root / name).symlink_to(path.readlink())
-            identity.give(root / name, 0)
+            identity.chown(root / name, 0)
     for name in EMPTY_FOLDERS:
         _own_folder(root / name, identity)
     if not order.rootless:
         _own_folder(root / "root", identity, 0o700)
-    identity.give(root, 0)
+    identity.chown(root, 0)
     browser = root / LOCAL_BIN / "chrome/chrome"
     if browser.exists():
         kernel.bind(str(root / CHROMIUM / "chromium"), str(browser))
@@ -229,7 +229,7 @@ def _home(root: Path, order: DesktopConfig, identity: Identity) -> None:
     home = root / account.HOME.lstrip("/")
     home.mkdir()
     Path("up/home").mkdir()
-    identity.give("up/home", account.UID)
+    identity.chown("up/home", account.UID)
     _overlay(Path(order.layer, "home"), "home", home, order, identity)
 
 
@@ -263,7 +263,7 @@ def _overlay(
 def _own_folder(path: Path, identity: Identity, mode: int = 0o755, uid: int = 0) -> None:
     path.mkdir()
     path.chmod(mode)
-    identity.give(path, uid)
+    identity.chown(path, uid)
 
 
 def _system_mounts(root: Path, order: DesktopConfig, identity: Identity) -> None:
@@ -298,10 +298,10 @@ def _devices(dev: Path, none: int, order: DesktopConfig, identity: Identity) -> 
             number = os.stat(f"/dev/{name}").st_rdev
             os.mknod(device, stat.S_IFCHR | 0o666, number)
             device.chmod(0o666)
-            identity.give(device, 0)
+            identity.chown(device, 0)
     for name, target in DEVICE_LINKS.items():
         (dev / name).symlink_to(target)
-        identity.give(dev / name, 0)
+        identity.chown(dev / name, 0)
     for name in ("pts", "shm"):
         (dev / name).mkdir()
     group = "" if order.rootless else f",gid={identity.base + 5}"

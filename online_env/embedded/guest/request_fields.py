@@ -12,7 +12,7 @@ BAD_REQUEST = 400
 UNSUPPORTED_TYPE = 415
 
 
-async def body_of(request: Request) -> dict[str, Any]:
+async def read_json_body(request: Request) -> dict[str, Any]:
     """The JSON object that a request carries; an empty body is an empty object.
 
     Like OSWorld's server, it refuses (415) a body that is not declared to be JSON: a web page may

@@ -83,7 +83,7 @@ def wallpaper() -> Image.Image:
     _add_glow(picture, x, y)
     for ridge in RIDGES:
         _add_ridge(picture, ridge, x, y)
-    return _image_of(picture)
+    return _to_image(picture)
 
 
 def lock_picture(base: Image.Image) -> Image.Image:
@@ -91,7 +91,7 @@ def lock_picture(base: Image.Image) -> Image.Image:
     small = base.resize((1280, 720), Image.Resampling.BOX)
     blurred = small.filter(ImageFilter.GaussianBlur(BLUR))
     large = blurred.resize(base.size, Image.Resampling.BICUBIC)
-    return _image_of(np.asarray(large, np.float64) * DARK)
+    return _to_image(np.asarray(large, np.float64) * DARK)
 
 
 def face() -> Image.Image:
@@ -128,7 +128,7 @@ def _gradient(stops: tuple[Stop, ...], at: Floats) -> Floats:
     return np.stack(channels, -1)
 
 
-def _image_of(picture: Floats) -> Image.Image:
+def _to_image(picture: Floats) -> Image.Image:
     """A picture of whole numbers; an ordered pattern hides the bands of slow gradients."""
     tile = np.array(DITHER) / 16
     pattern = np.tile(tile, (HEIGHT // 4, WIDTH // 4))

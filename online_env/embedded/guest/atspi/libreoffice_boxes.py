@@ -7,7 +7,7 @@ from .states import MENU_BAR, ROOT_PANE, SHOWING
 from .visibility import corners
 
 
-def put_in_place(application: Application) -> None:
+def correct_libreoffice_boxes(application: Application) -> None:
     """Correct the windows of LibreOffice, which have a menu bar of the toolkit.
 
     LibreOffice learns only from a click that the bar takes room. Until then it reports the root

@@ -80,7 +80,7 @@ def walk(top: Path) -> Iterator[Path]:
             yield from walk(path)
 
 
-def look(path: Path, top: Path) -> Entry:
+def read_entry(path: Path, top: Path) -> Entry:
     """The entry of one file as it is.
 
     Raises:
@@ -106,7 +106,7 @@ def digest(path: Path) -> str:
         return hashlib.file_digest(handle, "sha256").hexdigest()
 
 
-def settle(top: Path, began: float) -> None:
+def set_times(top: Path, began: float) -> None:
     """Give all below `top` permissions and times that do not depend on who built it, and when.
 
     Args:
@@ -148,7 +148,7 @@ def differences(top: Path, entries: Iterable[Entry], beside: Iterable[str] = ())
 
 def _difference(path: Path, entry: Entry, top: Path) -> Iterator[str]:
     try:
-        actual = look(path, top)
+        actual = read_entry(path, top)
     except (FileNotFoundError, NotADirectoryError):
         yield f"{path}: is missing"
         return

@@ -108,7 +108,7 @@ def _enter_and_run(parent: int, job: _Job) -> NoReturn:
             os._exit(os.waitstatus_to_exitcode(os.waitpid(first, 0)[1]) & 0xFF)
         kernel.die_with_parent()
         _come_in(job)
-        pretend_to_own()
+        fake_ownership()
         for command in job.commands:
             _run(command, job.environment)
         os._exit(0)
@@ -162,7 +162,7 @@ def _come_in(job: _Job) -> None:
     os.chdir("/")
 
 
-def pretend_to_own() -> None:
+def fake_ownership() -> None:
     """Let system calls that change owners succeed without effect, here and in all children.
 
     Raises:

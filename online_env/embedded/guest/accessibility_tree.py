@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape, quoteattr
 from ...errors import DesktopError
 from .atspi import methods as m
 from .atspi.icons import add_icons
-from .atspi.places import put_in_place
+from .atspi.libreoffice_boxes import correct_libreoffice_boxes
 from .atspi.reader import MAX_DEPTH, Application, AtspiNode, AtspiReader, walk
 from .atspi.states import ACTIVE, FOCUSED, SHOWING, STATES, TERMINAL, VISIBLE, WRITTEN
 from .atspi.visibility import VisibilityFilter, candidates
@@ -52,7 +52,8 @@ _VALUES = {
 class AccessibilityTree:
     """Reads the tree anew at each call; one thread at a time, the others wait.
 
-    An application that does not answer costs `reader.PATIENCE` seconds and is marked by a comment.
+    An application that does not answer costs `reader.APP_TIMEOUT_S` seconds and is marked by a
+    comment.
     """
 
     def __init__(self, bus: str, windows: Windows) -> None:
@@ -126,7 +127,7 @@ class AccessibilityTree:
             node.box = box
         visible = VisibilityFilter(list(surfaces), size)
         for application in applications:
-            put_in_place(application)
+            correct_libreoffice_boxes(application)
             add_icons(application, self._windows.workarea())
             visible.apply(application)
         _fill(reader, nodes)

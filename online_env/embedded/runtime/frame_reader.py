@@ -16,18 +16,18 @@ import numpy as np
 from hijack_data.types import UInt8Array
 
 from .. import registry
-from ..guest.picture import ASK, DONE, FrozenScreen, to_rgb
-from .framebuffer import DOOR
+from ..guest.frame_format import ASK, DONE, FrozenScreen, to_rgb
+from .framebuffer import FREEZE_SOCKET
 
-TIMEOUT = 5.0
-MOST = 1 << 20  # bytes of the guest's answer
+READ_TIMEOUT_S = 5.0
+MAX_ANSWER_BYTES = 1 << 20  # bytes of the guest's answer
 # X11/XWDFile.h: 25 numbers, most significant byte first.
 _HEADER = struct.Struct(">25I")
 _COLOUR = 12  # bytes of an entry of the colour map, which lies between header and pixels
 _MASKS = (0xFF0000, 0xFF00, 0xFF)
 
 
-class Frames:
+class FrameReader:
     """The screen of the desktop of `record`; for one thread at a time, the others wait.
 
     `OSError` or `ValueError` means that the screen cannot be read this way now; ask the guest
@@ -71,7 +71,7 @@ class Frames:
         pixels = self._opened_pixels()
         guest = self._opened_guest()
         guest.send(ASK)
-        frozen = FrozenScreen.unpack(guest.recv(MOST))
+        frozen = FrozenScreen.unpack(guest.recv(MAX_ANSWER_BYTES))
         height, width = pixels.shape[:2]
         if not (0 < frozen.width <= width and 0 < frozen.height <= height):
             raise ValueError(
@@ -96,8 +96,8 @@ class Frames:
     def _opened_guest(self) -> socket.socket:
         if self._guest is None:
             self._guest = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-            self._guest.settimeout(TIMEOUT)
-            self._guest.connect(str(registry.folder(self._record["id"]) / DOOR))
+            self._guest.settimeout(READ_TIMEOUT_S)
+            self._guest.connect(str(registry.folder(self._record["id"]) / FREEZE_SOCKET))
         return self._guest
 
     def _drop(self) -> None:

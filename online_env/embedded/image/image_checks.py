@@ -13,7 +13,7 @@ _MEMORY = ("tmpfs", "ramfs")
 
 def is_asked_for(image: str | None) -> bool:
     """Whether a desktop starts from an image: by `image`, the environment, or `install`."""
-    return cache.wanted(image) != cache.HOST
+    return cache.requested_name(image) != cache.HOST
 
 
 def findings(image: str | None) -> Iterator[Found]:
@@ -55,7 +55,7 @@ def _image(image: str | None, required: bool) -> Found:
     name = "image"
     build = "hijack desktop install"
     try:
-        folder = cache.chosen(image)
+        folder = cache.find_image_folder(image)
     except DesktopError as error:
         return name, False, str(error), build, True
     if folder is not None:

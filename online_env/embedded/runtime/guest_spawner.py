@@ -17,14 +17,14 @@ from collections.abc import Iterable, Mapping
 from typing import NoReturn
 
 from . import image_python, kernel, limits, seccomp, session
+from .desktop_config import DesktopConfig
 from .identity import Identity
-from .plain import DesktopConfig
 
-MOST = 4096
-SERVER = "desktop-server"  # how a guest server is called in lists of processes
+MAX_MESSAGE_BYTES = 4096
+SERVER_PROCESS_NAME = "desktop-server"  # how a guest server is called in lists of processes
 
 
-class Nest:
+class GuestServerSpawner:
     """Process 1's hold on it.
 
     Args:
@@ -40,7 +40,7 @@ class Nest:
         self.pid = os.fork()
         if self.pid == 0:
             self._line.close()
-            _Nursery(order, identity, child_socket).begin(log)
+            _SpawnerProcess(order, identity, child_socket).begin(log)
         child_socket.close()
 
     def close(self) -> None:
@@ -72,14 +72,14 @@ class Nest:
         request = {"serve": osworld, "environment": dict(environment)}
         self._send(request, list(descriptors))
 
-    def started(self, patience: float) -> int:
-        """The number of the process that `serve` asked for, which may take `patience` seconds.
+    def started(self, timeout: float) -> int:
+        """The number of the process that `serve` asked for, which may take `timeout` seconds.
 
         Raises:
             ConnectionError: There is none.
         """
-        self._line.settimeout(patience)
-        text = self._line.recv(MOST)
+        self._line.settimeout(timeout)
+        text = self._line.recv(MAX_MESSAGE_BYTES)
         self._line.settimeout(None)
         if not text:
             raise ConnectionError("it said nothing")
@@ -89,7 +89,7 @@ class Nest:
         socket.send_fds(self._line, [json.dumps(request).encode()], descriptors)
 
 
-class _Nursery:
+class _SpawnerProcess:
     """The process itself."""
 
     def __init__(self, order: DesktopConfig, identity: Identity, line: socket.socket) -> None:
@@ -110,7 +110,7 @@ class _Nursery:
     def run(self) -> NoReturn:
         """Load a guest server, come into the desktop, and do what process 1 asks for."""
         try:
-            kernel.rename("session")
+            kernel.set_process_name("session")
             self._load()
             self._come_in()
             while True:
@@ -124,7 +124,7 @@ class _Nursery:
             signal.signal(number, signal.SIG_DFL)
         os.environ["OPENBLAS_NUM_THREADS"] = "1"  # no threads: they would not survive a fork
         sys.path[:0] = () if self.order.image else self.order.search_path
-        from .. import windows  # what `_become` reports with  # noqa: F401
+        from .. import window_report  # what `_become` reports with  # noqa: F401
         from ..guest import __main__ as guest
         from ..guest import preload
 
@@ -146,7 +146,7 @@ class _Nursery:
         seccomp.forbid()
 
     def _receive(self) -> tuple[dict[str, object], list[int]]:
-        text, descriptors, _, _ = socket.recv_fds(self.line, MOST, 5)
+        text, descriptors, _, _ = socket.recv_fds(self.line, MAX_MESSAGE_BYTES, 5)
         if not text:
             raise EOFError
         return json.loads(text), list(descriptors)
@@ -176,7 +176,7 @@ class _Nursery:
         try:
             os.setsid()
             _to_log(descriptors.pop())
-            kernel.rename(SERVER)
+            kernel.set_process_name(SERVER_PROCESS_NAME)
             limits.limit_process(self.order)
             self.identity.become_user(guarded=True)
             kernel.forbid_reading()
@@ -185,9 +185,9 @@ class _Nursery:
             os.environ.update(request["environment"])  # type: ignore[call-overload]
             os.chdir(session.HOME)
             if "serve" not in request:
-                from .. import windows
+                from .. import window_report
 
-                windows.report(descriptors[0], request["windows"])  # type: ignore[arg-type]
+                window_report.report(descriptors[0], request["windows"])  # type: ignore[arg-type]
                 os._exit(0)
             requests, freeze, token, ready = map(str, descriptors)
             arguments = ["--host", "", "--listen", requests, "--freeze", freeze]
@@ -218,7 +218,7 @@ def resume(text: int, line: int, namespace: int, base: int, rootless: int) -> No
     for descriptor in (line, namespace):
         os.set_inheritable(descriptor, False)
     identity = Identity(namespace, base, bool(rootless))
-    _Nursery(order, identity, socket.socket(fileno=line)).run()
+    _SpawnerProcess(order, identity, socket.socket(fileno=line)).run()
 
 
 def _end() -> NoReturn:
