@@ -66,7 +66,7 @@ def install(
     """
     from .embedded import home, packages, registry
     from .embedded.image import cache, sources
-    from .embedded.image import install as images
+    from .embedded.image import image_setup as images
 
     packages.packages(profiles)
     if host and (image or mirror):

@@ -17,7 +17,7 @@ from ..errors import MissingPackageError
 from ..privilege import as_root
 from . import home, packages, registry
 from .handle import INSTEAD, LINUX, PACKAGES
-from .image import doctor as images
+from .image import image_checks as images
 from .runtime import limits, rootless
 
 # Does in a few milliseconds what a desktop needs of the kernel, in a process of its own, and leaves

@@ -10,7 +10,7 @@ from support import needs
 
 pytest.importorskip("starlette", reason=needs.ONLINE)
 
-from online_env.embedded.guest import files as guest_files
+from online_env.embedded.guest import user_files as guest_files
 
 from support.guests import at_home, guest_client, said
 from support.loopback import served

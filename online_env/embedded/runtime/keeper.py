@@ -135,7 +135,7 @@ def _keep(
     internet = Internet(order, name, logs)
     folders = [*map(str, root_file_system.shown_folders(order.system)), f"{order.layer}/home"]
     user = identity.make(record["slot"], order.rootless, folders)
-    user.give(folder / "logs", 0)  # process 1 writes there
+    user.chown(folder / "logs", 0)  # process 1 writes there
     doors = DesktopEndpoints.make(order.screen, folder, user)
     ports, reached = _ports(order, record["slot"], str(folder / GUEST_SOCKET), listener)
     record |= {
