@@ -149,10 +149,10 @@ def test_a_network_is_never_that_of_another_desktops_internet(tmp_path, monkeypa
 def test_the_desktops_of_one_order_have_names_that_are_allowed(name, number):
     if not registry._NAME.fullmatch(name):
         name = "a-name-of-18-chars" + "-x"
-    found = desktop_supply.numbered(name, number)
+    found = desktop_supply.numbered_name(name, number)
     assert registry._NAME.fullmatch(found)
     assert found == name if number == 1 else found.endswith(f"-{number}")
-    assert desktop_supply.numbered(None, number) is None
+    assert desktop_supply.numbered_name(None, number) is None
 
 
 @given(

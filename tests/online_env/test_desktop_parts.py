@@ -273,18 +273,18 @@ def test_a_program_that_ends_again_and_again_is_given_up(first_process, monkeypa
     first_process.commands["xfwm4"] = ("xfwm4",)
     for _ in range(init.MAX_RESTARTS):
         first_process.running[5] = "xfwm4"
-        first_process._look_after(5, 9)
+        first_process._handle_exit(5, 9)
     assert started == [("xfwm4",)] * init.MAX_RESTARTS
     first_process.running[5] = "xfwm4"
     with pytest.raises(SetupError, match=r"^xfwm4 ended 9 times within 60 s \(signal 9\); the end"):
-        first_process._look_after(5, 9)
+        first_process._handle_exit(5, 9)
     first_process.deaths["xfwm4"] = [time.monotonic() - init.RESTART_WINDOW_S - 1] * 20
     first_process.running[5] = "xfwm4"
-    first_process._look_after(5, 256)  # what was long ago does not count
-    first_process._look_after(77, 0)  # a grandchild
+    first_process._handle_exit(5, 256)  # what was long ago does not count
+    first_process._handle_exit(77, 0)  # a grandchild
     first_process.running[6] = "Xvfb"
     with pytest.raises(SetupError, match=r"^Xvfb ended \(exit code 1\), and with it the desktop"):
-        first_process._look_after(6, 256)
+        first_process._handle_exit(6, 256)
 
 
 # What the doctor finds

@@ -14,7 +14,7 @@ from online_env.embedded import registry
 from online_env.embedded.guest.frame_format import ASK, DONE, FrozenScreen, PointerImage
 from online_env.embedded.runtime import forward
 from online_env.embedded.runtime.frame_reader import FrameReader
-from online_env.embedded.runtime.framebuffer import DOOR
+from online_env.embedded.runtime.framebuffer import FREEZE_SOCKET
 
 from support.waiting import until
 
@@ -50,7 +50,7 @@ class Guest:
         self.copied = []
         self.callers = 0
         self._door = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._door.bind(str(registry.folder("d1") / DOOR))
+        self._door.bind(str(registry.folder("d1") / FREEZE_SOCKET))
         self._door.listen()
         threading.Thread(target=self._serve, daemon=True).start()
 

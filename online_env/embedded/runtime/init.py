@@ -78,7 +78,7 @@ class Init:
         self._start_spawner()
         kernel.unshare(kernel.CLONE_NEWNS)
         root_file_system.enter_root(self.order, self.identity, self.folder)
-        self._ask_spawner(self.spawner.follow)
+        self._ask_spawner(self.spawner.send_mount_namespace)
         kernel.set_host_name(account.HOST_NAME)
         self.identity.enter()
         kernel.forbid_reading()
@@ -193,7 +193,7 @@ class Init:
         reader, writer = os.pipe()
         log = self.logs.writer("windows")
         self._ask_spawner(
-            lambda: self.spawner.show_windows(announced, self.environment, (writer, log))
+            lambda: self.spawner.report_windows(announced, self.environment, (writer, log))
         )
         os.close(writer)
         # A program that starts before the fonts are published may keep drawing with others.
@@ -205,7 +205,7 @@ class Init:
             self.start(name, program.argv, again=False)
         self._await(reader, set(expected), present)
         os.close(reader)
-        self._guest_started()
+        self._register_guest()
         self._read(serving, "guest", "the guest server to answer")
         os.close(serving)
 
@@ -241,11 +241,11 @@ class Init:
             waited = "stopped waiting"
             looks = 50  # a server that closed its pipe may take a little to be gone
         for _ in range(looks):
-            self._blame_servers()
+            self._check_servers()
             time.sleep(0.02)
         return SetupError(f"{waited} for {event}; {self._tail(name)}")
 
-    def _blame_servers(self) -> None:
+    def _check_servers(self) -> None:
         """Check that the display and the bus run: their end is the reason for what followed.
 
         Raises:
@@ -268,20 +268,22 @@ class Init:
             writer,
             self.logs.writer(GUEST),
         )
-        self._ask_spawner(lambda: self.spawner.serve(self.environment, self.order.osworld, doors))
+        self._ask_spawner(
+            lambda: self.spawner.start_guest_server(self.environment, self.order.osworld, doors)
+        )
         for descriptor in (secret, writer):
             os.close(descriptor)
         return serving
 
-    def _guest_started(self) -> None:
+    def _register_guest(self) -> None:
         timeout = max(20.0, self.deadline - time.monotonic())
-        self.running[self._ask_spawner(lambda: self.spawner.started(timeout))] = GUEST
+        self.running[self._ask_spawner(lambda: self.spawner.read_server_pid(timeout))] = GUEST
 
     def _ask_spawner(self, ask: "Callable[[], Found]") -> "Found":
         try:
             return ask()
         except OSError as error:
-            reason = f"what starts the guest server does not answer ({error})"
+            reason = f"the spawner of guest servers does not answer ({error})"
             raise SetupError(f"{reason}; {self._tail(SPAWNER)}") from None
 
     def _tail(self, name: str) -> str:
@@ -290,9 +292,9 @@ class Init:
     def _reap(self) -> None:
         with contextlib.suppress(ChildProcessError):
             while (child := os.waitpid(-1, os.WNOHANG | os.WUNTRACED))[0]:
-                self._look_after(*child)
+                self._handle_exit(*child)
 
-    def _look_after(self, pid: int, status: int) -> None:
+    def _handle_exit(self, pid: int, status: int) -> None:
         if os.WIFSTOPPED(status):
             if pid in self.running:  # a part of the session; what users stop stays stopped
                 os.kill(pid, signal.SIGCONT)
@@ -300,14 +302,15 @@ class Init:
         name = self.running.pop(pid, None)
         if name in SERVERS:
             raise SetupError(
-                f"{name} ended ({_how(status)}), and with it the desktop; {self._tail(name)}"
+                f"{name} ended ({_describe_status(status)}), and with it the desktop;"
+                f" {self._tail(name)}"
             )
         if name == SPAWNER:
-            raise SetupError(f"what starts the guest server ended; {self._tail(SPAWNER)}")
+            raise SetupError(f"the spawner of guest servers ended; {self._tail(SPAWNER)}")
         if name == GUEST or name in self.commands:
-            self._again(name, status)
+            self._restart(name, status)
 
-    def _again(self, name: str, status: int) -> None:
+    def _restart(self, name: str, status: int) -> None:
         now_s = time.monotonic()
         before = self.deaths.get(name, [])
         recent = [death for death in before if now_s - death < RESTART_WINDOW_S]
@@ -316,7 +319,7 @@ class Init:
         if len(recent) > MAX_RESTARTS:
             raise SetupError(
                 f"{name} ended {len(recent)} times within {RESTART_WINDOW_S:.0f} s"
-                f" ({_how(status)}); {self._tail(name)}"
+                f" ({_describe_status(status)}); {self._tail(name)}"
             )
         if len(recent) > 1:
             time.sleep(0.1)
@@ -324,7 +327,7 @@ class Init:
             self.start(name, self.commands[name])
             return
         os.close(self._start_guest())
-        self._guest_started()
+        self._register_guest()
 
 
 def wake_on_children() -> int:
@@ -339,7 +342,7 @@ def wake_on_children() -> int:
     return reader
 
 
-def _how(status: int) -> str:
+def _describe_status(status: int) -> str:
     code = os.waitstatus_to_exitcode(status)
     return f"signal {-code}" if code < 0 else f"exit code {code}"
 
