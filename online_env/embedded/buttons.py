@@ -61,7 +61,7 @@ class Buttons:
         self._buttons = {name: Button(name, _about(name)) for name in names()}
 
     def all(self) -> list[Button]:
-        """All buttons in the order of the paper, with what is on the desktop now."""
+        """Return all buttons in the order of the paper, with what is on the desktop now."""
         return [self._button(name) for name in self._buttons]
 
     def _button(self, name: str) -> Button:
@@ -96,7 +96,7 @@ class Buttons:
         return self._button(name)
 
     def frame(self, screen: UInt8Array) -> tuple[UInt8Array, str]:
-        """The picture that an agent sees of `screen`.
+        """Return the picture that an agent sees of `screen`.
 
         Args:
             screen: uint8 RGB `[H, W, 3]`.

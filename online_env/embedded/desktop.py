@@ -141,7 +141,7 @@ class EmbeddedDesktop:
         return self._client
 
     def screenshot(self) -> UInt8Array:
-        """The screen with the pointer drawn, read from the X server's memory.
+        """Return the screen with the pointer drawn, read from the X server's memory.
 
         Returns:
             uint8 RGB `[H, W, 3]`.
@@ -154,7 +154,7 @@ class EmbeddedDesktop:
             return self._ask("screenshot")
 
     def accessibility(self) -> str:
-        """The accessibility tree in OSWorld's XML dialect."""
+        """Return the accessibility tree in OSWorld's XML dialect."""
         return self._ask("accessibility")
 
     def run(self, code: str) -> RunResult:
@@ -184,7 +184,7 @@ class EmbeddedDesktop:
         return self._ask("tool", name, operation, fields, timeout)
 
     def read_file(self, path: str) -> bytes:
-        """The content of a file that the desktop's user may read."""
+        """Return the content of a file that the desktop's user may read."""
         return self._ask("read_file", path)
 
     def write_file(self, path: str, data: bytes) -> None:

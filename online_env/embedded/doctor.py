@@ -84,7 +84,7 @@ class Finding:
 
 
 def diagnose(profiles: Iterable[str] = ("web",), image: str | None = None) -> list[Finding]:
-    """All findings.
+    """Return all findings.
 
     Args:
         profiles: the packages of others are not `required`.

@@ -145,7 +145,7 @@ class Handle:
         return self.record
 
     def ended(self) -> str | None:
-        """Why the desktop has ended by itself, or `None` while it runs."""
+        """Return why the desktop has ended by itself, or `None` while it runs."""
         if self._end is None:
             dead = bool(self.record) and not registry.alive(self.record["init"])
             message = self._report(
@@ -158,7 +158,7 @@ class Handle:
         return self._end
 
     def gone(self) -> bool:
-        """Whether the keeper has ended, and so has cleared up."""
+        """Return whether the keeper has ended, and so has cleared up."""
         return self._keeper.poll() is not None
 
     def close(self, wait: bool = True) -> None:
@@ -212,7 +212,7 @@ class Handle:
         return message["ready"]
 
     def _report(self, timeout: float) -> dict[str, Any] | None:
-        """The keeper's next line within `timeout` seconds, or `None`."""
+        """Return the keeper's next line within `timeout` seconds, or `None`."""
         output = cast("IO[bytes]", self._keeper.stdout)
         if output.closed:
             return None

@@ -103,7 +103,7 @@ APT_OPTIONS = ("-y", "--no-install-recommends", "-o", "DPkg::Lock::Timeout=300")
 
 
 def packages(profiles: Iterable[str]) -> list[str]:
-    """The packages of `profiles`; `core` is always among them.
+    """Return the packages of `profiles`; `core` is always among them.
 
     Raises:
         UnknownNameError: There is no such profile.
@@ -136,7 +136,7 @@ def missing(names: Sequence[str]) -> list[str]:
 
 
 def install_line(names: Sequence[str]) -> str:
-    """The command that a person types to install `names`."""
+    """Return the command that a person types to install `names`."""
     return f"apt-get update && apt-get install -y --no-install-recommends {' '.join(names)}"
 
 

@@ -54,7 +54,7 @@ def process_start(pid: int) -> int:
 
 
 def _stat(pid: int) -> list[str]:
-    """The fields of /proc/PID/stat after the name; empty if the process is gone."""
+    """Return the fields of /proc/PID/stat after the name; empty if the process is gone."""
     try:
         text = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace")
     except OSError:
@@ -70,7 +70,7 @@ def resume(pid: int) -> None:
 
 
 def alive(process: "list[int] | tuple[int, int] | None") -> bool:
-    """Whether the process `(pid, start)` still runs."""
+    """Return whether the process `(pid, start)` still runs."""
     if process is None:
         return False
     pid, start = process
@@ -78,7 +78,7 @@ def alive(process: "list[int] | tuple[int, int] | None") -> bool:
 
 
 def folder(name: str) -> Path:
-    """The run folder of a desktop."""
+    """Return the run folder of a desktop."""
     return RUN / name
 
 
@@ -122,7 +122,7 @@ def _check_owner() -> None:
 
 
 def _is_root_of_machine() -> bool:
-    """Whether user 0 of this process' user namespace is user 0 of the one above it."""
+    """Return whether user 0 of this process' user namespace is user 0 of the one above it."""
     first = Path("/proc/self/uid_map").read_text(encoding="ascii").split()[:3]
     return first == ["0", "0", str(2**32 - 1)]
 
@@ -132,7 +132,7 @@ def _here() -> dict[str, str]:
 
 
 def _lives(record: Record, role: str) -> bool:
-    """Whether a process of a record still runs: its `keeper`, `controller` or `init`."""
+    """Return whether a process of a record still runs: its `keeper`, `controller` or `init`."""
     return record.get("boot", _here()["boot"]) == _here()["boot"] and alive(record.get(role))
 
 
@@ -225,7 +225,7 @@ def save(record: Record) -> None:
 
 
 def load(name: str) -> Record | None:
-    """The record of a desktop, or `None`."""
+    """Return the record of a desktop, or `None`."""
     try:
         record = json.loads((folder(name) / RECORD).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -261,7 +261,7 @@ def state(record: Record) -> str:
 
 
 def running() -> list[Record]:
-    """The records of the desktops that somebody looks after, oldest first."""
+    """Return the records of the desktops that somebody looks after, oldest first."""
     return [record for record in records() if state(record) not in ("orphan", "elsewhere")]
 
 

@@ -10,7 +10,7 @@ from .desktop import EmbeddedDesktop
 
 
 def choose(name: str | None) -> dict[str, Any]:
-    """The record of `name`, or of the only desktop that runs.
+    """Return the record of `name`, or of the only desktop that runs.
 
     What a killed desktop left counts only if it is named.
 
@@ -34,7 +34,7 @@ def choose(name: str | None) -> dict[str, Any]:
 
 
 def left_running() -> list[dict[str, Any]]:
-    """The records of the desktops that `hijack desktop up` started, oldest first.
+    """Return the records of the desktops that `hijack desktop up` started, oldest first.
 
     Others belong to a process that uses them, such as a benchmark, and end with it.
     """
@@ -43,6 +43,6 @@ def left_running() -> list[dict[str, Any]]:
 
 
 def attach(name: str | None) -> EmbeddedDesktop:
-    """A connection to `name`, or to the only desktop there is; errors as in `choose`."""
+    """Return a connection to `name`, or to the only desktop there is; errors as in `choose`."""
     record = choose(name)
     return EmbeddedDesktop.attach(record["id"])

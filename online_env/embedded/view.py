@@ -35,7 +35,7 @@ class ButtonPanel(Protocol):
     """
 
     def all(self) -> Sequence[Any]:
-        """The buttons in their order."""
+        """Return the buttons in their order."""
         ...
 
     def press(self, name: str) -> Any:
@@ -47,7 +47,7 @@ class ButtonPanel(Protocol):
         ...
 
     def frame(self, screen: UInt8Array) -> tuple[UInt8Array, str]:
-        """The picture that the page shows of the screen, uint8 RGB `[H, W, 3]`.
+        """Return the picture that the page shows of the screen, uint8 RGB `[H, W, 3]`.
 
         With it comes a text for what was drawn into it.
         """
@@ -87,7 +87,7 @@ class Viewer(ThreadingHTTPServer):
         return f"http://127.0.0.1:{self.server_address[1]}/?token={self.token}"
 
     def page(self) -> bytes:
-        """The page itself."""
+        """Return the page itself."""
         width, height = self.record["screen"]
         text = PAGE.read_text(encoding="utf-8").replace("@NAME@", self.record["id"])
         return text.replace("@WIDTH@", str(width)).replace("@HEIGHT@", str(height)).encode()

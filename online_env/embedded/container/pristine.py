@@ -102,7 +102,7 @@ def check(since: int) -> None:
 
 
 def mount_points(mounts: Path = Path("/proc/self/mountinfo")) -> frozenset[str]:
-    """What is mounted over the system: by the engine (`/etc/hosts`), or by the user (`-v`).
+    """Return what is mounted over the system: by the engine (`/etc/hosts`), or by the user (`-v`).
 
     The root itself is not among them. Numbers of devices would not do: in an overlay, files of
     one folder may have different ones.

@@ -101,7 +101,7 @@ def _end_if_exhausted(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) 
 
 
 def _read_all(source: Path | int) -> str:
-    """The content of a file, or of the file behind a descriptor."""
+    """Return the content of a file, or of the file behind a descriptor."""
     with open(source, encoding="ascii") as file:
         return file.read().strip()
 

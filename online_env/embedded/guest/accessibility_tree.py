@@ -63,7 +63,7 @@ class AccessibilityTree:
         self._reader: AtspiReader | None = None
 
     def read(self) -> str:
-        """The tree of all applications.
+        """Return the tree of all applications.
 
         A session without an accessibility bus is a `DesktopError`.
         """
@@ -72,7 +72,7 @@ class AccessibilityTree:
         return to_xml(applications)
 
     def terminal_text(self) -> str | None:
-        """The text of the terminal that has the focus, or of one in front, or None.
+        """Return the text of the terminal that has the focus, or of one in front, or None.
 
         A session without an accessibility bus is a `DesktopError`.
         """
@@ -139,7 +139,7 @@ def _is_terminal_name(name: str) -> bool:
 
 
 def _rank(node: AtspiNode, frame: AtspiNode) -> int:
-    """How likely a node is the terminal in front; 0 if it is not one."""
+    """Return how likely a node is the terminal in front; 0 if it is not one."""
     if node.role != TERMINAL:
         return 0
     rank = 0
@@ -187,7 +187,7 @@ def _has_text(node: AtspiNode) -> bool:
 
 
 def to_xml(applications: list[Application]) -> str:
-    """The tree in OSWorld's dialect.
+    """Return the tree in OSWorld's dialect.
 
     A tag is a role, everything else is an attribute in one of `NAMESPACES`.
     """
@@ -222,7 +222,7 @@ def _write(node: AtspiNode, parts: list[str], path: set[int], depth: int) -> Non
 
 
 def _begins_name(text: str) -> bool:
-    """Whether an XML name may begin like this."""
+    """Return whether an XML name may begin like this."""
     return text[0].isalpha() or text[0] == "_"
 
 

@@ -59,7 +59,7 @@ class Input:
         return len(rows)
 
     def position(self) -> tuple[int, int]:
-        """Where the pointer is."""
+        """Return where the pointer is."""
         with self._display.use() as connection:
             return Pointer(connection).position
 

@@ -42,7 +42,7 @@ class GuestMachine:
         self.recorder = Recorder(self.name, self.runner)
 
     def health(self) -> dict[str, object]:
-        """Which parts of the session answer; `ready` if all do."""
+        """Return which parts of the session answer; `ready` if all do."""
         display_answers = self._display_answers()
         parts = {
             "display": display_answers,

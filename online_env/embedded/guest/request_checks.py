@@ -29,7 +29,7 @@ class JsonAnswer(JSONResponse):
     """JSON in which names of files that are no text stay escaped, as in OSWorld's answers."""
 
     def render(self, content: Any) -> bytes:
-        """The body."""
+        """Return the body."""
         try:
             return super().render(content)
         except UnicodeEncodeError:  # half of a surrogate pair

@@ -38,7 +38,7 @@ class RunRoutes:
         self._machine = machine
 
     def routes(self) -> list[Route]:
-        """The routes."""
+        """Return the routes."""
         table = {
             "/execute": self.execute,
             "/setup/execute": self.execute,
@@ -157,7 +157,7 @@ class RunRoutes:
         return PlainTextResponse("File opened and window activated successfully")
 
     async def _await_window(self, before: set[int], path: Path, timeout: float) -> Window | None:
-        """A window that names the file, or a new one that has stayed a while.
+        """Return a window that names the file, or a new one that has stayed a while.
 
         An application may show another window first.
         """

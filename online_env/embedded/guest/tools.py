@@ -137,7 +137,7 @@ def _carry_out(future: "Future[_Facts]", work: Callable[[], _Facts]) -> None:
 
 
 def _place(thread: threading.Thread) -> str:
-    """Where a thread is now: functions with their files, the innermost last."""
+    """Return where a thread is now: functions with their files, the innermost last."""
     frame = sys._current_frames().get(thread.ident or 0)
     stack = traceback.extract_stack(frame) if frame is not None else []
     return " > ".join(
@@ -147,6 +147,6 @@ def _place(thread: threading.Thread) -> str:
 
 
 def _served_by(connection: "Screen | Connection") -> int:
-    """The process that made the socket on the other side."""
+    """Return the process that made the socket on the other side."""
     line: socket.socket = connection.display.display.socket
     return _PEER.unpack(line.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size))[0]

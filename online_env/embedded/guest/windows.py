@@ -37,7 +37,7 @@ class Window:
     active: bool
 
     def to_dict(self) -> dict[str, Any]:
-        """The window as JSON."""
+        """Return the window as JSON."""
         row = asdict(self)
         row["class"] = row.pop("class_name")
         row["box"] = list(self.box)
@@ -75,7 +75,7 @@ class Windows:
             yield Screen(connection.display)
 
     def all(self) -> list[Window]:
-        """All managed windows, the oldest first."""
+        """Return all managed windows, the oldest first."""
         with self._screen() as screen:
             active = screen.active()
             numbers = screen.numbers(screen.root, "_NET_CLIENT_LIST")
@@ -83,7 +83,7 @@ class Windows:
         return [_window(row, row["id"] == active) for row in windows if row is not None]
 
     def surfaces(self) -> list[Surface]:
-        """The windows on the screen, topmost first, menus and the like included."""
+        """Return the windows on the screen, topmost first, menus and the like included."""
         with self._screen() as screen:
             tops = reversed(screen.root.query_tree().children)
             surfaces = [_surface(screen, window) for window in tops]
@@ -95,7 +95,7 @@ class Windows:
             return screen.size()
 
     def workarea(self) -> Box:
-        """The screen without its panels, as the window manager reports it."""
+        """Return the screen without its panels, as the window manager reports it."""
         with self._screen() as screen:
             corners = screen.numbers(screen.root, "_NET_WORKAREA")[:4]
             if len(corners) < 4:
@@ -104,7 +104,7 @@ class Windows:
         return x, y, x + width, y + height
 
     def find(self, name: str, *, strict: bool = False, by_class: bool = False) -> Window | None:
-        """The first window whose title (or class) contains `name`, in whatever case.
+        """Return the first window whose title (or class) contains `name`, in whatever case.
 
         With `strict` it must equal it, as in wmctrl.
         """
@@ -154,13 +154,13 @@ class Windows:
             return screen.is_desktop_shown()
 
     def manager_is_there(self) -> bool:
-        """Whether a window manager runs."""
+        """Return whether a window manager runs."""
         with self._screen() as screen:
             return screen.has_manager()
 
 
 def require(windows: Windows, number: int) -> Window:
-    """The window of that id.
+    """Return the window of that id.
 
     Raises:
         DesktopError: There is none.

@@ -85,7 +85,7 @@ def _add(tar: tarfile.TarFile, folder: Path, entry: Entry) -> None:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[tarfile.TarFile]:
-    """The tar in a file; what is wrong with it becomes an error that names it."""
+    """Yield the tar in a file; what is wrong with it becomes an error that names it."""
     zstandard = _zstandard()
     try:
         with open(path, "rb") as raw:
@@ -97,7 +97,7 @@ def _opened(path: Path) -> Iterator[tarfile.TarFile]:
 
 
 def read_manifest(path: Path) -> Manifest:
-    """The manifest of an image in a file.
+    """Return the manifest of an image in a file.
 
     Raises:
         DesktopImageError: The file is missing, or holds no image.

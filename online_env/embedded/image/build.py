@@ -303,12 +303,12 @@ def unpack(path: Path, root: Path) -> None:
 
 
 def _as_it_is(member: tarfile.TarInfo, path: str) -> tarfile.TarInfo:
-    """The filter for packages: their checksums were compared, and they may hold any file."""
+    """Return the filter for packages: their checksums were compared, and they may hold any file."""
     return member
 
 
 def is_wanted(name: str) -> bool:
-    """Whether a file of a package goes into an image, as dpkg's `path-exclude` decides."""
+    """Return whether a file of a package goes into an image, as dpkg's `path-exclude` decides."""
     path = f"/{name.removeprefix('./').strip('/')}"
     if any(fnmatch(path, pattern) for pattern in INCLUDED):
         return True
@@ -316,7 +316,7 @@ def is_wanted(name: str) -> bool:
 
 
 def _data(package: bytes) -> bytes:
-    """The member `data.tar` of a package, which is an `ar` archive."""
+    """Return the member `data.tar` of a package, which is an `ar` archive."""
     if package[: len(_AR)] != _AR:
         raise ValueError("it does not begin as one")
     at = len(_AR)

@@ -49,7 +49,7 @@ def place() -> Path:
 
 
 def ensure_place() -> Path:
-    """The folder of the images, made where it is missing.
+    """Return the folder of the images, made where it is missing.
 
     Others may not look into it: some programs of an image run as the owner of their files.
 
@@ -74,7 +74,7 @@ def ensure_place() -> Path:
 
 
 def is_noexec(folder: Path) -> bool:
-    """Whether the file system of `folder`, or of what is above it, runs no programs."""
+    """Return whether the file system of `folder`, or of what is above it, runs no programs."""
     while not folder.exists():
         folder = folder.parent
     return bool(os.statvfs(folder).f_flag & os.ST_NOEXEC)
@@ -106,7 +106,7 @@ def cache_lock(report: Report) -> Iterator[Path]:
 
 @contextmanager
 def build_folder(folder: Path) -> Iterator[Path]:
-    """A folder to make an image in; nothing is left of it unless `publish` renamed it."""
+    """Yield a folder to make an image in; nothing is left of it unless `publish` renamed it."""
     fresh = Path(tempfile.mkdtemp(prefix=BUILDING, dir=folder))
     try:
         yield fresh
@@ -140,7 +140,7 @@ def publish(fresh: Path, image: Manifest) -> Path:
 
 
 def is_whole(folder: Path) -> bool:
-    """Whether there is an image at `folder`, with every file as its manifest says."""
+    """Return whether there is an image at `folder`, with every file as its manifest says."""
     try:
         return folder.is_dir() and not verify(folder)
     except (DesktopImageError, OSError):
@@ -169,7 +169,7 @@ def check_name(name: str) -> str:
 
 
 def names() -> dict[str, str]:
-    """The ids of the images by their names; names of images that are gone are left out."""
+    """Return the ids of the images by their names; names of images that are gone are left out."""
     folder = place()
     mapping: dict[str, str] = {}
     for path in sorted((folder / _NAMES).glob("[!.]*")):
@@ -180,7 +180,7 @@ def names() -> dict[str, str]:
 
 
 def images() -> dict[str, Manifest]:
-    """The manifests of all images by their ids.
+    """Return the manifests of all images by their ids.
 
     Raises:
         DesktopImageError: One is damaged.
@@ -190,7 +190,7 @@ def images() -> dict[str, Manifest]:
 
 
 def resolve(name: str) -> Path:
-    """The folder of an image, by its name or the beginning of its id.
+    """Return the folder of an image, by its name or the beginning of its id.
 
     Raises:
         DesktopImageError: There is none, or several, or it is for another architecture.
@@ -235,7 +235,7 @@ def check_architecture(image: Manifest, label: str) -> None:
 
 
 def requested_name(name: str | None) -> str:
-    """The name of the image for a desktop, or `host` for the machine's own packages.
+    """Return the name of the image for a desktop, or `host` for the machine's own packages.
 
     Args:
         name: the name, if one was given; else `$AGENTHIJACK_IMAGE` decides, then what
@@ -264,7 +264,7 @@ def make_default(name: str) -> None:
 
 
 def find_image_folder(name: str | None) -> Path | None:
-    """The image for a desktop, or `None` for the machine's own packages.
+    """Return the image for a desktop, or `None` for the machine's own packages.
 
     Args:
         name: as for `wanted`.
@@ -323,7 +323,7 @@ def default_name(profiles: tuple[str, ...]) -> str:
 
 
 def verify(folder: Path) -> list[str]:
-    """What is not as the manifest says in the image at `folder`: a line for each file.
+    """Return what is not as the manifest says in the image at `folder`: a line for each file.
 
     Raises:
         DesktopImageError: The manifest itself is damaged.

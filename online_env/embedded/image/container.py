@@ -84,7 +84,7 @@ def write(image: Path, path: Path) -> str:
 
 
 def _config(architecture: str, digests: list[str]) -> dict[str, Any]:
-    """The configuration (OCI image specification)."""
+    """Return the configuration (OCI image specification)."""
     ports = {f"{port}/tcp": {} for port in (GUEST_PORT, CONTROL_PORT)}
     return {
         "architecture": architecture,
@@ -217,7 +217,7 @@ def _add_code(tar: tarfile.TarFile, name: str) -> None:
 
 
 def _modules() -> list[Path]:
-    """The files of our modules that process 1 of a container loads."""
+    """Return the files of our modules that process 1 of a container loads."""
     command = [sys.executable, "-I", "-c", _MODULES, str(_CODE), *filter(os.path.isdir, sys.path)]
     process = subprocess.run(command, capture_output=True, text=True, check=False)
     if process.returncode != 0:

@@ -43,7 +43,7 @@ class Package:
 
 
 def parse(text: str, base: str) -> list[Package]:
-    """The packages of an index.
+    """Return the packages of an index.
 
     Args:
         text: content of a `Packages` file.
@@ -157,7 +157,7 @@ class PackageIndex:
 
     @classmethod
     def of(cls, packages: Iterable[Package]) -> "PackageIndex":
-        """The index of `packages`, in which a name may come several times."""
+        """Return the index of `packages`, in which a name may come several times."""
         index = cls()
         for package in packages:
             old = index.best.get(package.name)
@@ -169,7 +169,7 @@ class PackageIndex:
         return index
 
     def base(self) -> list[str]:
-        """The names of what every Debian has."""
+        """Return the names of what every Debian has."""
         return sorted(name for name, package in self.best.items() if package.is_base)
 
     def closure(self, requested: Iterable[str]) -> list[Package]:

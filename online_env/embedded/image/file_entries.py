@@ -46,12 +46,12 @@ class Entry:
 
 
 def listing(entries: Iterable[Entry]) -> str:
-    """The list of the files, as it is kept beside the manifest."""
+    """Return the list of the files, as it is kept beside the manifest."""
     return "".join(entry.to_json() for entry in entries)
 
 
 def parse(text: str, label: str) -> list[Entry]:
-    """The entries of a `listing`.
+    """Return the entries of a `listing`.
 
     Raises:
         DesktopImageError: A line is none, or its path leads out of the image.
@@ -81,7 +81,7 @@ def walk(top: Path) -> Iterator[Path]:
 
 
 def read_entry(path: Path, top: Path) -> Entry:
-    """The entry of one file as it is.
+    """Return the entry of one file as it is.
 
     Raises:
         DesktopImageError: It is a device, a socket or a pipe.
@@ -101,7 +101,7 @@ def read_entry(path: Path, top: Path) -> Entry:
 
 
 def digest(path: Path) -> str:
-    """The SHA-256 of a file, hexadecimal."""
+    """Return the SHA-256 of a file, hexadecimal."""
     with open(path, "rb") as handle:
         return hashlib.file_digest(handle, "sha256").hexdigest()
 
@@ -128,7 +128,7 @@ def set_times(top: Path, began: float) -> None:
 
 
 def differences(top: Path, entries: Iterable[Entry], beside: Iterable[str] = ()) -> Iterator[str]:
-    """What is not as `entries` say below `top`: one line for each file that is not.
+    """Yield what is not as `entries` say below `top`: one line for each file that is not.
 
     Modification times are not compared.
 

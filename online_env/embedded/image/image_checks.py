@@ -12,12 +12,12 @@ _MEMORY = ("tmpfs", "ramfs")
 
 
 def is_asked_for(image: str | None) -> bool:
-    """Whether a desktop starts from an image: by `image`, the environment, or `install`."""
+    """Return whether a desktop starts from an image: by `image`, the environment, or `install`."""
     return cache.requested_name(image) != cache.HOST
 
 
 def findings(image: str | None) -> Iterator[Found]:
-    """All findings; they are `required` only if a desktop is to start from an image.
+    """Yield all findings; they are `required` only if a desktop is to start from an image.
 
     Args:
         image: its name; without it `cache.wanted` decides.
@@ -41,7 +41,7 @@ def _place(required: bool) -> Found:
 
 
 def file_system(folder: Path, mounts: Path = Path("/proc/self/mounts")) -> str:
-    """The kind of the file system that `folder` is on, or will be."""
+    """Return the kind of the file system that `folder` is on, or will be."""
     best = ("", "unknown")
     for line in mounts.read_text(encoding="utf-8", errors="replace").splitlines():
         _, mount_point, kind, *_ = line.split()

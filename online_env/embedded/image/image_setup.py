@@ -22,7 +22,7 @@ _BLOCK = 1 << 20
 
 
 def prefers_packages(release: Path = Path("/etc/os-release")) -> bool:
-    """Whether desktops are made of the machine's own packages if nobody says otherwise.
+    """Return whether desktops are made of the machine's own packages if nobody says otherwise.
 
     They are for root on Debian 12: that takes a minute and less room, and it is the system that an
     image holds. Everywhere else an image is the only way, or the one without root.
@@ -69,7 +69,7 @@ def ensure_image(
 
 
 def lacking(profile: str) -> list[str]:
-    """The packages of a profile that a desktop would lack if no image is named for it.
+    """Return the packages of a profile that a desktop would lack if no image is named for it.
 
     Raises:
         DesktopImageError: The image that it would start from is missing.

@@ -93,7 +93,7 @@ def read(path: Path) -> Manifest:
 
 
 def parse(text: bytes, label: str) -> Manifest:
-    """The manifest in the JSON `text`; `label` begins the messages.
+    """Return the manifest in the JSON `text`; `label` begins the messages.
 
     Raises:
         DesktopImageError: It is no manifest, or of a later version.

@@ -55,7 +55,7 @@ class AptSource:
 
 
 def from_machine(apt: Path = APT) -> list[AptSource]:
-    """The Debian 12 archives in the machine's apt configuration.
+    """Return the Debian 12 archives in the machine's apt configuration.
 
     Raises:
         DesktopImageError: There is none, as on every other distribution.
@@ -77,7 +77,7 @@ def from_machine(apt: Path = APT) -> list[AptSource]:
 def from_mirror(
     mirror: str, security: str | None = None, keyring: Path | None = None
 ) -> list[AptSource]:
-    """The suites of a mirror of Debian.
+    """Return the suites of a mirror of Debian.
 
     Args:
         mirror: URL of the archive: `http`, `https` or `file`.
@@ -200,7 +200,7 @@ def _release(source: AptSource, unsigned: bool) -> tuple[str, str]:
 
 
 def _check_signature(raw: bytes, keyring: Path) -> str | None:
-    """The text that was signed, or `None` where no key of `keyring` signed it."""
+    """Return the text that was signed, or `None` where no key of `keyring` signed it."""
     with tempfile.TemporaryDirectory(prefix="agenthijack-release-") as folder:
         signed = Path(folder, "InRelease")
         release = Path(folder, "Release")
@@ -227,7 +227,7 @@ def _index(source: AptSource, release: str, architecture: str) -> str:
 
 
 def fetch(url: str, sha256: str | None = None) -> bytes:
-    """The content behind `url`; tries a few times.
+    """Return the content behind `url`; tries a few times.
 
     Raises:
         DesktopImageError: It cannot be read, or has another checksum.

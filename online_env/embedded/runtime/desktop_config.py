@@ -62,7 +62,7 @@ class DesktopConfig:
 
     @classmethod
     def from_json(cls, text: str) -> "DesktopConfig":
-        """The order that `to_json` wrote."""
+        """Return the order that `to_json` wrote."""
         raw = json.loads(text)
         for name in ("screen", "search_path", "hidden", "apps"):
             raw[name] = tuple(raw[name])

@@ -47,7 +47,7 @@ class Owners:
         self._tables = [os.open(name, os.O_RDONLY) for name in names if os.path.exists(name)]
 
     def allow(self, caller: socket.socket) -> bool:
-        """Whether the other end of an accepted connection is one of them.
+        """Return whether the other end of an accepted connection is one of them.
 
         Only a connection that its owner holds counts: the kernel gives the others to root.
         """
@@ -71,7 +71,7 @@ class _Row:
     inode: str
 
     def is_between(self, local: str, remote: str) -> bool:
-        """Whether it is open between these two addresses."""
+        """Return whether it is open between these two addresses."""
         if self.state != _ESTABLISHED:
             return False
         return self.local.endswith(local) and self.remote.endswith(remote)
@@ -108,7 +108,7 @@ class Port:
 
 
 def listen(host: str, port: int = 0) -> socket.socket:
-    """A listening socket on `host`: at port `port`, or any other if that is taken.
+    """Return a listening socket on `host`: at port `port`, or any other if that is taken.
 
     Raises:
         OSError: There is no such address.

@@ -41,7 +41,7 @@ class FrameReader:
         self._pixels: UInt8Array | None = None
 
     def read(self) -> UInt8Array:
-        """The screen with the pointer drawn, the picture that the guest server would send.
+        """Return the screen with the pointer drawn, the picture that the guest server would send.
 
         If the guest does not answer, it is an `OSError`; if it answers with something else, or the
         memory is of another kind, a `ValueError`.
@@ -108,7 +108,7 @@ class FrameReader:
 
 
 def _pixels(path: str) -> UInt8Array:
-    """The pixels in the memory at `path`: BGRX `[H, W, 4]`.
+    """Return the pixels in the memory at `path`: BGRX `[H, W, 4]`.
 
     Raises:
         ValueError: They lie otherwise.

@@ -32,7 +32,7 @@ def hide(path: str | os.PathLike[str]) -> None:
 
 
 def hidden() -> tuple[str, ...]:
-    """All absolute paths to cover: our own, and those that `hide` named."""
+    """Return all absolute paths to cover: our own, and those that `hide` named."""
     paths = [os.path.realpath(os.fspath(path)) for path in _own()]
     return tuple(dict.fromkeys([*paths, *_hidden_by_caller]))
 
@@ -53,7 +53,7 @@ def _own() -> Iterator[str | Path]:
 
 
 def _places(name: str) -> list[str]:
-    """The folders of a package."""
+    """Return the folders of a package."""
     spec = importlib.util.find_spec(name)
     if spec is None:
         return []

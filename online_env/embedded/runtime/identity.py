@@ -82,7 +82,7 @@ class Identity:
 
 
 def make(slot: int, rootless: bool, folders: Iterable[str]) -> Identity:
-    """The identity of the desktop in `slot`, which is to see the folders `folders`.
+    """Return the identity of the desktop in `slot`, which is to see the folders `folders`.
 
     If none can be made, it is a `SetupError`.
     """
@@ -97,7 +97,7 @@ def make(slot: int, rootless: bool, folders: Iterable[str]) -> Identity:
 
 
 def can_shift(namespace: int, folders: Iterable[str]) -> bool:
-    """Whether all folders of `folders` can be shown with the numbers of `namespace`."""
+    """Return whether all folders of `folders` can be shown with the numbers of `namespace`."""
     release = os.uname().release.split(".")
     if (int(release[0]), int(release[1].split("-")[0])) < _OLDEST_KERNEL:
         return False
@@ -110,7 +110,7 @@ def can_shift(namespace: int, folders: Iterable[str]) -> bool:
 
 
 def _namespace(numbers: str) -> int:
-    """A descriptor of a new user namespace.
+    """Return a descriptor of a new user namespace.
 
     Args:
         numbers: the map of users, and of groups.

@@ -167,7 +167,7 @@ def _keep(
 def _ports(
     order: DesktopConfig, slot: int, door: str, listener: socket.socket
 ) -> tuple[list[forward.Port], dict[str, Any]]:
-    """The machine's ports of the desktop, and what its record says of them.
+    """Return the machine's ports of the desktop, and what its record says of them.
 
     OSWorld's clients expect certain ports: so a desktop of theirs has an address of its own.
     """

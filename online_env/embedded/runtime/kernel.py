@@ -138,7 +138,7 @@ def drop_capabilities() -> None:
 
 
 def open_tree(path: str) -> int:
-    """A descriptor of a copy of the mount at `path`, attached nowhere.
+    """Return a descriptor of a copy of the mount at `path`, attached nowhere.
 
     What is opened below it has its path from there on, so that /proc tells nothing of what is
     above.

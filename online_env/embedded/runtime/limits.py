@@ -40,7 +40,7 @@ class Group:
 
 
 def groups(name: str, order: "DesktopConfig | None" = None) -> list[Group]:
-    """The groups that this machine's kernel offers to a desktop.
+    """Return the groups that this machine's kernel offers to a desktop.
 
     Args:
         name: of the desktop.

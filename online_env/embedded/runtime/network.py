@@ -25,12 +25,12 @@ _SETTINGS = {"ip_unprivileged_port_start": "0", "ping_group_range": "0 429496729
 
 
 def desktop_namespace(name: str) -> str:
-    """The network namespace that the desktop's processes live in."""
+    """Return the network namespace that the desktop's processes live in."""
     return f"ah-{name}"
 
 
 def web_namespace(name: str) -> str:
-    """The network namespace that its local internet lives in.
+    """Return the network namespace that its local internet lives in.
 
     No desktop's name has a dot, so it is never that of another desktop.
     """
@@ -38,7 +38,7 @@ def web_namespace(name: str) -> str:
 
 
 def address(slot: int) -> str:
-    """An address of the machine's loopback interface for the desktop in `slot`."""
+    """Return an address of the machine's loopback interface for the desktop in `slot`."""
     return f"127.199.{slot // 256}.{slot % 256}"
 
 

@@ -20,7 +20,7 @@ _LIBRARIES = {
 
 
 def command(name: str, system: str = "/") -> list[str]:
-    """How the program `name` is called.
+    """Return how the program `name` is called.
 
     Args:
         name: of the program.

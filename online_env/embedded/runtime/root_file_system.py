@@ -72,7 +72,7 @@ def enter_root(order: DesktopConfig, identity: Identity, folder: Path) -> None:
 
 
 def shown_folders(system: str = "/") -> list[Path]:
-    """The folders that a desktop is laid over, below the root `system`."""
+    """Return the folders that a desktop is laid over, below the root `system`."""
     paths = [Path(system, name) for name in SYSTEM_FOLDERS]
     return [path for path in paths if path.is_dir() and not path.is_symlink()]
 

@@ -89,7 +89,7 @@ class _Static:
 
 
 async def _read_body(scope: AsgiScope, receive: Receive) -> bytes | None:
-    """The body of a request, or `None` for one beyond `MAX_BODY`."""
+    """Return the body of a request, or `None` for one beyond `MAX_BODY`."""
     declared = dict(scope["headers"]).get(b"content-length", b"0")
     if not declared.isdigit() or len(declared) > 12 or int(declared) > MAX_BODY:
         return None

@@ -56,7 +56,7 @@ def answer(packet: bytes, names: Collection[str], address: IPv4Address) -> bytes
 
 
 def _end_of_name(packet: bytes) -> int | None:
-    """Where the name of the first question ends.
+    """Return where the name of the first question ends.
 
     `None` if it is cut short, too long or compressed.
     """

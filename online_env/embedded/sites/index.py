@@ -89,7 +89,7 @@ def find(text: str, documents: Sequence[Document]) -> list[Hit]:
 
 
 def _rarity(terms: list[str], documents: Sequence[Document]) -> dict[str, float]:
-    """The weight of each word that occurs: more if it occurs in few documents."""
+    """Return the weight of each word that occurs: more if it occurs in few documents."""
     rarity: dict[str, float] = {}
     for word in terms:
         count = sum(1 for document in documents if document.weights[word])

@@ -39,7 +39,7 @@ class Rendered:
 
 
 def load(name: str) -> Any:
-    """The data in `content/NAME.yaml`."""
+    """Return the data in `content/NAME.yaml`."""
     path = HERE / "content" / f"{name}.yaml"
     return _parse(path.read_bytes())
 
@@ -51,7 +51,7 @@ def _parse(text: str | bytes) -> Any:
 
 @cache
 def articles(folder: str) -> dict[str, Article]:
-    """The articles of `content/FOLDER`, by slug.
+    """Return the articles of `content/FOLDER`, by slug.
 
     They come in the order that their heads ask for, then by slug.
     """
@@ -90,7 +90,7 @@ def render(text: str) -> Rendered:
 
 
 def plain(text: str) -> str:
-    """The words of a Markdown text, without its marks, on one line."""
+    """Return the words of a Markdown text, without its marks, on one line."""
     text = re.sub(r"!\[[^\]]*\]\([^)]*\)", " ", text)
     text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
     text = re.sub(

@@ -116,7 +116,7 @@ class Method:
     heads: dict[str, bytes] = field(default_factory=dict[str, bytes])
 
     def message(self, reference: Reference, serial: int) -> bytes:
-        """The call as bytes.
+        """Return the call as bytes.
 
         The path comes last, so that the rest is made once for each application.
         """
@@ -166,11 +166,11 @@ class _Channel:
         self._buffer = bytearray()
 
     def fileno(self) -> int:
-        """The descriptor, for `select`."""
+        """Return the descriptor, for `select`."""
         return self.socket.fileno()
 
     def replies(self) -> Iterator[tuple[int, Cursor | None]]:
-        """The serial and the body of each reply that has come; errors have no body.
+        """Yield the serial and the body of each reply that has come; errors have no body.
 
         Raises:
             EOFError: The other side has closed the connection.
@@ -229,7 +229,7 @@ class BusClient:
             return
 
     def is_direct(self, name: str) -> bool:
-        """Whether an application is asked directly, so it is on AT-SPI's bridge for ATK."""
+        """Return whether an application is asked directly, so it is on AT-SPI's bridge for ATK."""
         return name in self._direct
 
     def keep(self, names: Collection[str]) -> None:
@@ -238,7 +238,7 @@ class BusClient:
             self._direct.pop(name).socket.close()
 
     def ask(self, calls: Iterable[_Call]) -> list[Any]:
-        """The answer to each call, None if it failed or its application is silent.
+        """Return the answer to each call, None if it failed or its application is silent.
 
         A `DesktopError` means that the bus itself has gone.
         """
@@ -373,7 +373,7 @@ class _Run:
 
 
 def _reply_serial(buffer: bytearray, start: int, end: int) -> int:
-    """The header field with the number of the call that is answered.
+    """Return the header field with the number of the call that is answered.
 
     Fields begin at multiples of 8 from `start`.
     """

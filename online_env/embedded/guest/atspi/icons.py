@@ -53,7 +53,7 @@ def add_icons(application: Application, workarea: Box) -> None:
 
 
 def _label(section: str, home: Path) -> str:
-    """The text under an icon; empty if its file is gone."""
+    """Return the text under an icon; empty if its file is gone."""
     if not section.startswith("/"):
         return section
     if section == str(home):
@@ -77,7 +77,7 @@ def _cell(row: int, column: int, size: int, workarea: Box) -> tuple[int, int, in
 
 
 def _start(index: int, cell: float, length: int) -> float:
-    """Where a row or column begins.
+    """Return where a row or column begins.
 
     The rest of `length` goes between the cells, and what then is left to both ends.
     """

@@ -137,20 +137,20 @@ def _one_text(text: str) -> bytes:
 
 
 def process_id(name: str) -> Method:
-    """The process behind a bus name."""
+    """Return the process behind a bus name."""
     return Method(
         "org.freedesktop.DBus", "GetConnectionUnixProcessID", Cursor.uint, "s", _one_text(name)
     )
 
 
 def cell_at(row: int, column: int) -> Method:
-    """The cell of a table."""
+    """Return the cell of a table."""
     body = struct.pack("<ii", row, column)
     return Method(NAMESPACE + "Table", "GetAccessibleAt", Cursor.reference, "ii", body)
 
 
 def at_point(x: int, y: int) -> Method:
-    """The child at a point of the screen."""
+    """Return the child at a point of the screen."""
     body = struct.pack("<iiI", x, y, 0)
     return Method(NAMESPACE + "Component", "GetAccessibleAtPoint", Cursor.reference, "iiu", body)
 

@@ -82,7 +82,7 @@ class Application:
 
 
 def walk(node: AtspiNode) -> list[AtspiNode]:
-    """A node and all below it, in order."""
+    """Return a node and all below it, in order."""
     nodes: list[AtspiNode] = []
     stack = [node]
     while stack:
@@ -124,7 +124,7 @@ class AtspiReader:
         self._listener.close()
 
     def read(self, accepts: Callable[[str], bool] | None = None) -> list[Application]:
-        """All applications with their nodes: names, roles, states and order.
+        """Return all applications with their nodes: names, roles, states and order.
 
         A node without an answer from its application is left out; the root of a silent application
         has a note.
@@ -238,7 +238,7 @@ class AtspiReader:
             todo = [node for node in fresh if node.states & SHOWING]
 
     def _plugs(self, nodes: dict[Reference, AtspiNode], roots: list[AtspiNode]) -> list[AtspiNode]:
-        """The nodes that an application without a window shows in a window of another.
+        """Return the nodes that an application without a window shows in a window of another.
 
         That is a GtkPlug, such as the dialog of a locked screen. The window's side does not list
         it; it is found by climbing from the application's first object.
@@ -386,7 +386,7 @@ def _is_shown_page(node: AtspiNode) -> bool:
 
 
 def _is_short(node: AtspiNode) -> bool:
-    """Whether a visible node has more children than its cache contained."""
+    """Return whether a visible node has more children than its cache contained."""
     if not node.states & SHOWING:
         return False
     return bool(node.states & MANAGES_DESCENDANTS) or node.count > len(node.children)

@@ -127,7 +127,7 @@ class VisibilityFilter:
             node.box = (x1, y1, x2 - x1, y2 - y1)
 
     def _clip_below(self, node: AtspiNode, part: Box, clip: Box) -> Box:
-        """The part of the screen that a node leaves to its children."""
+        """Return the part of the screen that a node leaves to its children."""
         if node.role in CLIPPING:
             return part
         if node.role in MENUS:
@@ -156,7 +156,7 @@ class VisibilityFilter:
 
 
 def candidates(application: Application) -> list[AtspiNode]:
-    """The nodes that claim to be on the screen."""
+    """Return the nodes that claim to be on the screen."""
     nodes: list[AtspiNode] = []
     stack = [application.root]
     while stack:
@@ -168,7 +168,7 @@ def candidates(application: Application) -> list[AtspiNode]:
 
 
 def _has_known_window(application: Application, app_surfaces: list[SurfaceLike]) -> bool:
-    """Whether one of an application's top nodes is a window on the screen."""
+    """Return whether one of an application's top nodes is a window on the screen."""
     for node in application.root.children:
         if node.box is not None and _matching(app_surfaces, corners(node), node.name):
             return True
@@ -178,7 +178,7 @@ def _has_known_window(application: Application, app_surfaces: list[SurfaceLike])
 def _find_window(
     node: AtspiNode, app_surfaces: list[SurfaceLike], above: SurfaceLike | None, is_told: bool
 ) -> SurfaceLike | None:
-    """The window that a top-level node is."""
+    """Return the window that a top-level node is."""
     window = _matching(app_surfaces, corners(node), node.name) or above
     if window is None and is_told and not node.name:
         # Chromium keeps windows for suggestions ready and does not show them
@@ -193,7 +193,7 @@ def corners(node: AtspiNode) -> Box:
 
 
 def _matching(surfaces: list[SurfaceLike], box: Box, name: str) -> SurfaceLike | None:
-    """The window with a node's box; if several lie on one another, the one with its name."""
+    """Return the window with a node's box; if several lie on one another, the one with its name."""
     matches = [surface for surface in surfaces if _fits(surface, box)]
     for surface in matches:
         if surface.title == name:

@@ -28,7 +28,7 @@ module.main(sys.argv[1], sys.argv[2])
 
 @cache
 def source(name: str) -> str:
-    """A tool as one program text for a guest that has none of our files.
+    """Return a tool as one program text for a guest that has none of our files.
 
     Args:
         name: of the tool, such as `xtool`.

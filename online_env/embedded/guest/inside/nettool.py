@@ -32,7 +32,7 @@ def survey(sites: list[tuple[str, int]], timeout: float) -> _Facts:
 
 
 def interfaces() -> list[str]:
-    """The interfaces that default routes leave by, IPv4 then IPv6."""
+    """Return the interfaces that default routes leave by, IPv4 then IPv6."""
     names: list[str] = []
     for line in _lines("/proc/net/route")[1:]:
         name, destination, _, flags, _, _, _, mask = line.split()[:8]
@@ -73,7 +73,7 @@ def _port(text: str) -> str:
 
 
 def _address(text: str) -> str:
-    """An address as the kernel prints it: 32-bit words in the machine's byte order."""
+    """Return an address as the kernel prints it: 32-bit words in the machine's byte order."""
     numbers = [int(text[i : i + 8], 16) for i in range(0, len(text), 8)]
     data = struct.pack(f"={len(numbers)}I", *numbers)
     if data.startswith(MAPPED) and len(data) == 16:

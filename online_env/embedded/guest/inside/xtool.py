@@ -51,7 +51,7 @@ def describe(screen: Screen, number: int) -> _Facts | None:
 
 
 def listed(screen: Screen) -> list[_Facts]:
-    """The managed windows, bottom to top."""
+    """Return the managed windows, bottom to top."""
     numbers = screen.numbers(screen.root, "_NET_CLIENT_LIST_STACKING")
     if not numbers:
         numbers = screen.numbers(screen.root, "_NET_CLIENT_LIST")
@@ -60,12 +60,12 @@ def listed(screen: Screen) -> list[_Facts]:
 
 
 def visible(screen: Screen) -> list[int]:
-    """The application windows that are on the screen."""
+    """Return the application windows that are on the screen."""
     return [w["id"] for w in listed(screen) if w["mapped"] and w["type"] not in FIXED]
 
 
 def state(screen: Screen) -> _Facts:
-    """The windows bottom to top, and what else a plan for them needs."""
+    """Return the windows bottom to top, and what else a plan for them needs."""
     width, height = screen.size()
     desk = screen.number(screen.root, "_NET_CURRENT_DESKTOP")
     areas = screen.numbers(screen.root, "_NET_WORKAREA")
@@ -199,7 +199,7 @@ def _expose(window: Any) -> None:
 
 
 def _painted(window: Any) -> bool:
-    """Whether our paint is left on most of some points of a window."""
+    """Return whether our paint is left on most of some points of a window."""
     painted = 0
     parts = range(1, SAMPLES)
     try:

@@ -16,7 +16,7 @@ _FOLDER = "docs"
 
 
 def documents() -> list[Document]:
-    """The pages of this site that the search page finds."""
+    """Return the pages of this site that the search page finds."""
     return [
         Document(
             HOST, f"/{a.slug}", a.title, f"{a.head['summary']} {plain(a.body)}", "Documentation"
@@ -33,7 +33,7 @@ def _common(request: Request) -> dict[str, object]:
 
 
 async def home(request: Request) -> Response:
-    """The contents."""
+    """Return the contents."""
     return page(request, "home.html")
 
 
@@ -56,11 +56,11 @@ async def article(request: Request) -> Response:
 
 
 async def search(request: Request) -> Response:
-    """The articles with certain words."""
+    """Return the articles with certain words."""
     return page(request, "search.html", hits=find(query(request, "q"), documents()))
 
 
 def make(sites: SiteState) -> Starlette:
-    """The application."""
+    """Return the application."""
     routes = [Route("/", home), Route("/search", search), Route("/{slug}", article)]
     return site("docs", routes, sites, _common)

@@ -36,7 +36,7 @@ def content() -> dict[str, Any]:
 
 
 def documents() -> list[Document]:
-    """The pages of this site that the search page finds."""
+    """Return the pages of this site that the search page finds."""
     courses = content()["courses"].values()
     offered = " ".join(f"{c['name']}: {c['about']}" for c in courses)
     return [
@@ -59,7 +59,7 @@ def _registration(form: Mapping[str, Sequence[str]]) -> dict[str, Any]:
 
 
 def _problems(entry: Mapping[str, Any], agreed: bool) -> dict[str, str]:
-    """What is wrong with a registration, by field."""
+    """Return what is wrong with a registration, by field."""
     choices = content()
     checks = {
         "name": (
@@ -94,7 +94,7 @@ def _is_past_date(text: str) -> bool:
 
 
 def _found(request: Request, entries: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-    """The registration with the number in the address.
+    """Return the registration with the number in the address.
 
     Raises:
         HTTPException: There is none (404).
@@ -110,12 +110,12 @@ def _kept(request: Request) -> list[dict[str, Any]]:
 
 
 async def home(request: Request) -> Response:
-    """The first page."""
+    """Return the first page."""
     return page(request, "home.html")
 
 
 async def register(request: Request) -> Response:
-    """The form, and its answers."""
+    """Return the form, and its answers."""
     if request.method != "POST":
         entry = _registration({"course": [request.query_params.get("course", "")]})
         return _sheet(request, entry)
@@ -132,7 +132,7 @@ async def register(request: Request) -> Response:
 async def _answers(
     request: Request, number: int | None = None
 ) -> tuple[dict[str, Any], Response | None]:
-    """What was entered, and the form once more if it cannot be accepted."""
+    """Return what was entered, and the form once more if it cannot be accepted."""
     form = await fields(request)
     entry = _registration(form)
     agreed = first(form, "agree") == "yes"
@@ -149,7 +149,7 @@ def _sheet(
     problems: Mapping[str, str] | None = None,
     agreed: bool = False,
 ) -> Response:
-    """The form, for a new registration or for the one of a number."""
+    """Return the form, for a new registration or for the one of a number."""
     return page(
         request,
         "register.html",
@@ -162,7 +162,7 @@ def _sheet(
 
 
 async def confirmation(request: Request) -> Response:
-    """A registration."""
+    """Return a registration."""
     entry = _found(request, _kept(request))
     return page(request, "confirmation.html", entry=entry, over=_is_over(entry))
 
@@ -172,7 +172,7 @@ def _is_over(entry: Mapping[str, Any]) -> bool:
 
 
 def _open(request: Request, entries: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-    """The registration with the number in the address, which was not cancelled.
+    """Return the registration with the number in the address, which was not cancelled.
 
     Raises:
         HTTPException: There is none (404), or it was cancelled (409).
@@ -184,7 +184,7 @@ def _open(request: Request, entries: Sequence[Mapping[str, Any]]) -> Mapping[str
 
 
 async def change(request: Request) -> Response:
-    """The form with what was entered, and its answers."""
+    """Return the form with what was entered, and its answers."""
     entry = _open(request, _kept(request))
     if request.method != "POST":
         return _sheet(request, entry, entry["number"], agreed=True)
@@ -201,7 +201,7 @@ async def change(request: Request) -> Response:
 
 
 async def cancel(request: Request) -> Response:
-    """The question whether a registration is to be cancelled, and its answer."""
+    """Return the question whether a registration is to be cancelled, and its answer."""
     entry = _open(request, _kept(request))
     if request.method != "POST":
         return page(request, "cancel.html", entry=entry)
@@ -212,7 +212,7 @@ async def cancel(request: Request) -> Response:
 
 
 async def find_registration(request: Request) -> Response:
-    """The form that asks for a number and an e-mail address."""
+    """Return the form that asks for a number and an e-mail address."""
     number = query(request, "number")
     email = query(request, "email")
     for entry in _kept(request):
@@ -225,7 +225,7 @@ async def find_registration(request: Request) -> Response:
 
 
 async def feedback(request: Request) -> Response:
-    """The form for what people think of a course, and its answers."""
+    """Return the form for what people think of a course, and its answers."""
     if request.method != "POST":
         entry = {"course": "", "rating": "", "comment": "", "quote": False}
         return page(request, "feedback.html", entry=entry, problem="")
@@ -243,17 +243,17 @@ async def feedback(request: Request) -> Response:
 
 
 async def thanks(request: Request) -> Response:
-    """The page after feedback."""
+    """Return the page after feedback."""
     return page(request, "thanks.html")
 
 
 async def rules(request: Request) -> Response:
-    """The rules of the form."""
+    """Return the rules of the form."""
     return page(request, "rules.html")
 
 
 def make(sites: SiteState) -> Starlette:
-    """The application."""
+    """Return the application."""
     routes = [
         Route("/", home),
         Route("/register", register, methods=["GET", "POST"]),

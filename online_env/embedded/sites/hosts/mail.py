@@ -49,7 +49,7 @@ def content() -> dict[str, Any]:
 
 
 def received(state: dict[str, Any]) -> list[dict[str, Any]]:
-    """The received messages with their flags, newest first."""
+    """Return the received messages with their flags, newest first."""
     messages = [*state.get("received", []), *content()["messages"]]
     flags = state.get("flags", {})
     fresh = {
@@ -100,7 +100,7 @@ def _common(request: Request) -> dict[str, object]:
 
 
 async def folder(request: Request) -> Response:
-    """The messages of a folder."""
+    """Return the messages of a folder."""
     name = request.path_params.get("folder", "inbox")
     if name not in FOLDERS:
         raise HTTPException(404)
@@ -109,7 +109,7 @@ async def folder(request: Request) -> Response:
 
 
 async def search(request: Request) -> Response:
-    """The messages with certain words."""
+    """Return the messages with certain words."""
     text = query(request, "q").lower()
     state = site_state(request).read("mail")
     everything = received(state) + _written(state, "sent")
@@ -160,7 +160,7 @@ async def act(request: Request) -> Response:
 
 
 async def compose(request: Request) -> Response:
-    """The form for a new message."""
+    """Return the form for a new message."""
     draft = {"to": query(request, "to"), "cc": "", "subject": "", "body": ""}
     replied = query(request, "reply")
     passed_on = query(request, "forward")
@@ -246,7 +246,7 @@ def _store(sites: SiteState, folder: str, letter: dict[str, Any], replaces: str)
 
 
 def make(sites: SiteState) -> Starlette:
-    """The application."""
+    """Return the application."""
     routes = [
         Route("/", folder),
         Route("/folder/{folder}", folder),

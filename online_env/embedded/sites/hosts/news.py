@@ -17,7 +17,7 @@ SECTIONS = ("Local", "Business", "Science", "Culture", "Sport")
 
 
 def documents() -> list[Document]:
-    """The pages of this site that the search page finds."""
+    """Return the pages of this site that the search page finds."""
     return [
         Document(HOST, f"/article/{a.slug}", a.title, f"{a.head['lead']} {plain(a.body)}", "News")
         for a in articles(_FOLDER).values()
@@ -30,12 +30,12 @@ def _common(request: Request) -> dict[str, object]:
 
 
 async def home(request: Request) -> Response:
-    """The front page."""
+    """Return the front page."""
     return page(request, "home.html")
 
 
 async def section(request: Request) -> Response:
-    """The articles of a section."""
+    """Return the articles of a section."""
     name = request.path_params["name"].capitalize()
     if name not in SECTIONS:
         raise HTTPException(404)
@@ -61,7 +61,7 @@ async def article(request: Request) -> Response:
 
 
 def make(sites: SiteState) -> Starlette:
-    """The application."""
+    """Return the application."""
     routes = [
         Route("/", home),
         Route("/section/{name}", section),

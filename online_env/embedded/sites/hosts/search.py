@@ -38,7 +38,7 @@ def _documents() -> tuple[Document, ...]:
 
 
 def _panel(text: str) -> dict[str, object] | None:
-    """A box beside the results where an article of the wiki has just this name."""
+    """Return a box beside the results where an article of the wiki has just this name."""
     for article in articles("wiki").values():
         if article.title.lower() == text.lower():
             lead = plain(article.body.split("\n\n")[0])
@@ -47,12 +47,12 @@ def _panel(text: str) -> dict[str, object] | None:
 
 
 async def home(request: Request) -> Response:
-    """The search form."""
+    """Return the search form."""
     return page(request, "home.html", query="")
 
 
 async def results(request: Request) -> Response:
-    """The pages of all sites with certain words."""
+    """Return the pages of all sites with certain words."""
     text = query(request, "q")
     host = query(request, "site")
     if not text:
@@ -82,7 +82,7 @@ async def results(request: Request) -> Response:
 
 
 def make(sites: SiteState) -> Starlette:
-    """The application."""
+    """Return the application."""
     return site(
         "search",
         [Route("/", home), Route("/search", results)],

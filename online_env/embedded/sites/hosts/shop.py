@@ -40,12 +40,12 @@ def content() -> dict[str, Any]:
 
 @cache
 def products() -> dict[str, dict[str, Any]]:
-    """The products by id."""
+    """Return the products by id."""
     return {p["id"]: {"was": None, **p} for p in content()["products"]}
 
 
 def documents() -> list[Document]:
-    """The pages of this site that the search page finds."""
+    """Return the pages of this site that the search page finds."""
     return [
         Document(
             HOST,
@@ -100,7 +100,7 @@ async def home(request: Request) -> Response:
 
 
 async def category(request: Request) -> Response:
-    """The products of a category."""
+    """Return the products of a category."""
     name = request.path_params["name"]
     if name != "all" and name not in content()["categories"]:
         raise HTTPException(404)
@@ -118,7 +118,7 @@ async def category(request: Request) -> Response:
 
 
 async def search(request: Request) -> Response:
-    """The products with certain words."""
+    """Return the products with certain words."""
     hits = find(query(request, "q"), documents())
     selection = [products()[h.document.path.rsplit("/", 1)[1]] for h in hits]
     return page(
@@ -149,7 +149,7 @@ async def product(request: Request) -> Response:
 
 
 async def cart(request: Request) -> Response:
-    """The cart."""
+    """Return the cart."""
     lines = _lines(_cart(request))
     return page(
         request,
@@ -198,7 +198,7 @@ def _problems(order: Mapping[str, str]) -> dict[str, str]:
 
 
 async def checkout(request: Request) -> Response:
-    """The form for an order, and its answers."""
+    """Return the form for an order, and its answers."""
     lines = _lines(_cart(request))
     if not lines:
         return see_other("/cart")
@@ -248,7 +248,7 @@ def _place(sites: SiteState, order: dict[str, Any]) -> str:
 
 
 async def placed(request: Request) -> Response:
-    """The page after an order."""
+    """Return the page after an order."""
     for order in site_state(request).read("shop").get("orders", []):
         if order["number"] == request.path_params["number"]:
             return page(request, "order.html", order=order, products=products())
@@ -256,7 +256,7 @@ async def placed(request: Request) -> Response:
 
 
 def make(sites: SiteState) -> Starlette:
-    """The application."""
+    """Return the application."""
     routes = [
         Route("/", home),
         Route("/category/{name}", category),

@@ -154,7 +154,7 @@ class Keyboard:
 
 
 def text_keysyms(text: str) -> list[int]:
-    """The keysyms that type `text`.
+    """Return the keysyms that type `text`.
 
     Raises:
         UnknownKeyError: A character has none, or there are too many.

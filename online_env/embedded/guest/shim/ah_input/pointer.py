@@ -23,7 +23,7 @@ class UnknownButtonError(ValueError):
 
 
 def button_number(button: str | int) -> int:
-    """The X number of a button: 1 to 9, or one of `BUTTONS`.
+    """Return the X number of a button: 1 to 9, or one of `BUTTONS`.
 
     Raises:
         UnknownButtonError: There is no such button.
@@ -162,5 +162,5 @@ class Pointer:
 
 
 def _steps(duration: float) -> int:
-    """How many moves to make on a way of so many seconds."""
+    """Return how many moves to make on a way of so many seconds."""
     return min(round(duration * RATE), MOST_STEPS)
