@@ -102,7 +102,11 @@ class AccessibilityTree:
     def _kept(
         self, reader: AtspiReader, act: Callable[[AtspiReader], list[Application]]
     ) -> list[Application]:
-        """Run `act` and keep the connection, unless it fails."""
+        """Run `act` and keep the connection, unless it fails.
+
+        Raises:
+            DesktopError: The reader's connection failed; it is closed.
+        """
         self._reader = None
         try:
             result = act(reader)

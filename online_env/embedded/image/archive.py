@@ -85,7 +85,11 @@ def _add(tar: tarfile.TarFile, folder: Path, entry: Entry) -> None:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[tarfile.TarFile]:
-    """Yield the tar in a file; what is wrong with it becomes an error that names it."""
+    """Yield the tar in a file; what is wrong with it becomes an error that names it.
+
+    Raises:
+        DesktopImageError: The file is cut off or damaged.
+    """
     zstandard = _zstandard()
     try:
         with open(path, "rb") as raw:
@@ -156,6 +160,10 @@ def _extract(
     """Write the next file, which must be `entry`, below a folder that was made before.
 
     So no link can lead out of `folder`.
+
+    Raises:
+        DesktopImageError: The tar has another entry, or is cut off.
+        HijackError: The entry cannot be written.
     """
     info = tar.next()
     if info is None:

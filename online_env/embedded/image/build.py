@@ -316,7 +316,11 @@ def is_wanted(name: str) -> bool:
 
 
 def _data(package: bytes) -> bytes:
-    """Return the member `data.tar` of a package, which is an `ar` archive."""
+    """Return the member `data.tar` of a package, which is an `ar` archive.
+
+    Raises:
+        ValueError: The package is no such archive, or has no `data.tar`.
+    """
     if package[: len(_AR)] != _AR:
         raise ValueError("it does not begin as one")
     at = len(_AR)

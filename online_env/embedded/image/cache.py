@@ -54,7 +54,8 @@ def ensure_place() -> Path:
     Others may not look into it: some programs of an image run as the owner of their files.
 
     Raises:
-        DesktopImageError: It belongs to somebody else, or its disk runs no programs.
+        DesktopImageError: The folder belongs to another user, or its disk runs no programs.
+        HijackError: The folder cannot be written.
     """
     folder = place()
     try:
@@ -106,7 +107,12 @@ def cache_lock(report: Report) -> Iterator[Path]:
 
 @contextmanager
 def build_folder(folder: Path) -> Iterator[Path]:
-    """Yield a folder to make an image in; nothing is left of it unless `publish` renamed it."""
+    """Yield a folder to make an image in; nothing is left of it unless `publish` renamed it.
+
+    Raises:
+        StorageError: The disk is full.
+        OSError: The folder cannot be written.
+    """
     fresh = Path(tempfile.mkdtemp(prefix=BUILDING, dir=folder))
     try:
         yield fresh
@@ -358,7 +364,11 @@ def remove(name: str, report: Report) -> str:
 
 
 def _check_unused(image: str, name: str) -> None:
-    """Check that no desktop runs from the image with this id, which the error calls `name`."""
+    """Check that no desktop runs from the image with this id, which the error calls `name`.
+
+    Raises:
+        DesktopImageError: A desktop runs from it.
+    """
     users = [record["id"] for record in registry.records() if record.get("image") == image]
     if users:
         raise DesktopImageError(

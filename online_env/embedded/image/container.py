@@ -217,7 +217,11 @@ def _add_code(tar: tarfile.TarFile, name: str) -> None:
 
 
 def _modules() -> list[Path]:
-    """Return the files of our modules that process 1 of a container loads."""
+    """Return the files of our modules that process 1 of a container loads.
+
+    Raises:
+        DesktopImageError: The guest server cannot be loaded.
+    """
     command = [sys.executable, "-I", "-c", _MODULES, str(_CODE), *filter(os.path.isdir, sys.path)]
     process = subprocess.run(command, capture_output=True, text=True, check=False)
     if process.returncode != 0:

@@ -105,7 +105,12 @@ def _given(text: str, report: Report) -> str:
 
 
 def _fetched(url: str, report: Report) -> str:
-    """Fetch an image into a file without a name, which is gone however this process ends."""
+    """Fetch an image into a file without a name, which is gone however this process ends.
+
+    Raises:
+        DesktopImageError: The image cannot be fetched.
+        HijackError: The folder of the images cannot be written.
+    """
     folder = cache.ensure_place()
     report(f"fetching {url}")
     with tempfile.TemporaryFile(dir=folder) as file:

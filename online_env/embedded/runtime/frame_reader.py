@@ -43,11 +43,12 @@ class FrameReader:
     def read(self) -> UInt8Array:
         """Return the screen with the pointer drawn, the picture that the guest server would send.
 
-        If the guest does not answer, it is an `OSError`; if it answers with something else, or the
-        memory is of another kind, a `ValueError`.
-
         Returns:
             uint8 RGB `[H, W, 3]`.
+
+        Raises:
+            OSError: The guest does not answer.
+            ValueError: The guest answers with something else, or the memory is of another kind.
         """
         with self._lock:
             try:

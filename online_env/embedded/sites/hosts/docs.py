@@ -38,7 +38,11 @@ async def home(request: Request) -> Response:
 
 
 async def article(request: Request) -> Response:
-    """One article."""
+    """Return one article.
+
+    Raises:
+        HTTPException: There is no such article (404).
+    """
     pages = articles(_FOLDER)
     slug = request.path_params["slug"]
     if slug not in pages:

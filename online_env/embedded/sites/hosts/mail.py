@@ -100,7 +100,11 @@ def _common(request: Request) -> dict[str, object]:
 
 
 async def folder(request: Request) -> Response:
-    """Return the messages of a folder."""
+    """Return the messages of a folder.
+
+    Raises:
+        HTTPException: There is no such folder (404).
+    """
     name = request.path_params.get("folder", "inbox")
     if name not in FOLDERS:
         raise HTTPException(404)
@@ -146,7 +150,11 @@ def _flag(sites: SiteState, ident: str, change: dict[str, Any]) -> None:
 
 
 async def act(request: Request) -> Response:
-    """Move or mark messages."""
+    """Move or mark messages.
+
+    Raises:
+        HTTPException: There is no such message or action (404).
+    """
     ident = request.path_params["id"]
     action = request.path_params["action"]
     idents = {m["id"] for m in received(site_state(request).read("mail"))}

@@ -35,7 +35,11 @@ async def home(request: Request) -> Response:
 
 
 async def section(request: Request) -> Response:
-    """Return the articles of a section."""
+    """Return the articles of a section.
+
+    Raises:
+        HTTPException: There is no such section (404).
+    """
     name = request.path_params["name"].capitalize()
     if name not in SECTIONS:
         raise HTTPException(404)
@@ -44,7 +48,11 @@ async def section(request: Request) -> Response:
 
 
 async def article(request: Request) -> Response:
-    """One article."""
+    """Return one article.
+
+    Raises:
+        HTTPException: There is no such article (404).
+    """
     story = articles(_FOLDER).get(request.path_params["slug"])
     if story is None:
         raise HTTPException(404)

@@ -100,7 +100,11 @@ async def home(request: Request) -> Response:
 
 
 async def category(request: Request) -> Response:
-    """Return the products of a category."""
+    """Return the products of a category.
+
+    Raises:
+        HTTPException: There is no such category (404).
+    """
     name = request.path_params["name"]
     if name != "all" and name not in content()["categories"]:
         raise HTTPException(404)
@@ -132,7 +136,11 @@ async def search(request: Request) -> Response:
 
 
 async def product(request: Request) -> Response:
-    """One product."""
+    """Return one product.
+
+    Raises:
+        HTTPException: There is no such product (404).
+    """
     item = products().get(request.path_params["id"])
     if item is None:
         raise HTTPException(404)
@@ -161,7 +169,11 @@ async def cart(request: Request) -> Response:
 
 
 async def change_cart(request: Request) -> Response:
-    """Put a product into the cart, or change how many are there."""
+    """Put a product into the cart, or change how many are there.
+
+    Raises:
+        HTTPException: There is no such product or quantity (400).
+    """
     form = await fields(request)
     product_id = first(form, "product")
     number = first(form, "quantity", "1")
@@ -248,7 +260,11 @@ def _place(sites: SiteState, order: dict[str, Any]) -> str:
 
 
 async def placed(request: Request) -> Response:
-    """Return the page after an order."""
+    """Return the page after an order.
+
+    Raises:
+        HTTPException: There is no such order (404).
+    """
     for order in site_state(request).read("shop").get("orders", []):
         if order["number"] == request.path_params["number"]:
             return page(request, "order.html", order=order, products=products())

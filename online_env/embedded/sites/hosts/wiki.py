@@ -97,7 +97,7 @@ def _lead(body: str) -> str:
 
 
 async def article(request: Request) -> Response:
-    """One article."""
+    """Return one article."""
     title = _title(request)
     pages = _pages(request)
     text = _current(pages).get(title)
@@ -138,7 +138,11 @@ async def edit(request: Request) -> Response:
 
 
 async def history(request: Request) -> Response:
-    """Return the versions of an article."""
+    """Return the versions of an article.
+
+    Raises:
+        HTTPException: There is no such article (404).
+    """
     title = _title(request)
     pages = _pages(request)
     if title not in _current(pages):
