@@ -27,7 +27,7 @@ class Button:
         about: the first sentence of its documentation.
         on: whether it is on the desktop now.
         ok: whether its probe was true, or whether it could be taken back.
-        said: what the probe saw, what taking it back did, or the error; empty before the first
+        message: what the probe saw, what taking it back did, or the error; empty before the first
             press.
     """
 
@@ -35,7 +35,7 @@ class Button:
     about: str
     on: bool = False
     ok: bool = True
-    said: str = ""
+    message: str = ""
 
 
 class Buttons:
@@ -92,7 +92,7 @@ class Buttons:
             except HijackError as error:
                 ok = False
                 message = str(error)
-            self._buttons[name] = replace(self._buttons[name], ok=ok, said=message)
+            self._buttons[name] = replace(self._buttons[name], ok=ok, message=message)
         return self._button(name)
 
     def frame(self, screen: UInt8Array) -> tuple[UInt8Array, str]:

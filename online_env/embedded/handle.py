@@ -1,4 +1,4 @@
-"""The controller's hold on one desktop: starts its keeper, waits for it, ends it."""
+"""Starting a desktop from the controller: its keeper is started, waited for and ended here."""
 
 import json
 import os
@@ -107,7 +107,7 @@ def make_order(
 
 
 class Handle:
-    """One desktop that this process started.
+    """A desktop that this process started, by way of its keeper.
 
     Attributes:
         order: what it was asked to be.
@@ -148,9 +148,8 @@ class Handle:
         """Return why the desktop has ended by itself, or `None` while it runs."""
         if self._end is None:
             dead = bool(self.record) and not registry.alive(self.record["init"])
-            message = self._report(
-                2.0 if dead else 0.0
-            )  # its keeper needs some time to give the reason
+            # its keeper needs some time to give the reason
+            message = self._report(2.0 if dead else 0.0)
             if message is not None:
                 self._end = str(message.get("ended") or message.get("error", message))
             elif self._keeper.poll() is not None:

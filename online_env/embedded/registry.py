@@ -261,12 +261,12 @@ def state(record: Record) -> str:
 
 
 def running() -> list[Record]:
-    """Return the records of the desktops that somebody looks after, oldest first."""
+    """Return the records of the desktops whose keeper runs, oldest first."""
     return [record for record in records() if state(record) not in ("orphan", "elsewhere")]
 
 
 def orphans() -> list[Record]:
-    """Desktops that nobody looks after any more; also namespaces and groups without a folder."""
+    """Return desktops without a running keeper; also namespaces and groups without a folder."""
     listed = records()
     return [
         *(record for record in listed if state(record) == "orphan"),

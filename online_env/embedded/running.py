@@ -1,4 +1,4 @@
-"""Which of the running desktops a command means."""
+"""The choice of the running desktop that a command acts on."""
 
 import os
 from typing import Any

@@ -1,7 +1,7 @@
-"""The port of a container on which whoever holds the token asks for a pristine desktop.
+"""The control port of a container, on which the holder of the token requests a pristine desktop.
 
-One request at a time, between two looks at the processes that have ended: process 1 has no threads,
-because it forks.
+Process 1 has no threads, because it forks: it serves one request at a time, between two checks for
+processes that have ended.
 """
 
 import hmac
@@ -50,7 +50,7 @@ class _Server(HTTPServer):
 
 
 class Control:
-    """The port.
+    """The control port.
 
     Args:
         port: its number.
@@ -68,7 +68,7 @@ class Control:
         email.parser.Parser(_class=http.client.HTTPMessage).parsestr("X-Token: x\r\n\r\n")
 
     def wait(self, attend: Callable[[float, Iterable[int]], set[int]]) -> None:
-        """Wait until somebody asks for a reset; `answer` tells how it went.
+        """Wait for a request for a reset, which `answer` answers.
 
         Args:
             attend: looks after the desktop until one of some descriptors can be read.
@@ -78,7 +78,7 @@ class Control:
                 self._server.handle_request()
 
     def answer(self, outcome: dict[str, Any]) -> None:
-        """Answer who asked for a reset; nobody did before the first session."""
+        """Answer the request for a reset, if there is one: the first session has none."""
         request = self._server.asked
         self._server.asked = None
         if request is None:

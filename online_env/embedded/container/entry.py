@@ -74,7 +74,7 @@ class Container(init.Init):
             while True:
                 os.wait()
         self.spawner.close()
-        self.doors.framebuffer.close()
+        self.endpoints.framebuffer.close()
         self.logs.close()
         os.close(self.wake)
 
@@ -144,7 +144,7 @@ def _serve(
 
 def _load() -> None:
     """Import what guest servers need, while files can still be trusted."""
-    for name in ("windows", "guest.__main__"):
+    for name in ("window_report", "guest.__main__"):
         importlib.import_module(f"online_env.embedded.{name}")
     from ..guest import preload
 

@@ -1,7 +1,7 @@
-"""A container's files as they were: the home and all that is for the moment are made anew.
+"""Resets the files of a container: the home and all folders of temporary files are made anew.
 
-What root inside has changed elsewhere cannot be taken back from within: it is found and refused, so
-that no reset is called pristine that is not.
+What root inside has changed elsewhere cannot be undone from within the container: `check` finds
+such changes and refuses the reset.
 """
 
 import os

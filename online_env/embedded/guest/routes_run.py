@@ -1,4 +1,4 @@
-"""Running things: commands, scripts, applications, windows."""
+"""Routes that run commands and scripts, start applications and act on windows."""
 
 import shutil
 import tempfile

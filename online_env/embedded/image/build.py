@@ -159,7 +159,7 @@ def build(recipe: Recipe, name: str | None, report: Report) -> tuple[str, Manife
     Args:
         recipe: what to build.
         name: what to call it; by its profiles, if not given.
-        report: is told the progress.
+        report: called with a line of text at each step.
 
     Returns:
         Its name, and its manifest.
@@ -206,7 +206,7 @@ def _fill(fresh: Path, choice: Choice, paths: dict[str, Path], log: Path, say: R
         root,
         commands,
         log,
-        lent={"guest": python},
+        writable={"guest": python},
         environment={"SOURCE_DATE_EPOCH": str(file_entries.EPOCH)},
     )
     _clean(root)

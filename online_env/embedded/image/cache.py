@@ -2,7 +2,7 @@
 
     images/ID/manifest.json, files.jsonl, root/ (Debian), guest/ (Python packages)
     images/names/NAME     the id that the name stands for
-    images/default        the name of the one that desktops start from if nobody says otherwise
+    images/default        the name of the image that desktops start from by default
     images/packages/      Debian's packages that were fetched
 
 A folder gets its name when it is complete. What a killed process left has another name, and the
@@ -86,7 +86,7 @@ def cache_lock(report: Report) -> Iterator[Path]:
     """Hold the cache: one process at a time builds, imports or removes. Yields its folder.
 
     Args:
-        report: is told whom this one waits for.
+        report: called with the name of the process that this one waits for.
 
     Raises:
         DesktopImageError: The folder cannot be used.
@@ -302,7 +302,7 @@ def import_file(path: Path, name: str | None, report: Report) -> tuple[str, Mani
     Args:
         path: the file.
         name: what to call it; by its profiles, if not given.
-        report: is told whom this process waits for.
+        report: called with the name of the process that this one waits for.
 
     Returns:
         The name, and the manifest.
@@ -324,7 +324,7 @@ def import_file(path: Path, name: str | None, report: Report) -> tuple[str, Mani
 
 
 def default_name(profiles: tuple[str, ...]) -> str:
-    """What an image is called if nobody says otherwise: its profiles, `core` only if alone."""
+    """Return the default name of an image: its profiles; `core` only if there is no other."""
     return "-".join(name for name in profiles if name != "core") or "core"
 
 

@@ -1,4 +1,4 @@
-"""What the doctor says about images: where they are, which there are, and what is in their way."""
+"""The findings of `hijack desktop doctor` about images: their folder and their problems."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -22,7 +22,7 @@ _BLOCK = 1 << 20
 
 
 def prefers_packages(release: Path = Path("/etc/os-release")) -> bool:
-    """Return whether desktops are made of the machine's own packages if nobody says otherwise.
+    """Return whether desktops are made of the machine's own packages by default.
 
     They are for root on Debian 12: that takes a minute and less room, and it is the system that an
     image holds. Everywhere else an image is the only way, or the one without root.
@@ -48,7 +48,7 @@ def ensure_image(
         profiles: that it must have, if none is `source`, beside those of the present one.
         source: the file of an image, its URL, or the name of one that is here.
         archives: to build from; without them those of the machine's apt configuration.
-        report: is told the progress.
+        report: called with a line of text at each step.
 
     Raises:
         DesktopImageError: The file is no image, or none can be built.

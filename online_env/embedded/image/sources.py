@@ -262,7 +262,7 @@ def fetch_packages(
     Args:
         packages: what to fetch.
         folder: where the files are kept, by checksum.
-        report: is told the progress.
+        report: called with a line of text at each step.
 
     Returns:
         The files by the names of their packages.

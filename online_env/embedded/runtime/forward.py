@@ -1,8 +1,8 @@
-"""The machine's way to a desktop: ports of its loopback interface.
+"""Forwarding of ports of the machine's loopback interface to a desktop.
 
-A process of the keeper's serves them. It stands on the machine; only the connection to a port of
-the desktop's is in the desktop's network. The desktop itself has no socket of the machine's and no
-interface that leads to it.
+A child process of the keeper serves the ports. It runs on the machine; only its connection to a
+port of the desktop is in the desktop's network. The desktop itself has no socket of the machine's
+and no interface that leads to it.
 
 Only the desktop's owner is let in; the kernel names the user who opened a connection.
 """

@@ -1,4 +1,4 @@
-"""Whether the guest server still accepts connections, asked from the machine.
+"""A health check from the machine: whether the guest server still accepts connections.
 
 A guest server that ends is started again by process 1. One that hangs, or that has no descriptors
 or memory left, does neither end nor answer: its clients would wait for their whole time-outs.
@@ -19,11 +19,11 @@ class GuestHealth:
     """Asks one guest server again and again; waits for nothing.
 
     Args:
-        door: path of the socket that it listens on.
+        path: the socket that it listens on.
     """
 
-    def __init__(self, door: str) -> None:
-        self._door = door
+    def __init__(self, path: str) -> None:
+        self._path = path
         self._line: socket.socket | None = None
         self._failures = 0
         self._looked = time.monotonic()
@@ -58,7 +58,7 @@ class GuestHealth:
         self._line = socket.socket(socket.AF_UNIX)
         self._line.setblocking(False)
         try:
-            self._line.connect(self._door)
+            self._line.connect(self._path)
             self._line.send(_QUESTION)
         except OSError:  # nobody accepts, and the queue is full: no answer will come
             return

@@ -1,7 +1,7 @@
-"""Who the processes inside a desktop are for the machine: nobody.
+"""User and group numbers of the processes in a desktop: none that the machine uses.
 
-They live in a user namespace of the desktop's own. What is root there owns nothing outside and has
-no rights over the desktop's mounts and network, which belong to the namespace above.
+The processes run in a user namespace of the desktop's own. Its root user owns nothing outside and
+has no rights over the desktop's mounts and network, which belong to the namespace above.
 
 With root, the desktop's user numbers 0 to 65535 are others on the machine, one range for each
 desktop, and the files of the machine are shown to it as if shifted (ID-mapped mounts). Where the

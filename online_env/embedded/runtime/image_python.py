@@ -1,7 +1,7 @@
-"""From the machine's Python to the image's, for the process that starts guest servers.
+"""Replaces the machine's Python by the image's in the spawner of guest servers.
 
-It takes the image for its root, where our packages and those of the guest server are shown to it
-alone, and becomes the image's own Python. So the Python of the machine, its version and its C
+The process takes the image for its root, in which it alone sees our packages and those of the guest
+server, and executes the image's own Python. So the Python of the machine, its version and its C
 library do not matter to what runs inside; and no desktop shows that code.
 """
 

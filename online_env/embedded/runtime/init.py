@@ -42,7 +42,7 @@ class Init:
         folder: the desktop's run folder on the machine.
         token: what clients of the guest server must show.
         identity: who the processes inside are.
-        doors: the memory to draw in, and sockets to serve.
+        endpoints: the memory to draw in, and sockets to serve.
         logs: descriptor of the folder of the logs, if it is not the one in `folder`.
     """
 
@@ -52,14 +52,14 @@ class Init:
         folder: Path,
         token: str,
         identity: Identity,
-        doors: DesktopEndpoints,
+        endpoints: DesktopEndpoints,
         logs: int | None = None,
     ) -> None:
         self.order = order
         self.folder = folder
         self.token = token
         self.identity = identity
-        self.doors = doors
+        self.endpoints = endpoints
         # Attached nowhere: who looks at the descriptors of a program sees no path of the machine's.
         self.logs = BoundedLogs(kernel.open_tree(str(folder / "logs")) if logs is None else logs)
         self.environment = session.environment() | order.environment
@@ -160,7 +160,7 @@ class Init:
 
     def _start_servers(self) -> None:
         """Start the display and the bus side by side, and wait until both answer."""
-        framebuffer = self.doors.framebuffer
+        framebuffer = self.endpoints.framebuffer
         framebuffer.show(Path(session.SCREEN_FOLDER))
 
         def display_server(report: int) -> tuple[str, ...]:
@@ -261,15 +261,15 @@ class Init:
         serving, writer = os.pipe()
         os.write(token_writer, self.token.encode())
         os.close(token_writer)
-        doors = (
-            self.doors.guest.fileno(),
-            self.doors.framebuffer.freeze_socket.fileno(),
+        endpoints = (
+            self.endpoints.guest.fileno(),
+            self.endpoints.framebuffer.freeze_socket.fileno(),
             secret,
             writer,
             self.logs.writer(GUEST),
         )
         self._ask_spawner(
-            lambda: self.spawner.start_guest_server(self.environment, self.order.osworld, doors)
+            lambda: self.spawner.start_guest_server(self.environment, self.order.osworld, endpoints)
         )
         for descriptor in (secret, writer):
             os.close(descriptor)

@@ -136,7 +136,7 @@ def _keep(
     folders = [*map(str, root_file_system.shown_folders(order.system)), f"{order.layer}/home"]
     user = identity.make(record["slot"], order.rootless, folders)
     user.chown(folder / "logs", 0)  # process 1 writes there
-    doors = DesktopEndpoints.make(order.screen, folder, user)
+    endpoints = DesktopEndpoints.make(order.screen, folder, user)
     ports, reached = _ports(order, record["slot"], str(folder / GUEST_SOCKET), listener)
     record |= {
         **reached,
@@ -144,15 +144,15 @@ def _keep(
         "web_netns": network.web_namespace(name),
         "token_file": str(token_file),
         "door": str(folder / GUEST_SOCKET),
-        "memory": doors.framebuffer.memory,
+        "memory": endpoints.framebuffer.memory,
         "sites": str(internet.state),
         "shifted": bool(user.base),
     }
     forwarder = forward.start(
         ports, owners, network.NETNS / network.desktop_namespace(name), logs.writer("ports")
     )
-    reader, launcher = _launch(order, name, token, user, doors)
-    doors.close()
+    reader, launcher = _launch(order, name, token, user, endpoints)
+    endpoints.close()
     try:
         return _follow(record, reader, ends, internet, logs, [launcher, forwarder])
     finally:
@@ -165,7 +165,7 @@ def _keep(
 
 
 def _ports(
-    order: DesktopConfig, slot: int, door: str, listener: socket.socket
+    order: DesktopConfig, slot: int, guest_socket: str, listener: socket.socket
 ) -> tuple[list[forward.Port], dict[str, Any]]:
     """Return the machine's ports of the desktop, and what its record says of them.
 
@@ -183,7 +183,7 @@ def _ports(
             ports[name] = application_port.getsockname()[1]
             ports_opened.append(forward.Port(application_port, target))
     port = listener.getsockname()[1]
-    ports_opened.append(forward.Port(listener, door))
+    ports_opened.append(forward.Port(listener, guest_socket))
     fields = {"address": host, "source": host, "guest": f"http://{host}:{port}", "ports": ports}
     return ports_opened, fields
 
@@ -252,7 +252,7 @@ def _fail(record: dict[str, Any], reason: str) -> int:
 
 
 def _launch(
-    order: DesktopConfig, name: str, token: str, user: Identity, doors: DesktopEndpoints
+    order: DesktopConfig, name: str, token: str, user: Identity, endpoints: DesktopEndpoints
 ) -> tuple[int, int]:
     """Fork the launcher, which forks process 1.
 
@@ -276,7 +276,7 @@ def _launch(
         kernel.unshare(NAMESPACES)
         child = os.fork()
         if child == 0:
-            _first_process(order, name, token, user, doors, writer)
+            _first_process(order, name, token, user, endpoints, writer)
         _say(writer, "init", child)
         os.waitpid(child, 0)
     except OSError as error:
@@ -294,14 +294,14 @@ def _first_process(
     name: str,
     token: str,
     user: Identity,
-    doors: DesktopEndpoints,
+    endpoints: DesktopEndpoints,
     writer: int,
 ) -> NoReturn:
     try:
         kernel.die_with_parent()
         init.quit_on_signals()
         os.dup2(os.open("/dev/null", os.O_WRONLY), 1)  # the reports are the keeper's
-        first = init.Init(order, registry.folder(name), token, user, doors)
+        first = init.Init(order, registry.folder(name), token, user, endpoints)
         first.run(lambda: _say(writer, "ready", True))
     except (SetupError, OSError) as error:
         _say(writer, "error", str(error))
