@@ -94,8 +94,8 @@ def live(image: str) -> None:
             f"image there after {imported:.1f} s, first screenshot after {seconds:.1f} s",
             flush=True,
         )
-        for name in hj.names()[:9]:
-            done = corrupt_desktop(desktop, hj.get(name), seed=3)
+        for name in hj.corruption_names()[:9]:
+            done = corrupt_desktop(desktop, hj.make_corruption(name), seed=3)
             print(f"{name}: {done.saw}", flush=True)
             need(done.ok, name)
             for record in reversed(done.records):

@@ -12,7 +12,7 @@ import numpy as np
 from common import cell, interleaved, machine, seconds, table
 
 from online_env.agents.agent_process import AgentProcess
-from online_env.agents.apart import Apart
+from online_env.agents.agent_thread import AgentThread
 from online_env.agents.registry import AGENTS, make
 
 GOAL_MS = 5.0
@@ -37,7 +37,7 @@ def main() -> None:
         process = AgentProcess(AGENTS.get(name), 60)
         start = seconds(process.make)
         again = seconds(process.make)
-        with process, Apart(lambda: make(name)) as thread:
+        with process, AgentThread(lambda: make(name)) as thread:
             for size in SIZES:
                 obs = {"screenshot": np.full((*size, 3), 9, np.uint8)}
                 asks = {

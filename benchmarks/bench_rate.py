@@ -23,9 +23,9 @@ from typing import Any
 
 from common import machine, spread, table
 
-from online_env.bench import records
 from online_env.bench.estimates import makespan
-from online_env.tasks import sets
+from online_env.results import records
+from online_env.tasks import task_sets
 
 HIJACK = (sys.executable, "-m", "hijack_data.cli", "bench", "embedded_small")
 GOAL_STEP = 100.0  # ms
@@ -62,7 +62,7 @@ def overheads(episodes: int, corruption: str) -> list[float]:
     from online_env.environment import CorruptedEnv, EvalSettings, SmallTasks
 
     found: list[float] = []
-    planner = None if corruption == "clean" else hj.get(corruption)
+    planner = None if corruption == "clean" else hj.make_corruption(corruption)
     with tempfile.TemporaryDirectory() as scratch, EmbeddedDesktop.up(standby=True) as desktop:
         settings = EvalSettings(max_steps=60, log=Path(scratch), agent="stopwatch")
         env = CorruptedEnv(SmallTasks(desktop), settings=settings)
@@ -146,7 +146,7 @@ def disk_and_rate(desktops: Sequence[int]) -> str:
         with tempfile.TemporaryDirectory() as scratch:
             out = Path(scratch) / "run"
             start = time.monotonic()
-            bench(out, sets.members("small"), count, "clean,marks").wait()
+            bench(out, task_sets.members("small"), count, "clean,marks").wait()
             hours = (time.monotonic() - start) / 3600
             made = records.read(out).records
             rows.append([str(count), str(len(made)), f"{len(made) / hours:.0f}", disk(out)])
@@ -188,7 +188,7 @@ def simulated(
 
 def simulation(desktops: int) -> str:
     """Return a table of how long 3,690 episodes take on n machines."""
-    known = [figures.seconds for figures in sets.measured().values()]
+    known = [figures.seconds for figures in task_sets.read_measurements().values()]
     durations = list(itertools.islice(itertools.cycle(known), TASKS))
     rows = [
         [str(count), f"{hours:.2f}", f"{100 * use:.0f} %"]

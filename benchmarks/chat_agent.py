@@ -30,10 +30,10 @@ from PIL import Image
 
 from hijack_data import png
 from hijack_data.types import UInt8Array
+from online_env.agents.agent_files import read_agent
 from online_env.agents.chat.agent import make_agent
 from online_env.agents.chat.parsing import ReplyParser
 from online_env.agents.chat.query import Reply
-from online_env.agents.files import read_agent
 
 SIZE = (1080, 1920)
 STEPS = 20

@@ -16,11 +16,11 @@ from typing import Any
 
 from common import machine
 
-from pipelines.train.cli import PLOT, SUMMARY, TABLE
 from pipelines.train.toy import results
 from pipelines.train.toy.arms import ARMS, BASE, MAIN
 from pipelines.train.toy.experiment import run_replication
 from pipelines.train.toy.settings import load_replication
+from pipelines.train.train_command import PLOT, SUMMARY, TABLE
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "runs" / "toy"
@@ -56,7 +56,7 @@ def main() -> None:
     scores = run_replication(replication, FOLDER, say=print)
     minutes = (time.monotonic() - before) / 60
     summary = results.summarise(replication, scores)
-    tables = f"{results.table_of(summary)}\n\n{results.conditions_table(summary)}"
+    tables = f"{results.arms_table(summary)}\n\n{results.conditions_table(summary)}"
     (FOLDER / SUMMARY).write_text(json.dumps(summary, indent=1) + "\n")
     (FOLDER / TABLE).write_text(tables + "\n")
     results.plot(summary, FOLDER / PLOT)

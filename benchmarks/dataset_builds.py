@@ -25,14 +25,14 @@ from PIL import Image, ImageDraw
 
 import hijack_data as hj
 from hijack_data.drawing.text import load_font
-from hijack_data.files import decode_image, sha256_of
+from hijack_data.file_io import decode_image, pixel_sha256
 from hijack_data.types import Action, Step, Trajectory
 from pipelines import build, open_dataset, render
-from pipelines.building.rows import RowCounts, RowSettings, rows_of
-from pipelines.building.writers import write_parquet
+from pipelines.building.parquet_writer import write_parquet
+from pipelines.building.step_rows import RowCounts, RowSettings, make_rows
 from pipelines.dataset.columns import BASE
-from pipelines.dataset.images import Base, decode, encode, touched
-from pipelines.dataset.lazy import draw
+from pipelines.dataset.image_codec import BaseImage, changed_rows, decode, encode
+from pipelines.dataset.lazy_rows import draw_row
 
 SIZES = ((1080, 1920), (1079, 1919))
 NAMES = ("pop_ups", "resolution", "marks", "subtitle")
@@ -129,14 +129,16 @@ def _rebuild_row(name: str, ours: float, theirs: float) -> list[str]:
 
 def rebuild(pictures: Iterable[bytes], names: Iterable[str]) -> None:
     """What a worker does with some steps, from the bytes of the sources to those of a shard."""
-    settings = RowSettings(tuple((name, hj.get(name)) for name in names), seed=1, clean=False)
+    settings = RowSettings(
+        tuple((name, hj.make_corruption(name)) for name in names), seed=1, clean=False
+    )
     steps = [
         (Step(k, "x.png", Action("click", 700, 500), "pyautogui.click(700, 500)"), d)
         for k, d in enumerate(pictures)
     ]
     trajectory = Trajectory("t", "jsonl", "do it", tuple(step for step, _ in steps))
     rows = chain.from_iterable(
-        rows_of(trajectory, step, data, "x.png", settings, RowCounts()) for step, data in steps
+        make_rows(trajectory, step, data, "x.png", settings, RowCounts()) for step, data in steps
     )
     with tempfile.TemporaryDirectory(
         dir="/dev/shm" if os.path.isdir("/dev/shm") else None
@@ -177,17 +179,17 @@ def bands(pictures: list[bytes]) -> str:
 def _band_times(image: np.ndarray, name: str) -> tuple[float, ...]:
     from hijack_data.safety import changed_pixels
 
-    plan = hj.get(name).plan(hj.Scene(image.shape[:2]), seed=1, sample="x", step=0)
+    plan = hj.make_corruption(name).plan(hj.Scene(image.shape[:2]), seed=1, sample="x", step=0)
     picture = hj.apply(plan, image)
-    rows = touched(plan) or ()
-    base = Base(image)
-    assert base.png_of(picture, rows) == encode(picture)
-    assert base.sha256_of(picture, rows) == sha256_of(picture)
+    rows = changed_rows(plan) or ()
+    base = BaseImage(image)
+    assert base.encode_variant(picture, rows) == encode(picture)
+    assert base.hash_variant(picture, rows) == pixel_sha256(picture)
     return (
         cpu(lambda: encode(picture)),
-        cpu(lambda: base.png_of(picture, rows)),
-        cpu(lambda: sha256_of(picture)),
-        cpu(lambda: base.sha256_of(picture, rows)),
+        cpu(lambda: base.encode_variant(picture, rows)),
+        cpu(lambda: pixel_sha256(picture)),
+        cpu(lambda: base.hash_variant(picture, rows)),
         cpu(lambda: changed_pixels(image, hj.apply(plan, image), plan)),
     )
 
@@ -201,7 +203,7 @@ def lazy_rows(pictures: list[bytes]) -> str:
             times = [
                 cpu(lambda s=stored: Image.open(io.BytesIO(s)).load()),
                 cpu(lambda s=stored: decode(s, "x")),
-                cpu(lambda r=row: draw(r)),
+                cpu(lambda r=row: draw_row(r)),
             ]
             spent.setdefault(name, []).append(times)
     for name, times in spent.items():
@@ -216,10 +218,10 @@ def lazy_rows(pictures: list[bytes]) -> str:
 
 def _rows(data: bytes) -> Iterable[tuple[str, dict[str, Any], bytes]]:
     settings = RowSettings(
-        tuple((name, hj.get(name, **_plain(name))) for name in NAMES), seed=1, lazy=True
+        tuple((name, hj.make_corruption(name, **_plain(name))) for name in NAMES), seed=1, lazy=True
     )
     step = Step(0, "x.png", Action("click", 700, 500), "")
-    for row in rows_of(
+    for row in make_rows(
         Trajectory("t", "jsonl", "do it", (step,)), step, data, "x.png", settings, RowCounts()
     ):
         yield row["corruption"], row, row[BASE]["bytes"]

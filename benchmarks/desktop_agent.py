@@ -20,13 +20,15 @@ from torch import nn
 from hijack_data.rng import Stream
 from hijack_data.types import UInt8Array
 from online_env.agents.base import Observation
-from online_env.agents.oracle import Oracle, StandIn
+from online_env.agents.oracle import Oracle, OracleDesktop
 from online_env.desktops.protocol import Desktop
 from online_env.tasks import Hand, Task
 from pipelines.train.rollouts import PolicyAnswer, PolicyTurn
 
 HEIGHT, WIDTH = 90, 160  # pixels of the picture that the network sees
-PATIENCE = 1.5  # s that the next action of the solution may take to be found, until it is a WAIT
+ACTION_TIMEOUT_S = (
+    1.5  # s that the next action of the solution may take to be found, until it is a WAIT
+)
 LOST = 10.0  # s without it, until the solution gives up; the oracle has 20
 PASSWORD = "password"
 
@@ -166,17 +168,17 @@ class SkilledHands(Oracle):
 
     def _is_found(self) -> bool:
         """Let the solution go on, and wait a moment for its next action."""
-        if self._task is None or self._desktop is None or self._over:
+        if self._task is None or self._desktop is None or self._has_ended:
             return True
         if not self._searching:
             self._go_on(self._task, self._desktop)
             self._searching = True
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + ACTION_TIMEOUT_S
         while self._desktop.code.empty() and time.monotonic() < end:
             time.sleep(0.02)
         return not self._desktop.code.empty()
 
-    def _next(self, task: Task, desktop: StandIn) -> str | None:
+    def _next(self, task: Task, desktop: OracleDesktop) -> str | None:
         self._searching = False
         return desktop.code.get()
 

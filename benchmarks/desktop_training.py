@@ -27,16 +27,16 @@ from common import hijack, table
 from desktop_agent import GO_ON, NUMBERS, SKILLS, ChoiceNetwork, ChoicePolicy, SkilledHands, small
 
 import hijack_data as hj
-from hijack_data import names
+from hijack_data import corruption_names
 from hijack_data.types import UInt8Array
 from online_env import CorruptedEnv, EmbeddedDesktop
-from online_env.bench import records
 from online_env.environment import SmallTasks
+from online_env.results import records
 from pipelines import open_dataset
 from pipelines.train.replay import ReplayBuffer
 from pipelines.train.sampler import CorruptionSampler
 from pipelines.train.split import check_split
-from pipelines.train.toy.results import interval_text, paired
+from pipelines.train.toy.results import interval_text, paired_interval
 from pipelines.train.trainer import Trainer, TrainSettings
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -210,7 +210,7 @@ def trained(out: Path, seed: int) -> ChoiceNetwork:
     """Return what DA-GRPO makes of the network that imitates the augmented recordings."""
     network = ChoiceNetwork()
     network.load_state_dict(torch.load(policy_file(out, "augmented", seed), weights_only=True))
-    planner = hj.OneOf([hj.get(name) for name in TRAINED])
+    planner = hj.OneOf([hj.make_corruption(name) for name in TRAINED])
     settings = TrainSettings(
         epochs=EPOCHS,
         rollouts=ROLLOUTS,
@@ -276,7 +276,9 @@ def evaluate(out: Path, seeds: int, desktops: int) -> None:
     try:
         bench(config, run, "--desktops", desktops)
     except CalledProcessError:  # an episode may have failed, which counts; none may be missing
-        if len(records.read(run).records) < len(wanted) * len(HELD_OUT) * (1 + len(names())):
+        if len(records.read(run).records) < len(wanted) * len(HELD_OUT) * (
+            1 + len(corruption_names())
+        ):
             raise
 
 
@@ -300,7 +302,7 @@ def successes(out: Path) -> dict[tuple[str, int], dict[str, list[float]]]:
 def write_page(out: Path, seeds: int) -> None:
     """Replace the part of the page that is made."""
     found = successes(out)
-    columns = ("clean", *names())
+    columns = ("clean", *corruption_names())
 
     def success(arm: str, seed: int, labels: Sequence[str]) -> float:
         return 100 * mean(score for label in labels for score in found[arm, seed][label])
@@ -308,7 +310,7 @@ def write_page(out: Path, seeds: int) -> None:
     groups = {
         "clean": ["clean"],
         "trained corruptions": list(TRAINED),
-        "other corruptions": [name for name in names() if name not in TRAINED],
+        "other corruptions": [name for name in corruption_names() if name not in TRAINED],
     }
     rows: list[list[str]] = []
     for arm in ARMS:
@@ -317,7 +319,7 @@ def write_page(out: Path, seeds: int) -> None:
             each = [success(arm, seed, labels) for seed in range(seeds)]
             row.append(f"{mean(each):.1f} %")
             base = [success("clean", seed, labels) for seed in range(seeds)]
-            gain = paired([one - other for one, other in zip(each, base, strict=True)])
+            gain = paired_interval([one - other for one, other in zip(each, base, strict=True)])
             row.append("" if arm == "clean" else interval_text(gain))
         rows.append(row)
     header = ["arm"]

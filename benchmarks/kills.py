@@ -25,11 +25,11 @@ from pathlib import Path
 
 from common import machine, table
 
-from online_env.bench import records
-from online_env.bench.estimates import in_words
-from online_env.bench.scores import latest
+from online_env.bench.estimates import format_duration
 from online_env.embedded import registry
 from online_env.embedded.runtime import limits, network
+from online_env.results import records
+from online_env.results.scores import latest
 
 HIJACK = (sys.executable, "-m", "hijack_data.cli")
 CONFIG = """
@@ -331,7 +331,7 @@ def main() -> None:
     ]
     print(f"\n{machine()}\n")
     whole = sum(found.kills.values())
-    took = in_words(time.monotonic() - start)
+    took = format_duration(time.monotonic() - start)
     print(f"{whole} kills on {given.desktops} desktops, seed {given.seed}, {took}\n")
     print(table(["what", "number"], rows))
     for problem in found.problems:

@@ -16,7 +16,7 @@ from common import SHARED, table
 from PIL import Image
 
 import hijack_data as hj
-from hijack_data.corruption import find
+from hijack_data.corruption import find_corruption
 from hijack_data.safety import judge
 
 NAMES = ("pop_ups", "marks", "subtitle", "resolution")
@@ -37,7 +37,7 @@ def screens() -> list[tuple[str, np.ndarray, np.ndarray]]:
 
 def measured(name: str, level: int, rows: list) -> dict[str, float]:
     """Means over screens, targets and draws."""
-    spec = find(name).at(level)
+    spec = find_corruption(name).at(level)
     covered = []
     visible = []
     hidden = []
@@ -74,7 +74,7 @@ def main() -> None:
     lines = []
     for name in NAMES:
         for level in range(1, 6):
-            values = find(name).severities[level - 1]
+            values = find_corruption(name).severities[level - 1]
             m = measured(name, level, rows)
             setting = ", ".join(f"{k}={v}" for k, v in values.items()) or "the paper's default"
             lines.append(

@@ -56,7 +56,7 @@ def steps(runs: int) -> str:
 
 def _row(name: str, frame: UInt8Array, xml: str, runs: int) -> list[str]:
     """Return the line of a corruption: the parts of a step, and whether the goal is met."""
-    spec = hj.get(name)
+    spec = hj.make_corruption(name)
     spent: dict[str, list[float]] = {part: [] for part in PARTS}
     for run in range(runs + WARMUP):
         marks = _step(spec, frame, xml, run)
@@ -70,7 +70,7 @@ def _row(name: str, frame: UInt8Array, xml: str, runs: int) -> list[str]:
     return [name, *cells, "yes" if meets_goal else "no"]
 
 
-def _step(spec: hj.Corruption, frame: UInt8Array, xml: str, run: int) -> list[float]:
+def _step(spec: hj.plugin.Corruption, frame: UInt8Array, xml: str, run: int) -> list[float]:
     """Return the times in seconds before, between and after the parts of one step."""
     size = (frame.shape[0], frame.shape[1])
     marks = [time.perf_counter()]
@@ -100,7 +100,7 @@ def switches(runs: int) -> str:
         for run in range(runs):
             last = kinds[run % 2]
             following = kinds[1 - run % 2]
-            perform(hj.Effect(last), desktop)
+            perform(hj.plugin.Effect(last), desktop)
             desktop.wait_for_standby()
             resets.append(seconds(desktop.reset))
             setups.append(seconds(lambda: task.setup(Machine(desktop, stage.sites))))
@@ -117,7 +117,7 @@ def switches(runs: int) -> str:
 
 
 def _prove(desktop: EmbeddedDesktop, kind: str) -> None:
-    if not perform(hj.Effect(kind), desktop).probe().ok:
+    if not perform(hj.plugin.Effect(kind), desktop).probe().ok:
         raise SystemExit(f"{kind} could not be proved")
 
 

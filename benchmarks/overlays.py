@@ -22,7 +22,7 @@ def main() -> None:
     device = jnp.asarray(image)
     rows = []
     for name in ("marks", "subtitle", "pop_ups"):
-        spec = hj.get(name)
+        spec = hj.make_corruption(name)
         plan = spec.plan(SCENE, seed=7, sample="bench")
         fresh = itertools.count()
         planning = times(lambda s=spec, f=fresh: s.plan(SCENE, seed=7, sample=next(f)), 21)

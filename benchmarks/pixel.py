@@ -18,8 +18,8 @@ import numpy as np
 from common import machine, spread, table
 from PIL import Image
 
-from online_env.agents.pixel.matching import even
-from online_env.agents.pixel.reading import ScreenReader, TextCache
+from online_env.agents.pixel.screen_reader import ScreenReader, TextCache
+from online_env.agents.pixel.text_matching import even
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples" / "recordings" / "images"
 EPISODES = 12  # of a run that are read

@@ -32,11 +32,11 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from online_env import tasks
-from online_env.bench import reading
 from online_env.osworld.solutions import SOLUTIONS
 from online_env.osworld.tasks import load
 from online_env.report.build import read_report
 from online_env.report.model import RunReport
+from online_env.results import reading
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs" / "results"

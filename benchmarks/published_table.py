@@ -8,15 +8,15 @@ from pathlib import Path
 from statistics import fmean
 from typing import TypeAlias
 
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 from hijack_data.plan import CLEAN
 from online_env import tasks
-from online_env.bench import scores
-from online_env.bench.reading import Run
-from online_env.report import words
-from online_env.report.cells import cells_of
-from online_env.report.identity import conditions_of
+from online_env.report import formatting
+from online_env.report.cells import compute_cells
+from online_env.report.identity import corruptions_by_label
 from online_env.report.model import Cell
+from online_env.results import scores
+from online_env.results.reading import Run
 
 Table: TypeAlias = Callable[[Run], str]
 END = "<!-- end of the table -->\n"
@@ -29,7 +29,7 @@ def differences(run: Run, *agents: str) -> str:
         run: the run, with records of each agent, clean and corrupted.
         agents: the agents, in the order of the columns.
     """
-    cells = cells_of(run, scores.grouped(run.records))
+    cells = compute_cells(run, scores.group_records(run.records))
     by_key = {(cell.agent, cell.corruption): cell for cell in cells}
     titles = ["corruption"]
     for agent in agents:
@@ -50,8 +50,10 @@ def domains(run: Run, agent: str) -> str:
         run: a run of tasks of the suite.
         agent: whose success it is.
     """
-    groups = scores.grouped(run.records)
-    labels = [label for label in conditions_of(run.config) if (agent, label) in groups.scored]
+    groups = scores.group_records(run.records)
+    labels = [
+        label for label in corruptions_by_label(run.config) if (agent, label) in groups.scored
+    ]
     domain_of = {task: tasks.get(task).domain for task in tasks.names()}
     found: dict[str, dict[str, list[float]]] = {}
     counted: dict[str, set[str]] = {}
@@ -118,14 +120,14 @@ def _with_table(text: str, comment: str, table: str, page: Path) -> str:
 
 
 def _columns(cell: Cell) -> list[str]:
-    success = words.percent(cell.success)
+    success = formatting.percent(cell.success)
     if cell.corruption == CLEAN:
         return [success, "", ""]
-    change = words.percent(cell.delta, "+")
+    change = formatting.percent(cell.delta, "+")
     return [
         success,
-        f"{change} {words.interval(cell.delta_low, cell.delta_high, '+')}",
-        words.p_value(cell.p),
+        f"{change} {formatting.interval(cell.delta_low, cell.delta_high, '+')}",
+        formatting.p_value(cell.p),
     ]
 
 

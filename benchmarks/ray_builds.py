@@ -21,7 +21,7 @@ import ray
 from common import SHARED, machine, spread, table
 
 from pipelines import build
-from pipelines.engines.ray_session import session
+from pipelines.engines.ray_data import session
 
 STEPS = 12  # of a trajectory, which is a shard
 RUNS = 3

@@ -13,13 +13,13 @@ from pathlib import Path
 import ray
 from common import machine, spread, table
 
-from hijack_data import get
-from online_env.bench import records
+from hijack_data import make_corruption
 from online_env.bench.config import Bench
 from online_env.bench.jobs import Job, jobs
 from online_env.bench.pools import LOCAL, RAY, open_pool
 from online_env.bench.runner import run_jobs
 from online_env.bench.workers import WorkerSetup
+from online_env.results import records
 from pipelines.engines.ray_connection import session
 
 MIB = 2**20
@@ -51,7 +51,7 @@ def main(seeds: int = 3) -> None:
     """Print the table."""
     bench = Bench(
         tasks=("rename_file",),
-        corruptions={"clean": None, "marks": get("marks")},
+        corruptions={"clean": None, "marks": make_corruption("marks")},
         seeds=tuple(range(seeds)),
     )
     with tempfile.TemporaryDirectory() as name, session(1):

@@ -19,9 +19,9 @@ import numpy as np
 from common import machine, table
 
 from hijack_data.plan import CLEAN
-from online_env.bench import records
-from online_env.bench.reading import RECORDS
 from online_env.report.identity import NINE
+from online_env.results import records
+from online_env.results.reading import RECORDS
 
 AGENTS = ("recovering", *(f"agent-{letter}" for letter in "abcdefgh"))
 TASKS = 369

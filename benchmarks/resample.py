@@ -14,7 +14,7 @@ HEADER = ("scale", "who", "time", "against torch, same layout", "bytes that diff
 
 def peers(image: np.ndarray, size: tuple[int, int]) -> dict:
     """Return the works to compare; each returns its picture as [h, w, 3] or [3, h, w]."""
-    plan = hj.Plan("bench-v1", image.shape[:2], ops=(hj.Resample(size),))
+    plan = hj.Plan("bench-v1", image.shape[:2], ops=(hj.plugin.Resample(size),))
     picture = Image.fromarray(image)
     last = torch.from_numpy(image.copy()).permute(2, 0, 1)
     planar = last.contiguous()

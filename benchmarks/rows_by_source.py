@@ -2,7 +2,7 @@
 
     python benchmarks/rows_by_source.py
 
-A build that writes nothing is run three times: on the recordings alone, with `--foreign` (Xfce may
+A build that writes nothing is run three times: on the recordings alone, with `--allow-platform-mismatch` (Xfce may
 be shown on other desktops), and with `--apps chrome` besides. The corruptions of the machine act
 once a recording.
 """
@@ -12,15 +12,15 @@ from pathlib import Path
 
 from common import SHARED, table
 
-from hijack_data.corruption import names
+from hijack_data.corruption import corruption_names
 from pipelines import build
 
 TRAJECTORIES = SHARED.parent / "trajectories"
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples" / "recordings"
 TOLD = {
     "recordings alone": {},
-    "--foreign": {"foreign": True},
-    "--foreign --apps chrome": {"foreign": True, "apps": "chrome"},
+    "--allow-platform-mismatch": {"allow_platform_mismatch": True},
+    "--allow-platform-mismatch --apps chrome": {"allow_platform_mismatch": True, "apps": "chrome"},
 }
 
 
@@ -37,7 +37,7 @@ def main() -> None:
         sources += sorted(path for path in TRAJECTORIES.iterdir() if path.is_dir())
     else:
         print(f"Only our own recordings: {TRAJECTORIES} is not here.\n")
-    columns = ["clean", *names()[:9]]
+    columns = ["clean", *corruption_names()[:9]]
     rows = []
     for source in sources:
         for said, told in TOLD.items():
@@ -58,7 +58,7 @@ def main() -> None:
     )
     print("accidental touches among them could be true, since nobody knew the applications.")
     print(
-        "\nBefore 2026-11-28 --foreign gave, without a word on applications: agentnet_raw 1, 0, 1, 0,"
+        "\nBefore 2026-11-28 --allow-platform-mismatch gave, without a word on applications: agentnet_raw 1, 0, 1, 0,"
         " 1; agentnetbench 3, 1, 3, 1, 3;"
     )
     print(

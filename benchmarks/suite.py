@@ -18,8 +18,8 @@ from typing import Any
 import yaml
 from common import machine, table
 
-from online_env.bench import records
-from online_env.bench.scores import task_name
+from online_env.results import records
+from online_env.results.scores import task_name
 from online_env.tasks import suite
 
 FOLDER = Path(suite.__file__).parent
@@ -64,7 +64,7 @@ def measured(tasks: Mapping[str, Sequence[Mapping[str, Any]]]) -> dict[str, dict
 def write(found: Mapping[str, Mapping[str, float]]) -> None:
     """Write `measured.yaml`; a task that was not played keeps what was measured before."""
     known = yaml.safe_load(MEASURED.read_text()) | dict(found)
-    found = {name: known[name] for name in sorted(known) if name in suite.listed()}
+    found = {name: known[name] for name in sorted(known) if name in suite.class_references()}
     lines = [
         f"{name}: {{actions: {m['actions']}, setup: {m['setup']}, seconds: {m['seconds']}}}\n"
         for name, m in found.items()

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from PIL import Image
 
-from online_env.bench import records
-from online_env.bench.scores import task_name
+from online_env.results import records
+from online_env.results.scores import task_name
 
 SIZE = (800, 450)
 QUALITY = 45

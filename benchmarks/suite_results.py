@@ -18,16 +18,16 @@ from typing import Any
 
 from common import table
 
-from hijack_data import names
-from hijack_data.files import write_atomic
-from online_env.bench import records
-from online_env.bench.scores import task_name
+from hijack_data import corruption_names
+from hijack_data.file_io import write_atomic
+from online_env.results import records
+from online_env.results.scores import task_name
 from online_env.tasks import get, suite
 from online_env.tasks.base import Task
 
 RESULTS = Path(__file__).resolve().parents[1] / "docs" / "results"
 AGENTS = ("oracle", "recovering")
-COLUMNS = ("clean", *names())
+COLUMNS = ("clean", *corruption_names())
 SOLVED, FAILED, UNSOLVABLE, OPEN = "✓", "✗", "–", ""
 
 
@@ -186,7 +186,7 @@ def by_task(tasks: Mapping[str, Task], played: Sequence[Played]) -> str:
 
 def all_tasks() -> dict[str, Task]:
     """Return the tasks of the suite by name."""
-    return {name: get(name) for name in suite.listed()}
+    return {name: get(name) for name in suite.class_references()}
 
 
 def page(agents: Mapping[str, Sequence[Played]]) -> str:

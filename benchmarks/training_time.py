@@ -29,7 +29,7 @@ from pipelines.train.replay import ReplayBuffer
 from pipelines.train.rollouts import PolicyAnswer, RolloutRequest, play
 from pipelines.train.sampler import CorruptionSampler
 from pipelines.train.toy.env import ToyEnv
-from pipelines.train.toy.experiment import ToyJob, trainer_of
+from pipelines.train.toy.experiment import ToyJob, make_trainer
 from pipelines.train.toy.policy import ToyNetwork
 from pipelines.train.toy.settings import load_replication
 
@@ -115,7 +115,7 @@ def toy(steps: int) -> list[str]:
     """Return the row of a trainer of the toy, from an untrained network, on one thread."""
     torch.set_num_threads(1)
     job = ToyJob(load_replication(TOY), "da_grpo", 0, Path())
-    trainer = trainer_of(job, ToyNetwork(), None)
+    trainer = make_trainer(job, ToyNetwork(), None)
     trainer.step()  # everything is loaded by it
     with clock() as spent:
         whole = seconds(lambda: [trainer.step() for _ in range(steps)])
@@ -125,7 +125,7 @@ def toy(steps: int) -> list[str]:
 
 def desktops(sessions: int, rounds: int, steps: int) -> list[str]:
     """Return the row of rollouts on real desktops."""
-    planner = hj.OneOf([hj.get(name) for name in hj.names()[:9]])
+    planner = hj.OneOf([hj.make_corruption(name) for name in hj.corruption_names()[:9]])
     sampler = CorruptionSampler(planner, seed=0)
     with contextlib.ExitStack() as stack:
         envs = [

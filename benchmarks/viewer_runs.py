@@ -27,7 +27,7 @@ from PIL import Image
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from hijack_data.runs.run_log import FORMAT, VERSION, digest_of, slug_of  # noqa: E402
+from hijack_data.runs.run_log import FORMAT, VERSION, digest_of, episode_slug  # noqa: E402
 
 from support.chromium import Browser, chromium  # noqa: E402
 from support.viewed_runs import PLANNERS, Cast, play_run  # noqa: E402
@@ -84,7 +84,9 @@ def write_run(folder: Path, made: Mapping[str, Template], seeds: int) -> Path:
     """Write a run of all agents, tasks, labels and seeds."""
     folder.mkdir()
     cases = list(itertools.product(AGENTS, range(TASKS), LABELS, range(seeds)))
-    ids = [slug_of(f"task_{task:02}", label, seed, agent, 0) for agent, task, label, seed in cases]
+    ids = [
+        episode_slug(f"task_{task:02}", label, seed, agent, 0) for agent, task, label, seed in cases
+    ]
     head = {
         "format": FORMAT,
         "version": VERSION,
@@ -196,7 +198,7 @@ def measure(run: Path, browser: Browser) -> dict[str, list[float]]:
                 f"document.getElementById('count').textContent.includes(' of ') && {LISTED} &&"
                 f" [...document.querySelectorAll('#list .label')].every(e => e.textContent === '{label}')",
             )
-            name = slug_of("task_20", label, turn % 3, "pixel", 0)
+            name = episode_slug("task_20", label, turn % 3, "pixel", 0)
             one = until(browser, f"location.hash = '#episode={name}&step=2'", SHOWN)
             browser.js("document.querySelector('.after').removeAttribute('src')")
             step = until(browser, f"location.hash = '#episode={name}&step=3'", SHOWN)

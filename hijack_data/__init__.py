@@ -3,7 +3,7 @@
 >>> import numpy as np
 >>> import hijack_data as hj
 >>> screen = np.full((1080, 1920, 3), 240, np.uint8)
->>> marks = hj.get("marks", number=5)
+>>> marks = hj.make_corruption("marks", number=5)
 >>> plan = marks.plan(hj.Scene(size=(1080, 1920)), seed=7, sample="traj-3", step=0)
 >>> hj.apply(plan, screen).shape
 (1080, 1920, 3)
@@ -24,8 +24,8 @@ if TYPE_CHECKING:  # the same names, for type checkers; tests/test_api.py compar
     from .corruption import Corruption as Corruption
     from .corruption import Draft as Draft
     from .corruption import from_plan as from_plan
-    from .corruption import get as get
-    from .corruption import names as names
+    from .corruption import get as make_corruption
+    from .corruption import names as corruption_names
     from .corruption import register as register
     from .corruptions import AccidentalTouch as AccidentalTouch
     from .corruptions import AppMinimization as AppMinimization

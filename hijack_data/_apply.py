@@ -6,8 +6,8 @@ from typing import Any, cast, overload
 import numpy as np
 from PIL import ExifTags, Image
 
-from .backends import backend_of
-from .backends.base import check_keeps_size, count_of
+from .backends import find_backend
+from .backends.base import check_keeps_size, count_pictures
 from .errors import ImageError, ImageTypeError, ParameterError, ParameterTypeError, shown
 from .kernels.stamps import check_drawings
 from .plan import Plan
@@ -49,10 +49,10 @@ def apply(plan: Plan | Sequence[Plan], image: Any, *, inplace: bool = False) -> 
         return _apply_list(plan, plans, cast("Sequence[Any]", image), inplace)
     if isinstance(image, Image.Image):
         return _apply_pil(plans, image, inplace)
-    backend = backend_of(image)
+    backend = find_backend(image)
     backend.check(image)
     lead = tuple(image.shape[:-3])
-    plans = _plan_per_picture(plan, plans, count_of(lead))
+    plans = _plan_per_picture(plan, plans, count_pictures(lead))
     _check_sizes(plans, backend.size(image))
     if inplace:
         backend.check_writable(image)
@@ -109,7 +109,7 @@ def _check_item(image: Any, index: int) -> None:
         raise ImageError(f"item {index} of the list is itself a list; {advice}")
     if isinstance(image, Image.Image):
         return
-    backend_of(image)
+    find_backend(image)
     if len(image.shape) > 3:
         raise ImageError(f"item {index} of the list has shape {list(image.shape)}; {advice}")
 
@@ -120,7 +120,7 @@ def _check_list_writable(plans: list[Plan], images: Sequence[Any]) -> None:
     for i, (plan, image) in enumerate(zip(plans, images, strict=True)):
         if isinstance(image, Image.Image):
             raise ParameterError(_NO_PIL)
-        backend = backend_of(image)
+        backend = find_backend(image)
         backend.check(image)
         _check_sizes([plan], backend.size(image))
         backend.check_writable(image)

@@ -75,7 +75,7 @@ def normalize_app(name: str) -> str:
     return ALIASES.get(plain, plain)
 
 
-def names_of(apps: Iterable[str], domain: str = "") -> frozenset[str]:
+def collect_apps(apps: Iterable[str], domain: str = "") -> frozenset[str]:
     """Return the applications that a recording names, normalised.
 
     The domain counts if it is an application (`"gimp"`), not if it is a subject (`"travel"`). The

@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image
 
 from ._apply import apply
-from .backends import Backend, backend_of
+from .backends import Backend, find_backend
 from .errors import ImageTypeError, ParameterError, ParameterTypeError
 from .plan import Plan
 from .planner import Planner
@@ -203,7 +203,7 @@ def _pixels(image: Any) -> Any:
 
 
 def _size(image: Any) -> Size:
-    backend: Backend = backend_of(image)
+    backend: Backend = find_backend(image)
     backend.check(image)
     return backend.size(image)
 
@@ -215,7 +215,7 @@ def _pictures(batch: Any) -> list[Any]:
         raise ImageTypeError(
             "a batch is an array of pictures or a list of them; give [picture] and one id"
         )
-    backend_of(batch).check(batch)
+    find_backend(batch).check(batch)
     if len(batch.shape) != 4:
         raise ParameterError(
             f"a batch has 4 axes, got shape {list(batch.shape)}; add a leading axis for one picture"

@@ -14,7 +14,7 @@ from .planner import Planner
 from .types import Fidelity, Scene, UInt8Array
 
 # The function of `pipelines` that does it, with the same arguments as `composite`.
-MAKER = "pipelines.edits.single:composite"
+MAKER = "pipelines.edits.single_picture:composite"
 
 
 @dataclass(frozen=True)

@@ -130,16 +130,16 @@ class CoordMap:
         passes as it is.
         Raises `ActionError` with the line and column of what cannot be mapped.
         """
-        return self._code(code, self._forward, self.observation)
+        return self._code(code, self._forward)
 
     def code_to_observation(self, code: str) -> str:
         """Map pyautogui code recorded on the screen to the observation, as `code_to_screen`."""
-        return self._code(code, self._backward, self.screen)
+        return self._code(code, self._backward)
 
-    def _code(self, code: str, scaling: "Scaling", size: Size) -> str:
+    def _code(self, code: str, scaling: "Scaling") -> str:
         from .actions import map_code
 
-        return code if self.is_identity else map_code(code, scaling, size)
+        return code if self.is_identity else map_code(code, scaling)
 
     def action_to_screen(self, action: Action) -> Action:
         """Map the points of an `Action`; text, keys and amounts stay unchanged."""
@@ -233,13 +233,13 @@ def _points(points: object, scaling: "Scaling") -> Any:
 
 
 def _vector(dx: float, dy: float, scaling: "Scaling") -> tuple[int, int]:
-    from .actions.dialects.fields import number
+    from .actions.dialects.field_checks import number
 
     return scaling.dx(number(dx, "dx")), scaling.dy(number(dy, "dy"))
 
 
 def _action(action: Action, scaling: "Scaling") -> Action:
-    from .actions.dialects.fields import number
+    from .actions.dialects.field_checks import number
 
     def x_of(value: float | None) -> int | None:
         return None if value is None else scaling.x(number(value, "x of the action"))

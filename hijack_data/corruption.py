@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Literal, TypeAlias, TypeVar, cast, get_args
 
 from . import declaration
 from . import params as p
+from .entry_points import describe_error, error_location
 from .errors import (
     HijackError,
     ParameterError,
@@ -26,7 +27,6 @@ from .errors import (
 )
 from .plan import Effect, Op, Plan
 from .planner import Planner
-from .plugins import place_of, reason_of
 from .registry import Registry
 from .rng import Stream
 from .types import Scene
@@ -165,7 +165,7 @@ class Corruption(Planner):
         except HijackError:
             raise
         except (Exception, SystemExit) as error:
-            said = f"make_plan raised {reason_of(error)} ({place_of(error)})"
+            said = f"make_plan raised {describe_error(error)} ({error_location(error)})"
             raise PlanningError(f"{self.id}: {said}") from error
 
     def first_step(self) -> int:
@@ -308,7 +308,7 @@ CORRUPTIONS = Registry[type[Corruption]](
 )
 
 
-def names() -> list[str]:
+def corruption_names() -> list[str]:
     """Return the names of all corruptions: the paper's nine in order, plug-ins, loaded files.
 
     Raises:
@@ -317,7 +317,7 @@ def names() -> list[str]:
     return CORRUPTIONS.names()
 
 
-def find(name: str) -> type[Corruption]:
+def find_corruption(name: str) -> type[Corruption]:
     """Return the class registered as `name` or `name-vN`.
 
     Raises:
@@ -351,16 +351,16 @@ def check_not_broken(name: str) -> None:
     CORRUPTIONS.check_not_broken(name)
 
 
-def get(name: str, **values: Any) -> Corruption:
-    """Return a corruption by name with some parameters set: `get("marks", number=50)`."""
-    cls = find(name)
+def make_corruption(name: str, **values: Any) -> Corruption:
+    """Return a corruption by name with some parameters set: `make_corruption("marks", number=50)`."""
+    cls = find_corruption(name)
     check_names(cls, values)
     return cls(**values)
 
 
 def from_plan(plan: Plan) -> Corruption:
     """Return the corruption that made a plan, from its id and parameters; not for a `Sequence`."""
-    return get(plan.corruption, **plan.params)
+    return make_corruption(plan.corruption, **plan.params)
 
 
 def check_names(cls: type[Corruption], values: Mapping[str, Any]) -> None:

@@ -134,7 +134,7 @@ def extras() -> Mapping[str, tuple[str, ...]]:
     return {name: tuple(modules) for name, modules in sorted(found.items())}
 
 
-def extra_of(module: str) -> str | None:
+def find_extra(module: str) -> str | None:
     """Return the first extra for users that installs a module (full name), or `None`."""
     top = module.partition(".")[0]
     bringing = (name for name, modules in extras().items() if top in modules)

@@ -5,7 +5,7 @@
     hj.Marks()]), seed=3))
 
 An element is a dictionary with pictures (NumPy `[H, W, 3]` uint8, PIL, or stacks and lists of
-them; `hijack_data.pictures`) and the entries that `hijack_data.samples` names. Both transforms are
+them; `hijack_data.sample_pictures`) and the entries that `hijack_data.samples` names. Both transforms are
 safe to call from several threads, and the number of workers, their threads and a restart from a
 checkpoint change nothing.
 
@@ -26,7 +26,7 @@ from .compose import sometimes
 from .epochs import RepeatNotice
 from .errors import ImageError, ParameterTypeError
 from .labels import Declared
-from .labels.rows import check_drawn
+from .labels.dataset_rows import check_drawn
 from .plan import Plan
 from .planner import Planner
 from .samples import SamplePlanner, check_names, is_many, make_labels

@@ -26,12 +26,12 @@ import numpy as np
 import numpy.typing as npt
 
 from . import resample
-from .backends import backend_of
+from .backends import find_backend
 from .errors import ImageError, ImageTypeError, ParameterError, ParameterTypeError, shown
-from .kernels import stamps_of
+from .kernels import plan_stamps
 from .kernels.jax_ops import (
-    BLOCK,
-    PIXELS,
+    MIN_BLOCK_SIDE,
+    MIN_PADDED_PIXELS,
     blend_block,
     blend_pixels,
     padded_block,
@@ -196,7 +196,9 @@ class Packer:
         shape = [
             min(
                 side,
-                self._bucket(f"{name}side {axis}", max((s[axis] for s in sizes), default=0), BLOCK),
+                self._bucket(
+                    f"{name}side {axis}", max((s[axis] for s in sizes), default=0), MIN_BLOCK_SIDE
+                ),
             )
             for axis, side in enumerate(canvas)
         ]
@@ -221,7 +223,7 @@ class Packer:
             (sum(len(at) for at, _, _ in layer) for stage in stages for layer in stage.layers),
             default=0,
         )
-        shape = len(stages), layers, self._bucket(f"{name}pixels", longest, PIXELS)
+        shape = len(stages), layers, self._bucket(f"{name}pixels", longest, MIN_PADDED_PIXELS)
         index = np.full(shape, canvas[0] * canvas[1], np.int32)
         keep = np.zeros((*shape, 1), np.uint8)
         paint = np.zeros((*shape, 3), np.uint16)
@@ -273,7 +275,7 @@ def _stages(plan: Plan, width: int) -> tuple[list[_Stage], list[tuple[Size, Size
             stages.append(_Stage())
             size = op.size
             continue
-        for stamp in stamps_of(plan, number, size):
+        for stamp in plan_stamps(plan, number, size):
             if stamp.sprite.opaque:
                 for y, x in zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True):
                     _cover(stages[-1], stamp.sprite, y, x, width)
@@ -300,7 +302,9 @@ def _check_amount(pixels: int, plan: Plan) -> None:
 def _block_pixels(stage: _Stage) -> int:
     """Return how many pixels the blocks of a stage take: all are padded to the largest one."""
     sizes = [sprite.size for sprite, _, _ in stage.blocks]
-    return len(sizes) * prod(max([BLOCK, *(size[axis] for size in sizes)]) for axis in (0, 1))
+    return len(sizes) * prod(
+        max([MIN_BLOCK_SIDE, *(size[axis] for size in sizes)]) for axis in (0, 1)
+    )
 
 
 def _cover(stage: _Stage, sprite: Any, y: int, x: int, width: int) -> None:
@@ -344,7 +348,7 @@ def _check_images(plans: PlanArrays, images: Any) -> None:
     if not isinstance(cast(object, plans), PlanArrays):
         found = type(plans).__name__
         raise ParameterTypeError(f"apply_arrays takes what Packer.pack returned, got {found}")
-    backend = backend_of(images)
+    backend = find_backend(images)
     if backend.name == "torch":
         raise ImageTypeError("apply_arrays takes JAX arrays, got a tensor; use hijack_data.apply")
     backend.check(images)

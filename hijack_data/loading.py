@@ -20,15 +20,15 @@ from types import ModuleType
 from typing import Any, cast
 
 from . import params as p
+from .entry_points import describe_error, error_location
 from .errors import HijackError, PluginError, UnknownNameError, suggest
 from .paths import PathLike
-from .plugins import place_of, reason_of
 from .registry import (
     Registry,
-    file_of_module,
-    module_of,
+    defining_file,
+    defining_module,
+    find_registry,
     registries,
-    registry_of,
     undone_on_failure,
 )
 
@@ -151,25 +151,25 @@ def loaded_files() -> tuple[LoadedFile, ...]:
     return tuple(_files.values())
 
 
-def file_of(cls: object) -> LoadedFile | None:
+def find_loaded_file(cls: object) -> LoadedFile | None:
     """Return the loaded file that defines a class or function, if one does."""
-    module = module_of(cls)
+    module = defining_module(cls)
     for file in _files.values():
         if file.module == module:
             return file
     return None
 
 
-def source_of(thing: object) -> dict[str, str] | None:
+def find_source(thing: object) -> dict[str, str] | None:
     """Return the file that defines a class or function: its `path` and `sha256`.
 
     For a loaded file the hash is that of the bytes that were run. Returns `None` if there is no
     such file.
     """
-    file = file_of(thing)
+    file = find_loaded_file(thing)
     if file is not None:
         return {"path": file.path, "sha256": file.sha256}
-    path = file_of_module(thing)
+    path = defining_file(thing)
     if path is None or not Path(path).is_file():
         return None
     place = os.path.realpath(path)
@@ -180,10 +180,10 @@ def holds(sha256: str, corruptions: Iterable[str]) -> bool:
     """Return whether these corruptions come from a file with this SHA-256, loaded or imported."""
     if sha256 in [file.sha256 for file in loaded_files()]:
         return True
-    registry = registry_of("corruptions")
+    registry = find_registry("corruptions")
     known = registry.keys() & set(corruptions)
     for name in known:
-        source = source_of(registry.get(name))
+        source = find_source(registry.get(name))
         if source is not None and source["sha256"] == sha256:
             return True
     return False
@@ -207,7 +207,7 @@ def _load(path: PathLike) -> LoadedFile:
         if known.sha256 != sha256:
             raise PluginError(f"{path}: was changed since this process loaded it; start again")
         return known
-    registry_of(
+    find_registry(
         "corruptions"
         # Installed plug-ins are loaded first: a name that both define is an error of the file.
     ).load_installed()
@@ -262,7 +262,7 @@ def _import(module: str, text: str) -> ModuleType:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit too: a module may raise anything
-        why = f"{reason_of(error)} ({place_of(error)})"
+        why = f"{describe_error(error)} ({error_location(error)})"
         missing = error.name if isinstance(error, ModuleNotFoundError) else None
         if missing is not None and missing in module:
             why = f"there is no module {missing!r}; a file is named by its path, file.py:Class"
@@ -273,10 +273,10 @@ def _installed(place: str, sha256: str) -> LoadedFile | None:
     """Return a file that an installed plug-in has already imported as a module, or `None`."""
     for registry in registries():
         for entry in registry.entries.values():
-            source = file_of_module(entry)
+            source = defining_file(entry)
             if source is None or os.path.realpath(source) != place:
                 continue
-            module = module_of(entry)
+            module = defining_module(entry)
             return _loaded(place, sha256, module)
     return None
 
@@ -310,9 +310,9 @@ def _execute(place: str, data: bytes, sha256: str) -> LoadedFile:
     except BaseException as error:  # SystemExit too: a file may raise anything
         del sys.modules[name]
         line = _line(error, place)
-        raise PluginError(f"{place}: cannot be imported{line}: {reason_of(error)}") from error
+        raise PluginError(f"{place}: cannot be imported{line}: {describe_error(error)}") from error
     for corruption in file.corruptions:
-        copyreg.pickle(registry_of("corruptions").get(corruption), _reduce)
+        copyreg.pickle(find_registry("corruptions").get(corruption), _reduce)
     return file
 
 
@@ -353,7 +353,7 @@ def _reduce(spec: Any) -> tuple[Any, ...]:
     Raises:
         PluginError: the file is no longer known.
     """
-    file = file_of(cast("type[Any]", type(spec)))
+    file = find_loaded_file(cast("type[Any]", type(spec)))
     if file is None:
         raise PluginError(f"{spec.name}: the file that it was loaded from is not known any more")
     values = {key: getattr(spec, key) for key in p.parameters(spec)}
@@ -374,5 +374,5 @@ def _revive(path: str, sha256: str, name: str, values: Mapping[str, Any]) -> Any
                 f"{path}: another file (SHA-256 {found[:12]}) than the one that {name} was "
                 f"loaded from ({sha256[:12]}); every process needs the same file under this path"
             )
-    cls = registry_of("corruptions").get(name)
+    cls = find_registry("corruptions").get(name)
     return cls(**values)

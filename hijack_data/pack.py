@@ -20,8 +20,8 @@ import numpy as np
 from PIL import Image
 
 from .errors import AssetError, ParameterTypeError, shown
-from .files import read_versioned_json, sha256_of
-from .registry import registry_of
+from .file_io import pixel_sha256, read_versioned_json
+from .registry import find_registry
 from .types import ACTION_TYPES, MAX_SIDE, Action, Box, Size, UInt8Array
 
 FORMAT = "agenthijack-assets"
@@ -125,7 +125,7 @@ class Asset:
             raise AssetError(
                 f"{self.path}: cannot be read ({error}); install the pack again"
             ) from None
-        if pixels.shape[:2] != self.size or sha256_of(pixels) != self.sha256:
+        if pixels.shape[:2] != self.size or pixel_sha256(pixels) != self.sha256:
             raise AssetError(
                 f"{self.path}: is not the picture of {INDEX} (other size or hash); install the pack"
                 " again"
@@ -224,14 +224,14 @@ def picture_kinds() -> list[str]:
 
     Each corruption declares its own (`Corruption.pictures`).
     """
-    corruptions = registry_of("corruptions")
+    corruptions = find_registry("corruptions")
     listed = [kind for name in corruptions.names() for kind in corruptions.get(name).pictures]
     return list(dict.fromkeys(listed))
 
 
 def _registered_kinds() -> set[str]:
     """Return the kinds of the corruptions registered so far, without loading plug-ins."""
-    corruptions = registry_of("corruptions")
+    corruptions = find_registry("corruptions")
     corruptions.load_ours()
     return {kind for cls in corruptions.entries.values() for kind in cls.pictures}
 

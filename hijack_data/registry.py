@@ -173,9 +173,9 @@ class Registry(Generic[T]):
         self.load_ours()
         taken = {**self._reserved, **self.entries}
         if name in taken and _identity(taken[name]) != _identity(thing):
-            source = "" if is_ours(thing) else f" of {home_of(thing)}"
+            source = "" if is_ours(thing) else f" of {describe_origin(thing)}"
             raise ParameterError(
-                f"cannot register {title}{source}: {name!r} is taken by {home_of(taken[name])}; "
+                f"cannot register {title}{source}: {name!r} is taken by {describe_origin(taken[name])}; "
                 "choose another name, or leave one of the two out"
             )
         self.entries[name] = self._prepare(thing)
@@ -188,11 +188,11 @@ class Registry(Generic[T]):
 
     def load_installed(self) -> None:
         """Load installed plug-ins, once per process; broken ones are left out with a warning."""
-        from .plugins import load_plugins  # it needs the registries
+        from .entry_points import load_plugins  # it needs the registries
 
         self.load_ours()
         for kinds in self._related:
-            registry_of(kinds).load_installed()
+            find_registry(kinds).load_installed()
         load_plugins(self.group, self)
 
     def load(self) -> None:
@@ -204,11 +204,11 @@ class Registry(Generic[T]):
 
     def of_module(self, module: str) -> list[str]:
         """Return the names that a module registered."""
-        return [name for name, entry in self.entries.items() if module_of(entry) == module]
+        return [name for name, entry in self.entries.items() if defining_module(entry) == module]
 
     def hint(self, name: str) -> str:
         """Return the end of an error on an unknown name: the closest name, and broken plug-ins."""
-        from .plugins import left_out
+        from .entry_points import left_out
 
         known = [*self.entries, *self._reserved]
         return suggest(name, known) + left_out(self.group)
@@ -219,7 +219,7 @@ class Registry(Generic[T]):
         Raises:
             PluginError: the message names the plug-in, its problem and how to remove it.
         """
-        from .plugins import broken
+        from .entry_points import broken
 
         if name in self.entries:
             return  # a plug-in tried to register a name that was taken
@@ -256,7 +256,7 @@ def registries() -> tuple[Registry[Any], ...]:
     return tuple(_registries)
 
 
-def registry_of(kinds: str) -> Registry[Any]:
+def find_registry(kinds: str) -> Registry[Any]:
     """Import and return the registry of a kind, one of the keys of `KINDS`.
 
     Raises:
@@ -290,7 +290,7 @@ def _restore(entries: dict[str, Any], before: Mapping[str, Any]) -> None:
             del entries[name]
 
 
-def module_of(entry: object) -> str:
+def defining_module(entry: object) -> str:
     """Return the module that defines an entry: a class, a function, or the class of an object."""
     if isinstance(entry, Lazy):
         return entry.place.partition(":")[0]
@@ -301,20 +301,20 @@ def module_of(entry: object) -> str:
 
 def is_ours(entry: object) -> bool:
     """Return whether an entry comes from this library."""
-    return module_of(entry).partition(".")[0] in OURS
+    return defining_module(entry).partition(".")[0] in OURS
 
 
-def home_of(entry: object) -> str:
+def describe_origin(entry: object) -> str:
     """Return the origin of an entry for messages: our module, or the file of a plug-in."""
-    module = module_of(entry)
+    module = defining_module(entry)
     if is_ours(entry):
         return module
-    return file_of_module(entry) or module
+    return defining_file(entry) or module
 
 
-def file_of_module(entry: object) -> str | None:
+def defining_file(entry: object) -> str | None:
     """Return the file of the module that defines an entry, if it has one."""
-    module = sys.modules.get(module_of(entry))
+    module = sys.modules.get(defining_module(entry))
     return getattr(module, "__file__", None)
 
 
@@ -324,4 +324,4 @@ def _identity(thing: object) -> str:
         return thing.place
     named = thing if hasattr(thing, "__qualname__") else type(thing)
     name = getattr(named, "__qualname__", "")
-    return f"{module_of(thing)}:{name}"
+    return f"{defining_module(thing)}:{name}"

@@ -12,7 +12,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from .backends import backend_of, to_numpy
+from .backends import find_backend, to_numpy
 from .drawing.sprite import Sprite
 from .errors import ParameterError, ParameterTypeError, shown
 from .kernels import lower
@@ -27,7 +27,7 @@ from .types import Box, BoxArray, BoxesLike, Scene, Size, as_boxes, as_target, c
 OPAQUE = 128
 COVERED_BELOW = 0.5
 AVOID_TRIES = 16
-MANY = 512  # with more stamps than this the whole picture is compared
+MAX_COMPARED_STAMPS = 512  # with more stamps than this the whole picture is compared
 
 
 @dataclass(frozen=True)
@@ -256,8 +256,8 @@ def changed_pixels(before: Any, after: Any, plan: Plan | None = None) -> int:
 
 def _changed(before: Any, after: Any, areas: BoxArray | None) -> Any:
     """Return how many pixels differ, as an integer or as a scalar that a device still computes."""
-    height, width = backend_of(after).size(after)
-    if backend_of(before).size(before) != (height, width):
+    height, width = find_backend(after).size(after)
+    if find_backend(before).size(before) != (height, width):
         return height * width
     boxes = np.array([[0, 0, width, height]], np.int32) if areas is None else areas
     if not len(boxes):
@@ -275,12 +275,12 @@ def _device(image: Any) -> str:
 
 def count_on_device(before: Any, after: Any) -> Any:
     """Start counting the differing pixels of two torch or JAX pictures on their device."""
-    return (before != after).any(backend_of(after).channels).sum()
+    return (before != after).any(find_backend(after).channels).sum()
 
 
 def _painted_areas(plan: Plan, painted: _Painted | None) -> BoxArray | None:
     """Return boxes around everything that a plan can have changed; `None` is the whole picture."""
-    if painted is None or len(painted.boxes) > MANY:
+    if painted is None or len(painted.boxes) > MAX_COMPARED_STAMPS:
         return None
     if any(isinstance(op, Resample) for op in plan.ops):
         return None

@@ -11,7 +11,7 @@ A sample is a dictionary. These entries are read, all but the id optional:
   code): like target and elements, they follow the pixels. If the action is a drag from the target,
   its end must be visible as well: the lesser share of the two counts.
 
-Pictures are found by name and shape (`hijack_data.pictures`), and other labels are declared
+Pictures are found by name and shape (`hijack_data.sample_pictures`), and other labels are declared
 (`hijack_data.labels`). Rows of our datasets stay rows: all of their columns are updated to the
 corrupted picture. This module uses no framework; `transforms` (torchvision) and `grain` build on
 it.
@@ -24,13 +24,13 @@ from typing import Any, cast
 
 from .errors import ParameterError, ParameterTypeError
 from .labels import Declared, Labels
-from .labels.formats import PICTURE, format_of
-from .labels.rows import corrupted_row, is_row
-from .pictures import SamplePicture, apply_plan, common_size, find_pictures, swapped
+from .labels.dataset_rows import corrupted_row, is_row
+from .labels.formats import PICTURE, find_format
 from .plan import Plan
 from .planner import Planner, as_planner
 from .rng import as_seed
 from .safety import plan_avoiding, target_visible
+from .sample_pictures import SamplePicture, apply_plan, common_size, find_pictures, swapped
 from .types import Scene, Size, as_boxes, as_target
 
 LABEL_POLICIES = ("keep", "avoid")
@@ -66,7 +66,7 @@ class SamplePlanner:
 
         `key` is its id; `epoch` is used if the sample has no epoch.
         """
-        place = self.labels.place(sample, size)
+        place = self.labels.find_target(sample, size)
         boxes = as_boxes(self.labels.boxes(sample, "elements", size), "elements")
         target = None if place is None else as_target(place.target, size)
         scene = Scene(size, boxes, target=target)
@@ -154,7 +154,7 @@ class SamplePlanner:
         moved = self.labels.follow(plan, sample, {self.id_key, *skip}, unclear)
         if not is_row(sample):
             return moved
-        place = self.labels.place(sample, plan.size)
+        place = self.labels.find_target(sample, plan.size)
         return {**moved, **corrupted_row(sample, plan, before, after, place, seed)}
 
     def plan_entries(
@@ -164,7 +164,7 @@ class SamplePlanner:
 
         The share is NaN without a target: a number in every sample, for batches and tables.
         """
-        place = self.labels.place(sample, plan.size)
+        place = self.labels.find_target(sample, plan.size)
         share = None if place is None else target_visible(plan, place.target, place.end)
         share = math.nan if share is None else share
         return {"plan": plan.to_json() if return_plan == "json" else plan, "target_visible": share}
@@ -182,7 +182,7 @@ def make_labels(labels: Declared | None, target: str | None, image_key: str | No
     if not isinstance(cast(object, image_key), str):
         raise ParameterTypeError(f"image_key must be the name of an entry, got {image_key!r}")
     declared = dict(labels or {})
-    if format_of(declared.get(image_key, PICTURE)).name != PICTURE:
+    if find_format(declared.get(image_key, PICTURE)).name != PICTURE:
         raise ParameterError(
             f"image_key={image_key!r} is the picture, but labels= declares it"
             f" {declared[image_key]!r}; leave it out of labels="

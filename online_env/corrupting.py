@@ -15,10 +15,10 @@ import click
 
 from hijack_data._apply import apply
 from hijack_data.cli.options import OutOption, seed_option
-from hijack_data.corruption import Corruption, find
+from hijack_data.corruption import Corruption, find_corruption
 from hijack_data.elements import scene_from
 from hijack_data.errors import ParameterError
-from hijack_data.files import encode_png, write_atomic
+from hijack_data.file_io import encode_png, write_atomic
 from hijack_data.locking import Lock, lock
 from hijack_data.plan import Plan
 from hijack_data.rng import Stream
@@ -61,7 +61,7 @@ class AppliedPlan:
     @property
     def saw(self) -> str:
         """What the probes found; for a corruption of the picture, how much of it changed."""
-        from .effects.words import in_words
+        from .effects.descriptions import in_words
 
         if not self.records:
             return f"{self._change()}; the machine is as it was"
@@ -311,7 +311,7 @@ def corrupt(
 
     if name is None and not undo:
         raise click.UsageError("give the NAME of a corruption (hijack list), or --undo")
-    cls = None if name is None else find(name)
+    cls = None if name is None else find_corruption(name)
     with attach(desktop_name) as desktop:
         ledger = Ledger(folder(desktop.id))
         if undo:
@@ -329,7 +329,7 @@ def _corrupt(
     as_json: bool,
     options: dict[str, Any],
 ) -> int:
-    from hijack_data.cli.pictures import parse_settings
+    from hijack_data.cli.picture_commands import parse_settings
 
     spec = cls(**parse_settings(cls, options["settings"]))
     refuse_twice(desktop, spec, ledger, desktop.id)
@@ -400,7 +400,7 @@ def _undo(desktop: Any, cls: type[Corruption] | None, ledger: Ledger, as_json: b
 
 
 def _print_undone(done: list[tuple[str, str, Any]], desktop: str, unrecorded: str | None) -> None:
-    from .effects.words import undone_in_words
+    from .effects.descriptions import undone_in_words
 
     if unrecorded is not None:
         click.echo(f"no record of {unrecorded} on {desktop}: going by what the machine shows")

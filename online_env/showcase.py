@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from hijack_data.corruption import get, names
+from hijack_data.corruption import corruption_names, make_corruption
 from hijack_data.gallery import contact_sheet
 from hijack_data.types import UInt8Array
 
@@ -50,7 +50,7 @@ def show_nine(desktop: Desktop, seed: int = 3) -> Iterator[ShowcaseEntry]:
     """
     launch(desktop, BROWSER, PAGE)
     _wait_for_page(desktop)
-    for name in names()[:9]:
+    for name in corruption_names()[:9]:
         rest(desktop)
         yield _show(desktop, name, seed)
 
@@ -63,7 +63,7 @@ def sheet(shown: list[ShowcaseEntry], width: int = 1600) -> UInt8Array:
 
 
 def _show(desktop: Desktop, name: str, seed: int) -> ShowcaseEntry:
-    done = corrupt_desktop(desktop, get(name), seed=seed)
+    done = corrupt_desktop(desktop, make_corruption(name), seed=seed)
     after = done.after
     if name == "network_error":
         _visit(desktop, ELSEWHERE)  # the page that is open already stays

@@ -1,12 +1,12 @@
 """Pipelines: recorded trajectories in, datasets out.
 
->>> from pipelines import build, inspect, open_dataset, verify
+>>> from pipelines import build, inspect_source, open_dataset, verify
 """
 
 from .building.build import BuildReport, build
-from .dataset.lazy import render
+from .dataset.lazy_rows import render
 from .dataset.opening import Dataset, open_dataset
-from .inspection import Inspection, inspect
+from .inspection import Inspection, inspect_source
 from .proof.verify import VerifyReport, verify
 
 __all__ = [
@@ -15,7 +15,7 @@ __all__ = [
     "Inspection",
     "VerifyReport",
     "build",
-    "inspect",
+    "inspect_source",
     "open_dataset",
     "render",
     "verify",

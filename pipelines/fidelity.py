@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from hijack_data.types import Fidelity
 
-MEANINGS: Mapping[Fidelity, str] = {
+FIDELITY_MEANINGS: Mapping[Fidelity, str] = {
     "exact": "a live desktop under the same plan shows the same pixels.",
     "recorded": (
         "the whole screen was really shown by a desktop of the asset pack, of the "
@@ -22,7 +22,7 @@ MEANINGS: Mapping[Fidelity, str] = {
 }
 
 
-def fidelity_of(
+def row_fidelity(
     event: Fidelity, *, is_foreign: bool = False, is_drawn_over: bool = False
 ) -> Fidelity:
     """Return the fidelity of a row; that of its event, without drawings over it, is `event`."""

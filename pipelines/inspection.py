@@ -14,17 +14,17 @@ from hijack_data.paths import PathLike
 from hijack_data.planner import Planner
 from hijack_data.types import Trajectory
 
-from .building.options import BuildOptions
-from .building.report import SHOWN, BuildReport
-from .building.settings import settings_of
+from .building.build_options import BuildOptions
+from .building.build_report import MAX_SHOWN_INPUTS, BuildReport
+from .building.dry_run import run_dry
+from .building.row_settings import make_settings
 from .building.shards import ShardTask, shard_tasks
-from .building.trial import tried
 from .dataset.columns import pyarrow
 from .readers import Rejected, get_reader
-from .readers.choices import ReaderOptions
-from .readers.files import size_of
-from .readers.pictures import picture_file, read_picture
-from .readers.screens import read_facts
+from .readers.reader_options import ReaderOptions
+from .readers.recorded_pictures import picture_file, read_picture
+from .readers.recording_facts import read_facts
+from .readers.safe_files import image_size
 from .readers.survey import summary
 from .sources import SourceItem, Sources
 
@@ -209,7 +209,7 @@ class Inspection:
             yield f"note: {escape(note)}"
 
 
-def inspect(
+def inspect_source(
     source: PathLike | Sequence[PathLike],
     *,
     format: str | None = None,
@@ -221,7 +221,7 @@ def inspect(
     boxes: str | None = None,
     apps: Sequence[str] | str | None = None,
     platform: str | None = None,
-    foreign: bool = False,
+    allow_platform_mismatch: bool = False,
 ) -> Inspection:
     """Return what one source or several contain, and which rows a build would make of them.
 
@@ -240,7 +240,7 @@ def inspect(
         boxes: the order of a box's numbers, if the recording does not state it.
         apps: applications in the trajectories whose source names none.
         platform: the machine of the trajectories whose source names none.
-        foreign: count rows that show our Xfce desktop on other platforms, too.
+        allow_platform_mismatch: count rows that show our Xfce desktop on other platforms, too.
 
     Raises:
         SourceError: no such source, nothing in it, or no known format.
@@ -252,9 +252,9 @@ def inspect(
     """
     pyarrow()
     choices = ReaderOptions(coordinates, boxes)
-    sources = Sources.of(source, format, choices, apps=apps, platform=platform)
+    sources = Sources.open(source, format, choices, apps=apps, platform=platform)
     sources.refuse_nothing()
-    found = Inspection(tuple(sources.given))
+    found = Inspection(tuple(sources.names))
     taken: list[SourceItem] = []
     counted: Counter[tuple[object, ...]] = Counter()
     for read in sources.read():
@@ -270,13 +270,20 @@ def inspect(
             taken.append(read)
     found.unread = sources.unread
     found.notes += [*sources.advice(), *sources.exclusions()]
-    found.coordinates = {name: coordinates_of(name) for name in found.formats}
+    found.coordinates = {name: coordinate_space(name) for name in found.formats}
     if taken:
-        _plan(found, taken, corruptions=corruptions, seed=seed, assets=assets, foreign=foreign)
+        _plan(
+            found,
+            taken,
+            corruptions=corruptions,
+            seed=seed,
+            assets=assets,
+            allow_platform_mismatch=allow_platform_mismatch,
+        )
     return found
 
 
-def coordinates_of(name: str) -> str:
+def coordinate_space(name: str) -> str:
     """Return the first sentence of a reader's docstring about the space of its coordinates.
 
     Raises:
@@ -294,16 +301,21 @@ def _plan(
     corruptions: Mapping[str, Planner] | str,
     seed: int,
     assets: PathLike | None,
-    foreign: bool,
+    allow_platform_mismatch: bool,
 ) -> None:
     """Plan the corruptions of the sampled trajectories, and add the report to `found`."""
-    options = BuildOptions(corruptions=corruptions, seed=seed, assets=assets, foreign=foreign)
-    settings, notes = settings_of(options.resolved())
+    options = BuildOptions(
+        corruptions=corruptions,
+        seed=seed,
+        assets=assets,
+        allow_platform_mismatch=allow_platform_mismatch,
+    )
+    settings, notes = make_settings(options.resolved())
 
     def tasks(reject: Callable[[Rejected], None]) -> Iterator[ShardTask]:
         return shard_tasks(iter(taken), ONE_SHARD, settings.variants, reject)
 
-    found.outlook = tried(tasks, settings)
+    found.outlook = run_dry(tasks, settings)
     found.notes += (*notes, *found.outlook.notes)
     items = [read.item for read in taken]
     steps = sum(len(item.steps) for item in items if isinstance(item, Trajectory))
@@ -312,7 +324,7 @@ def _plan(
 
 def _reject(found: Inspection, record: Rejected) -> None:
     found.rejected[record.field or "(record)"] += 1
-    if len(found.examples) < SHOWN:
+    if len(found.examples) < MAX_SHOWN_INPUTS:
         found.examples.append(str(record))
 
 
@@ -335,7 +347,7 @@ def _size(image: str) -> str:
     with suppress(HijackError, OSError, ValueError):
         in_a_record = os.fspath(picture_file(image)) != image
         picture = read_picture(image, "") if in_a_record else Path(image)
-        height, width = size_of(picture)
+        height, width = image_size(picture)
         return f"{width}x{height}"
     return "unreadable"
 

@@ -23,8 +23,8 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, cast
 
-from hijack_data.apps import KNOWN, may_be_same, mentioned_programs, names_of, normalize_app
-from hijack_data.config.tree import (
+from hijack_data.apps import KNOWN, collect_apps, may_be_same, mentioned_programs, normalize_app
+from hijack_data.config.nodes import (
     ConfigNode,
     MappingNode,
     Position,
@@ -41,15 +41,15 @@ from hijack_data.types import Platform, Trajectory
 from .errors import BuildError, SourceError
 from .readers import Rejected
 from .readers.fields import FieldError
-from .readers.files import inside, root_of
-from .readers.screens import SCREENS, platform_of, screen_of
+from .readers.recording_facts import SCREENS, stated_platform, stated_screen
+from .readers.safe_files import inside, source_root
 
 SIDECAR = "agenthijack.yaml"
-LIST = "recordings"
+RECORDINGS = "recordings"
 FIELDS = ("match", "apps", "platform")
 MAX_BYTES = 2**20
 # A name at least this similar to a known one is taken for a typing error.
-SLIP = 0.8
+MIN_SIMILARITY = 0.8
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Knowledge:
     entries: tuple[KnowledgeEntry, ...] = ()
     sha256: str | None = None
 
-    def told(
+    def complete(
         self, items: Iterable[Trajectory | Rejected], excluded: list[str] | None = None
     ) -> Iterator[Trajectory | Rejected]:
         """Yield the items with completed trajectories, then a rejection for each unused entry.
@@ -108,7 +108,7 @@ class Knowledge:
         """Return the parameters for the manifest; empty if the user gave nothing."""
         given = {"apps": list(self.apps), "platform": self.platform, "file_sha256": self.sha256}
         kept = {key: value for key, value in given.items() if value}
-        return {LIST: kept} if kept else {}
+        return {RECORDINGS: kept} if kept else {}
 
     def _completed(
         self, trajectory: Trajectory, used: set[KnowledgeEntry], excluded: list[str]
@@ -119,7 +119,7 @@ class Knowledge:
         platform = next((entry.platform for entry in fitting if entry.platform), None)
         if not apps and self.apps:
             apps = self._apps_for(trajectory, excluded)
-        said = platform_of(trajectory)
+        said = stated_platform(trajectory)
         if platform is None and (said is None or (said == "linux" and self.platform == OURS)):
             platform = self._platform_for(trajectory)  # `linux` does not say which desktop it is
         if not apps and platform is None:
@@ -130,7 +130,7 @@ class Knowledge:
 
     def _platform_for(self, trajectory: Trajectory) -> Platform | None:
         """Return the platform of the option, unless the pictures are known to show another kind."""
-        shown = screen_of(trajectory)
+        shown = stated_screen(trajectory)
         if self.platform is None or shown in (None, SCREENS.get(self.platform, "desktop")):
             return self.platform
         return None
@@ -141,7 +141,7 @@ class Knowledge:
         Raises:
             BuildError: its own are others.
         """
-        stated = names_of(trajectory.apps, trajectory.domain)
+        stated = collect_apps(trajectory.apps, trajectory.domain)
         if stated and not any(self._covers(name) for name in stated):
             raise BuildError(
                 f"apps {','.join(self.apps)}: trajectory {trajectory.id!r} states"
@@ -160,7 +160,7 @@ class Knowledge:
         return any(may_be_same(name, app) for app in self.apps)
 
 
-def knowledge_of(
+def read_knowledge(
     source: Path, apps: Sequence[str] | str | None = None, platform: str | None = None
 ) -> Knowledge:
     """Return the facts that options and the source's own file state.
@@ -174,7 +174,7 @@ def knowledge_of(
     Raises `ConfigError`, which names place and remedy, or `SourceError` for a mistake in the file,
     and `ParameterError` or `ParameterTypeError` for a mistake in the options.
     """
-    entries, digest = _sidecar(root_of(source))
+    entries, digest = _sidecar(source_root(source))
     known = None if platform is None else as_platform(platform, "platform")
     return Knowledge(_apps(apps), known, entries, digest)
 
@@ -201,7 +201,7 @@ def _app(name: object) -> str:
         raise ParameterError(
             "apps holds an empty name; write the names separated by commas: chrome,vscode"
         )
-    close = difflib.get_close_matches(plain, sorted(KNOWN), n=1, cutoff=SLIP)
+    close = difflib.get_close_matches(plain, sorted(KNOWN), n=1, cutoff=MIN_SIMILARITY)
     if plain not in KNOWN and close:
         raise ParameterError(
             f"apps: {name!r} is not an application that is known; did you mean {close[0]!r}?"
@@ -229,7 +229,7 @@ def _sidecar(root: Path) -> tuple[tuple[KnowledgeEntry, ...], str | None]:
     if tree is None:
         problems.stop(
             Position(os.fspath(root / SIDECAR), 1, 1),
-            f"is empty; write a list under the key {LIST}",
+            f"is empty; write a list under the key {RECORDINGS}",
         )
     entries = [_entry(item, problems) for item in _items(tree, problems)]
     problems.check()
@@ -237,15 +237,15 @@ def _sidecar(root: Path) -> tuple[tuple[KnowledgeEntry, ...], str | None]:
 
 
 def _items(tree: ConfigNode, problems: Problems) -> list[ConfigNode]:
-    listed = tree.items.get(LIST) if isinstance(tree, MappingNode) else None
+    listed = tree.items.get(RECORDINGS) if isinstance(tree, MappingNode) else None
     if not isinstance(listed, SequenceNode):
         problems.stop(
             tree.place,
-            f"write a list under the key {LIST}: of entries with match, apps and platform",
+            f"write a list under the key {RECORDINGS}: of entries with match, apps and platform",
         )
     for key, place in cast("MappingNode", tree).keys.items():
-        if key != LIST:
-            problems.add(place, f"unknown key {key!r}{suggest(key, [LIST])}")
+        if key != RECORDINGS:
+            problems.add(place, f"unknown key {key!r}{suggest(key, [RECORDINGS])}")
     return listed.items
 
 
@@ -271,7 +271,9 @@ def _entry(tree: ConfigNode, problems: Problems) -> KnowledgeEntry | None:
     apps = _listed_apps(tree.items.get("apps"), problems)
     platform = _listed_platform(tree.items.get("platform"), problems)
     place = tree.place
-    return KnowledgeEntry(match or "", apps, platform, f"line {place.line}" if place.line else LIST)
+    return KnowledgeEntry(
+        match or "", apps, platform, f"line {place.line}" if place.line else RECORDINGS
+    )
 
 
 def _listed_apps(tree: ConfigNode | None, problems: Problems) -> tuple[str, ...]:

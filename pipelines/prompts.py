@@ -1,6 +1,6 @@
 """Questions of exports to a model, in words that readers recognise."""
 
-TASK = "Task: "
+TASK_PREFIX = "Task: "
 PROMPTS = {
     "pyautogui": (
         "Answer with the next action as Python code that calls pyautogui, in pixels of the "
@@ -21,16 +21,16 @@ SPACES = {"pyautogui": "pixels", "ui_tars": "thousand", "ui_tars_1.5": "resized"
 
 def question(instruction: str, how: str) -> str:
     """Return the message of the user: the task, and how to answer."""
-    return f"{TASK}{instruction}\n{how}"
+    return f"{TASK_PREFIX}{instruction}\n{how}"
 
 
-def task_of(text: str) -> tuple[str, str] | None:
+def parse_question(text: str) -> tuple[str, str] | None:
     """Return the instruction and the space of the answers of a `question`; `None` for others."""
-    if not text.startswith(TASK):
+    if not text.startswith(TASK_PREFIX):
         return None
     for dialect, how in PROMPTS.items():
         ending = f"\n{how}"
         if text.endswith(ending):
-            instruction = text[len(TASK) : -len(ending)]
+            instruction = text[len(TASK_PREFIX) : -len(ending)]
             return instruction, SPACES[dialect]
     return None

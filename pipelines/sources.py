@@ -11,9 +11,9 @@ from hijack_data.paths import PathLike
 from hijack_data.types import Trajectory
 
 from .errors import SourceError
-from .knowledge import LIST, Knowledge, knowledge_of
-from .readers import Rejected, Survey, existing, get_reader, names, survey
-from .readers.choices import NO_CHOICES, ReaderOptions, with_choices
+from .knowledge import RECORDINGS, Knowledge, read_knowledge
+from .readers import Rejected, Survey, check_path, get_reader, names, survey
+from .readers.reader_options import NO_CHOICES, ReaderOptions, with_choices
 from .readers.survey import advise, summary
 
 
@@ -41,7 +41,7 @@ class Sources:
     """
 
     paths: tuple[Path, ...]
-    given: tuple[str, ...]
+    names: tuple[str, ...]
     surveys: tuple[Survey, ...]
     choices: ReaderOptions = NO_CHOICES
     told: tuple[Knowledge, ...] = ()
@@ -49,7 +49,7 @@ class Sources:
     excluded: list[str] = field(default_factory=list[str])
 
     @classmethod
-    def of(
+    def open(
         cls,
         source: PathLike | Sequence[PathLike],
         format: str | None = None,
@@ -60,7 +60,7 @@ class Sources:
     ) -> "Sources":
         """Find the formats of one source or several.
 
-        A choice that none of the formats leaves open is a `BuildError`; see `knowledge_of` for the
+        A choice that none of the formats leaves open is a `BuildError`; see `read_knowledge` for the
         errors of `apps` and `platform`.
 
         Raises:
@@ -68,28 +68,28 @@ class Sources:
                 format, see `readers.survey`.
         """
         several = _listed(source)
-        paths = tuple(existing(os.path.abspath(existing(path))) for path in several)
+        paths = tuple(check_path(os.path.abspath(check_path(path))) for path in several)
         for path in paths:
             if paths.count(path) > 1:
                 raise SourceError(f"{path}: is given twice")
             _refuse_dataset(path)
-        given = tuple(published(path) for path in several)
-        told = tuple(knowledge_of(path, apps, platform) for path in paths)
+        given = tuple(public_name(path) for path in several)
+        told = tuple(read_knowledge(path, apps, platform) for path in paths)
         surveys = tuple(survey(path, format) for path in paths)
         sources = cls(paths, given, surveys, choices, told)
         sources._check_choices()
         return sources
 
     @classmethod
-    def again(
+    def reopen(
         cls, source: PathLike | Sequence[PathLike], parameters: Mapping[str, Any]
     ) -> "Sources":
         """Find the formats in the same way as the build whose manifest has these `parameters`."""
         choices = ReaderOptions(
             parameters.get("coordinates"), parameters.get("boxes"), parameters.get("episode_key")
         )
-        told = parameters.get(LIST, {})
-        return cls.of(
+        told = parameters.get(RECORDINGS, {})
+        return cls.open(
             source,
             parameters.get("format"),
             choices,
@@ -126,7 +126,7 @@ class Sources:
         self.renamed = 0
         self.excluded.clear()
         for index, found in enumerate(self.surveys):
-            for item in self.told[index].told(found.read(self.choices), self.excluded):
+            for item in self.told[index].complete(found.read(self.choices), self.excluded):
                 if isinstance(item, Rejected):
                     named = replace(item, file=self._name(index, item.file))
                     yield SourceItem(found.root, named)
@@ -135,13 +135,13 @@ class Sources:
                 if limit is not None and len(taken) >= limit:
                     return
 
-    def told_parameters(self) -> dict[str, Any]:
+    def knowledge_parameters(self) -> dict[str, Any]:
         """Return the parameters of `told` in a manifest: options, and the hashes of the files."""
         parameters = self.told[0].parameters()
         hashes = [known.sha256 for known in self.told]
         if len(hashes) > 1 and any(hashes):
-            stated = parameters.get(LIST, {})
-            parameters = {LIST: {**stated, "file_sha256": hashes}}
+            stated = parameters.get(RECORDINGS, {})
+            parameters = {RECORDINGS: {**stated, "file_sha256": hashes}}
         return parameters
 
     def notes(self) -> Iterator[str]:
@@ -219,7 +219,7 @@ class Sources:
 
 def _refuse_dataset(path: Path) -> None:
     """Raise `SourceError` if a folder is a dataset of ours, whose rows are corrupted already."""
-    from .building.folder import holds_build
+    from .building.output_folder import holds_build
 
     if holds_build(path):
         raise SourceError(
@@ -228,7 +228,7 @@ def _refuse_dataset(path: Path) -> None:
         )
 
 
-def published(path: PathLike) -> str:
+def public_name(path: PathLike) -> str:
     """Return a source's name in a dataset: the given path, without folders of this machine."""
     given = Path(path)
     if given.is_absolute() or ".." in given.parts or not given.name:

@@ -119,4 +119,4 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 @pytest.fixture
 def no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     """An agent's WAIT takes no time."""
-    monkeypatch.setattr("online_env.environment.episode.WAIT", 0.0)
+    monkeypatch.setattr("online_env.environment.episode.WAIT_S", 0.0)

@@ -105,7 +105,7 @@ def test_workers_do_not_repeat_the_warnings(installed, tmp_path):
         "import hijack_data as hj\n"
         "if __name__ == '__main__':\n"
         "    with multiprocessing.get_context('spawn').Pool(1) as pool:\n"
-        "        assert pool.apply(hj.names) == hj.names()\n"
+        "        assert pool.apply(hj.names) == hj.corruption_names()\n"
     )
     done = python(installed, str(script))
     assert done.stderr.count("cannot be loaded and was left out") == len(BROKEN)
@@ -128,7 +128,7 @@ def test_a_plugin_of_each_kind_may_be_broken(installed, kinds, tmp_path):
         command = [places.get(word, word) for word in words]
         said = hijack(installed, *command, NO_CLASS, code=2).stderr
     else:
-        code = "import sys; from hijack_data.registry import registry_of as r; r(sys.argv[1])"
+        code = "import sys; from hijack_data.registry import find_registry as r; r(sys.argv[1])"
         said = python(installed, "-c", f"{code}.get('{NO_CLASS}')", kinds, code=1).stderr
     kind = WORDS.get(kinds, kinds.removesuffix("s"))
     assert f"the {kind} {NO_CLASS!r} cannot be used: the plug-in {NO_CLASS!r} of hijack-bro" in said
@@ -208,11 +208,11 @@ def test_python_is_warned(installed):
         "from hijack_data.errors import HijackError, PluginError, PluginWarning\n"
         "with warnings.catch_warnings(record=True) as said:\n"
         "    warnings.simplefilter('always')\n"
-        "    assert hj.names()[9:] == hj.names()[9:] == ['whole']\n"
+        "    assert hj.corruption_names()[9:] == hj.corruption_names()[9:] == ['whole']\n"
         f"assert [w.category for w in said] == [PluginWarning] * {len(BROKEN)}\n"
-        "assert 'half_done' not in hj.names()\n"
+        "assert 'half_done' not in hj.corruption_names()\n"
         "try:\n"
-        "    hj.get('boom')\n"
+        "    hj.make_corruption('boom')\n"
         "except PluginError as error:\n"
         "    assert isinstance(error, HijackError) and 'wrong house' in str(error)\n"
         "else:\n"

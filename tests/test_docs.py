@@ -144,7 +144,7 @@ def test_configurations_are_valid(block, tmp_path):
         assert load_module("online_env.bench.config").load_bench(file).planners
     elif block.page.name == "score_my_model.md":
         pytest.importorskip("gymnasium", reason="needs the extra [online]")
-        assert load_module("online_env.agents.files").read_agent(str(file)).model.model
+        assert load_module("online_env.agents.agent_files").read_agent(str(file)).model.model
     else:
         assert load_config(file).corruptions
 

@@ -116,7 +116,7 @@ def test_doctor_lists_each_kind(installed):
 
 
 def test_the_plugin_corrupts_a_picture(installed, tmp_path, noise):
-    from hijack_data.files import encode_png, write_atomic
+    from hijack_data.file_io import encode_png, write_atomic
 
     write_atomic(tmp_path / "in.png", encode_png(noise))
     words = ("apply", tmp_path / "in.png", "dead_pixels", "-o", tmp_path / "o.png", "--json")
@@ -183,7 +183,7 @@ def test_its_agent_solves_its_task_on_its_desktop_under_its_corruption(installed
 
 def test_its_effect_has_sentences_of_its_own(installed):
     code = (
-        "from online_env.effects.words import in_words, undone_in_words\n"
+        "from online_env.effects.descriptions import in_words, undone_in_words\n"
         "assert in_words('quiet', {'hours': 8}) == 'notifications are off for 8 hours'\n"
         "assert undone_in_words('quiet', {}) == 'notifications are on again'\n"
     )

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import pytest
 
 from hijack_data import extras
-from hijack_data.cli import COMMANDS, machine, main
+from hijack_data.cli import COMMANDS, doctor_rows, main
 from hijack_data.errors import MissingDependencyError
 from pipelines import build
 
@@ -72,8 +72,8 @@ CODE_WITHOUT_ONLINE = {
     "from online_env.effects import elements as e; e.live_elements('<a/>', (9, 9))": WORKS,
     "from online_env.desktops import http; http.HttpDesktop('http://127.0.0.1:9').close()": WORKS,
     "from pipelines import build, open_dataset, verify": WORKS,
-    "import pathlib; from hijack_data.cli import demo;"
-    " assert demo.nine(pathlib.Path('nine.png')) is False": WORKS,
+    "import pathlib; from hijack_data.cli import demo_command;"
+    " assert demo_command.nine(pathlib.Path('nine.png')) is False": WORKS,
 }
 SAYS_AND_GOES_ON = "hf, and goes on"
 CORE_ALONE = {
@@ -230,9 +230,9 @@ def test_what_the_desktop_needs_is_in_its_extra() -> None:
 
 
 def test_a_module_leads_to_its_extra() -> None:
-    assert extras.extra_of("starlette.routing") == "online"
-    assert extras.extra_of("transformers") == "train"
-    assert extras.extra_of("no_such_module") is None
+    assert extras.find_extra("starlette.routing") == "online"
+    assert extras.find_extra("transformers") == "train"
+    assert extras.find_extra("no_such_module") is None
 
 
 def test_lacking_modules_are_named_and_what_is_there_is_loaded() -> None:
@@ -252,15 +252,15 @@ def test_without_an_installed_package_there_are_no_extras(monkeypatch: pytest.Mo
     extras.extras.cache_clear()
     try:
         assert extras.extras() == {}
-        assert extras.extra_of("starlette") is None
-        assert "not installed" in machine.extras_remedy()
+        assert extras.find_extra("starlette") is None
+        assert "not installed" in doctor_rows.extras_remedy()
     finally:
         extras.extras.cache_clear()
 
 
 def test_doctor_has_a_row_for_every_extra_and_one_for_the_desktop() -> None:
     declared = set(extras.extras()) - {"all"}
-    assert {row[1] for row in machine.extra_rows()} == declared == set(machine.PURPOSES)
+    assert {row[1] for row in doctor_rows.extra_rows()} == declared == set(doctor_rows.PURPOSES)
     command = [sys.executable, "-m", "hijack_data.cli", "doctor", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     rows = {row["what"]: row for row in json.loads(done.stdout)["found"]}

@@ -250,7 +250,7 @@ def test_what_is_hidden_is_not_asked_for(grounding):
 def test_the_corruptions_are_the_librarys_defaults(grounding):
     shape = {"resolution": {"restore": True}, "subtitle": {"fit": "shrink"}}
     for name, spec in grounding.data.CORRUPTIONS.items():
-        assert spec == hj.get(name, **shape.get(name, {}))
+        assert spec == hj.make_corruption(name, **shape.get(name, {}))
     assert grounding.runs.Run("marks", 0).names == ("pop_ups", "subtitle", "resolution")
     assert grounding.runs.Run(None, 0).names == ()
     runs = grounding.runs.all_runs(["subtitle", "marks"], 2)

@@ -28,7 +28,7 @@ import numpy as np
 
 import hijack_data as hj
 from hijack_data.config import load_config
-from hijack_data.files import encode_png, load_image, write_atomic
+from hijack_data.file_io import encode_png, load_image, write_atomic
 from hijack_data.kernels.cpu import jit
 
 SIZE = (540, 1100)
@@ -40,8 +40,8 @@ found = {}
 for compiled in (False, True):
     if compiled:
         jit.start()
-    for name in hj.names()[:9]:
-        plan = hj.Plan.from_json(hj.get(name).plan(scene, seed=1, sample="a").to_json())
+    for name in hj.corruption_names()[:9]:
+        plan = hj.Plan.from_json(hj.make_corruption(name).plan(scene, seed=1, sample="a").to_json())
         out = hj.apply(plan, screen)
         found[f"{name} {compiled}"] = [plan.digest(), hashlib.sha256(out.tobytes()).hexdigest()]
 
@@ -66,7 +66,7 @@ class Dot(hj.Corruption):
         return hj.Draft()
 
 
-found["plug-in"] = hj.get("dot").plan(scene, seed=1).digest()
+found["plug-in"] = hj.make_corruption("dot").plan(scene, seed=1).digest()
 
 
 def refused(work):

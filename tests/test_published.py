@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from online_env import tasks
-from online_env.bench import reading, scores
-from online_env.bench.reading import Run
 from online_env.report.build import build_report, read_report
+from online_env.results import reading, scores
+from online_env.results.reading import Run
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs" / "results"

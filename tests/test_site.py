@@ -24,7 +24,7 @@ notebooks = pytest.importorskip("notebooks")
 results = pytest.importorskip("results")
 make = pytest.importorskip("make")
 
-NINE = hj.names()[:9]
+NINE = hj.corruption_names()[:9]
 MKDOCS = (ROOT / "mkdocs.yml").read_text()
 
 
@@ -49,7 +49,7 @@ def test_the_page_of_a_corruption_says_what_the_corruption_says(name: str, tmp_p
     page = corruption_pages.page(name, tmp_path)
     from hijack_data import params
 
-    cls = type(hj.get(name))
+    cls = type(hj.make_corruption(name))
     for key, (parameter, _) in params.parameters(cls).items():
         assert f"| `{key}` |" in page
         assert parameter.doc in page
@@ -200,8 +200,8 @@ def test_every_page_has_its_place(tmp_path: Path):
 
 
 def test_a_report_is_all_that_a_result_needs(tmp_path: Path):
-    from online_env.bench import reading
     from online_env.report.build import build_report
+    from online_env.results import reading
 
     from support.reported import CONDITIONS, run_of, whole
 

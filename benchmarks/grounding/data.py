@@ -15,7 +15,7 @@ from .pages import Page
 SHRINK = 2  # the network sees half the height and width of the screen
 # All at the library's defaults (the paper's), but for restore=True, which keeps one shape, and
 # fit="shrink": a subtitle of 48 pixels is one pixel too large for the pages.
-CORRUPTIONS: Mapping[str, hj.Corruption] = {
+CORRUPTIONS: Mapping[str, hj.plugin.Corruption] = {
     "pop_ups": hj.PopUps(),
     "marks": hj.Marks(),
     "subtitle": hj.Subtitle(fit="shrink"),
@@ -64,7 +64,7 @@ def order(pages: Sequence[Page], size: int, seed: int) -> Iterator[tuple[int, li
 
 
 def batch_of(
-    pages: Sequence[Page], augment: hj.Augmentation | None, *, seed: int, epoch: int = 0
+    pages: Sequence[Page], augment: hj.plugin.Augmentation | None, *, seed: int, epoch: int = 0
 ) -> Batch:
     """Return a batch that asks for every control of which at least half still shows.
 

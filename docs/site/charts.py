@@ -207,7 +207,7 @@ def results_of_the_paper() -> str:
     head = " | ".join(rows[0])
     rule = "|".join(["---"] * len(rows[0]))
     lines = [f"| {' | '.join(row.values())} |" for row in rows]
-    named = ", ".join(f"`{name}`" for name in hj.names()[:9])
+    named = ", ".join(f"`{name}`" for name in hj.corruption_names()[:9])
     return "\n".join(
         [
             "# The paper's table\n",

@@ -10,7 +10,7 @@ import pictures
 import yaml
 
 import hijack_data as hj
-from hijack_data.cli.describe import describe
+from hijack_data.cli.list_commands import describe
 from hijack_data.composites import composite, is_bare
 
 TEXTS = yaml.safe_load((Path(__file__).parent / "texts.yaml").read_text(encoding="utf-8"))
@@ -28,7 +28,7 @@ import hijack_data as hj
 
 screen = np.full((1080, 1920, 3), 235, np.uint8)  # your screenshot: uint8 RGB
 scene = hj.Scene(size=(1080, 1920), boxes=[[40, 40, 400, 90]], target=(220, 65))
-plan = hj.get("{name}").plan(scene, seed=3, sample="traj-3", step=0)
+plan = hj.make_corruption("{name}").plan(scene, seed=3, sample="traj-3", step=0)
 after = hj.apply(plan, screen)  # the input is not modified
 """
 TORCH = """import torch
@@ -55,7 +55,7 @@ import hijack_data as hj
 
 screen = jnp.full((1080, 1920, 3), 235, jnp.uint8)
 scene = hj.Scene(size=(1080, 1920), target=(220, 65))
-after = hj.apply(hj.get("{name}").plan(scene, seed=3, sample="traj-3"), screen)
+after = hj.apply(hj.make_corruption("{name}").plan(scene, seed=3, sample="traj-3"), screen)
 """
 BUILD = """from pipelines import build
 
@@ -94,7 +94,7 @@ def page(name: str, folder: Path) -> str:
 
 
 def _lines(name: str, folder: Path) -> Iterator[str]:
-    info = describe(type(hj.get(name)))
+    info = describe(type(hj.make_corruption(name)))
     words = TEXTS[name]
     yield f"# {words['title']}\n"
     yield f"`{name}` · {KINDS[info['category']]} · acts on the **{info['scope']}**, {info['acts']}"
@@ -130,7 +130,7 @@ def _severities(name: str, info: dict[str, Any], folder: Path) -> Iterator[str]:
     if not levels:
         yield "It happens or it does not: there are no levels.\n"
         return
-    yield f"Level 3 is the paper's default. Another: `hj.{type(hj.get(name)).__name__}.at(4)`, or"
+    yield f"Level 3 is the paper's default. Another: `hj.{type(hj.make_corruption(name)).__name__}.at(4)`, or"
     yield f"`hijack apply ... {name} --severity 4`.\n"
     tiles: list[tuple[str, str]] = []
     for number, level in enumerate(levels, 1):
@@ -157,7 +157,7 @@ def strip(tiles: list[tuple[str, str]], folder: Path, up: str = "../") -> str:
 def _fidelity(name: str) -> str:
     screen = pictures.shot(pictures.screen_of(name))
     key = {"seed": pictures.SEED, "sample": screen.name}
-    plan = hj.get(name).plan(screen.scene, **key)
+    plan = hj.make_corruption(name).plan(screen.scene, **key)
     if not is_bare(plan):
         return ""
     made = composite(plan, screen.pixels, screen.scene, **key)
@@ -171,7 +171,7 @@ def _fidelity(name: str) -> str:
 
 
 def _code(name: str, info: dict[str, Any]) -> Iterator[str]:
-    cls = type(hj.get(name)).__name__
+    cls = type(hj.make_corruption(name)).__name__
     yield "## Code\n"
     if info["scope"] == "observation":
         parts = [
@@ -242,7 +242,7 @@ def gallery(folder: Path) -> str:
         f" and seed {pictures.SEED}. Choose a name for its page;"
         " `hijack gallery your/*.png -o g.html` makes such a page of your own screens.\n",
     ]
-    for name in hj.names()[:9]:
+    for name in hj.corruption_names()[:9]:
         lines.append(f"## [{TEXTS[name]['title']}](corruptions/{name}.md)\n")
         tiles = [(f"{name}/on-{screen}.webp", "") for screen in pictures.SCREENS]
         lines.append(strip(tiles, folder, up=""))
@@ -251,8 +251,8 @@ def gallery(folder: Path) -> str:
 
 def blocks() -> Iterator[tuple[str, str, str]]:
     """Yield every Python block of the pages: the corruption, the title, the code."""
-    for name in hj.names()[:9]:
-        for line in _code(name, describe(type(hj.get(name)))):
+    for name in hj.corruption_names()[:9]:
+        for line in _code(name, describe(type(hj.make_corruption(name)))):
             if line.startswith("===") and "```python" in line:
                 title = line.split('"')[1]
                 inner = line.partition("```python\n")[2].partition("    ```")[0]

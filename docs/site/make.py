@@ -151,7 +151,7 @@ def all_pages(folder: Path) -> dict[str, str]:
     texts["figures.md"] = charts.page()
     texts["paper_results.md"] = charts.results_of_the_paper()
     texts |= results.pages() | notebooks.pages(folder)
-    for name in hj.names()[:9]:
+    for name in hj.corruption_names()[:9]:
         texts[f"corruptions/{name}.md"] = corruption_pages.page(name, folder)
     return ranked(texts | reference.pages())
 
@@ -169,7 +169,7 @@ def ranked(texts: dict[str, str]) -> dict[str, str]:
 def settings(texts: Iterable[str]) -> dict[str, Any]:
     """The settings of this build: those of mkdocs.yml, and where every page stands."""
     known = set(texts)
-    nine = [f"corruptions/{name}.md" for name in hj.names()[:9]]
+    nine = [f"corruptions/{name}.md" for name in hj.corruption_names()[:9]]
     api = sorted(name for name in known if name.startswith("reference/"))
     nav: list[Any] = [{"Home": "index.md"}]
     sections = {

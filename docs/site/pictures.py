@@ -10,7 +10,7 @@ from PIL import Image
 import hijack_data as hj
 from hijack_data.composites import composite, is_bare
 from hijack_data.errors import HijackError
-from hijack_data.files import load_image
+from hijack_data.file_io import load_image
 
 ROOT = Path(__file__).resolve().parents[2]
 RECORDED = ROOT / "examples" / "recordings" / "images"
@@ -44,7 +44,7 @@ def screen_of(corruption: str) -> str:
     return SHOWN_ON.get(corruption, SCREENS[0])
 
 
-def corrupted(corruption: hj.Corruption, screen: Shot, seed: int) -> np.ndarray:
+def corrupted(corruption: hj.plugin.Corruption, screen: Shot, seed: int) -> np.ndarray:
     """What an agent sees, on a canvas as large as the screen: uint8 RGB `[H, W, 3]`."""
     key = {"seed": seed, "sample": screen.name}
     plan = corruption.plan(screen.scene, **key)
@@ -66,13 +66,13 @@ def save(pixels: np.ndarray, path: Path, width: int) -> None:
     picture.save(path, "WEBP", quality=82, method=4)
 
 
-def wanted() -> Iterator[tuple[str, str, hj.Corruption, int, int]]:
+def wanted() -> Iterator[tuple[str, str, hj.plugin.Corruption, int, int]]:
     """Yield every corrupted picture of the site.
 
     Each is its file, the screen, the corruption, the seed and the width in pixels.
     """
-    for name in hj.names()[:9]:
-        plain = hj.get(name)
+    for name in hj.corruption_names()[:9]:
+        plain = hj.make_corruption(name)
         yield f"{name}/after.webp", screen_of(name), plain, SEED, WIDE
         for seed in SEEDS:
             yield f"{name}/seed-{seed}.webp", screen_of(name), plain, seed, SMALL
@@ -109,8 +109,8 @@ def sheet(path: Path, width: int = 1200) -> None:
     tile = (width - gap * (columns - 1)) // columns
     high = round(tile * 9 / 16)
     whole = Image.new("RGB", (width, high * 3 + gap * 2), (255, 255, 255))
-    for number, name in enumerate(hj.names()[:9]):
-        pixels = corrupted(hj.get(name), shot(screen_of(name)), SEED)
+    for number, name in enumerate(hj.corruption_names()[:9]):
+        pixels = corrupted(hj.make_corruption(name), shot(screen_of(name)), SEED)
         small = Image.fromarray(pixels).resize((tile, high), Image.Resampling.LANCZOS)
         row, column = divmod(number, columns)
         whole.paste(small, (column * (tile + gap), row * (high + gap)))

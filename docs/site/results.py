@@ -16,7 +16,7 @@ from copied import plain_fences
 from online_env.report.build import read_report
 from online_env.report.document import ReportDocument
 from online_env.report.formats import write
-from online_env.report.leaderboard import Ranking, leaderboard, rankings_of, read_all
+from online_env.report.leaderboard import Ranking, leaderboard, rank_agents, read_reports
 from online_env.report.model import AgentSummary, RunReport
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,7 +46,7 @@ def files(folder: Path = RESULTS) -> dict[str, str]:
         for name, report in found.items()
     }
     if found:
-        made[f"results/{BOARD}"] = leaderboard(read_all(folder))
+        made[f"results/{BOARD}"] = leaderboard(read_reports(folder))
     return made
 
 
@@ -142,7 +142,7 @@ def board(folder: Path, found: dict[str, RunReport]) -> str:
     if not found:
         lines.append("No run of a whole agent has been added yet.\n")
     else:
-        for ranking in rankings_of(read_all(folder)):
+        for ranking in rank_agents(read_reports(folder)):
             lines += _ranking(ranking)
         lines.append(f"[The same as one page]({BOARD}), as the command line makes it.\n")
     lines += [
@@ -176,7 +176,7 @@ def _played(report: RunReport) -> str:
 def _table(report: RunReport) -> Iterator[str]:
     yield "| agent | over corruptions | keeps of clean | worst under |\n|---|---:|---:|---|"
     for row in report.summaries:
-        worst = _worst(report.worst_of(row.agent), row.worst_success)
+        worst = _worst(report.worst_corruptions(row.agent), row.worst_success)
         yield f"| `{row.agent}` | {_percent(row.corrupted)} | {_percent(row.retention)} | {worst} |"
     yield ""
 

@@ -35,7 +35,7 @@ Inside, `dialects/` has one table of all dialects; most are a table of actions a
 coordinates at each call that moves the pointer.
 """
 
-from .allowed import fenced_blocks, read_action, unreadable
+from .agent_actions import fenced_blocks, read_action, unreadable_action
 from .dialects import (
     DIALECTS,
     DICT_DIALECTS,
@@ -50,7 +50,7 @@ from .dialects import (
 from .dialects.pyautogui_code import calls_pyautogui, count_points, map_code, scale_normalized
 from .dialects.pyautogui_parse import parse_pyautogui
 from .dialects.pyautogui_write import write_pyautogui
-from .recorded import map_recorded
+from .recorded_actions import map_recorded
 from .scaling import Scaling
 
 __all__ = [
@@ -72,6 +72,6 @@ __all__ = [
     "parse_with",
     "read_action",
     "scale_normalized",
-    "unreadable",
+    "unreadable_action",
     "write_pyautogui",
 ]

@@ -28,8 +28,8 @@ from ..types import SLACK, BoxArray, Size, are_fractions
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int32]
 
-_FAR = 2.0**40  # beyond any screen; keeps products finite
-_FARTHEST_OFFSET = 2.0**31
+_MAX_COORDINATE = 2.0**40  # beyond any screen; keeps products finite
+_MAX_OFFSET = 2.0**31
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,7 @@ class Scaling:
             raise ActionError(f"offset {value!r} is not a finite number; give pixels such as 100")
         if not self.grid:  # in fractions, the side of the picture is the longest offset
             self.check(abs(value), axis)
-        if abs(value) > _FARTHEST_OFFSET:
+        if abs(value) > _MAX_OFFSET:
             raise ActionError(
                 f"offset {value!r} is beyond 2**31 pixels; give a distance that a screen can hold"
             )
@@ -212,7 +212,7 @@ class Scaling:
         self, values: FloatArray, source: npt.ArrayLike, target: npt.ArrayLike
     ) -> Int64Array:
         """Return the pixels of the target to which numbers of the source map."""
-        near = np.clip(values, -_FAR, _FAR)
+        near = np.clip(values, -_MAX_COORDINATE, _MAX_COORDINATE)
         source_sides = np.asarray(source, np.int64)
         target_sides = np.asarray(target, np.int64)
         exact = near * target_sides / source_sides

@@ -1,6 +1,6 @@
 """Array frameworks: one object for each, with all operations of the library on its arrays.
 
-`backend_of` finds the backend of an array. A framework is looked up among the modules already
+`find_backend` finds the backend of an array. A framework is looked up among the modules already
 imported (a caller with a tensor has imported torch), and the module of its backend is imported when
 its first array arrives.
 """
@@ -17,12 +17,12 @@ from .. import extras
 from ..errors import ImageTypeError, UnknownNameError, shown, suggest
 from .base import Backend
 
-__all__ = ["NAMES", "Backend", "backend_of", "convert", "to_numpy"]
+__all__ = ["NAMES", "Backend", "convert", "find_backend", "to_numpy"]
 
 NAMES = ("numpy", "torch", "jax")
 
 
-def backend_of(image: object) -> Backend:
+def find_backend(image: object) -> Backend:
     """Return the backend of an array.
 
     Raises:
@@ -72,4 +72,4 @@ def to_numpy(image: Any) -> np.ndarray[Any, Any]:
     Raises:
         ImageTypeError: `image` is not an array of NumPy, torch or JAX, or JAX is tracing it.
     """
-    return backend_of(image).to_numpy(image)
+    return find_backend(image).to_numpy(image)

@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..array_overlap import overlaps
 from ..errors import ImageError, ImageTypeError, ParameterError
-from ..kernels import Stamp, stamps_of
-from ..memory import overlaps
+from ..kernels import Stamp, plan_stamps
 from ..plan import Paste, Plan
 from ..types import Size, UInt8Array, size_text
 
@@ -189,7 +189,7 @@ class Backend(ABC):
         """
         for index, op in enumerate(plan.ops):
             if isinstance(op, Paste):
-                stamps = stamps_of(plan, index, self.size(image))
+                stamps = plan_stamps(plan, index, self.size(image))
                 if not owned:
                     image = self.copy(image)
                 image = self.paste(image, stamps)
@@ -242,6 +242,6 @@ def check_keeps_size(plans: Sequence[Plan]) -> None:
             raise ParameterError(f"inplace=True: {plan.corruption} changes the size to {size}")
 
 
-def count_of(lead: tuple[int, ...]) -> int:
+def count_pictures(lead: tuple[int, ...]) -> int:
     """Return how many pictures an array with leading axes `lead` holds."""
     return int(np.prod(lead)) if lead else 1

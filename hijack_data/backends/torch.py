@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from ..errors import ImageTypeError
-from ..kernels import Stamp, stamps_of, torch_ops
+from ..kernels import Stamp, plan_stamps, torch_ops
 from ..kernels.cpu import pixels
 from ..kernels.gpu import device
 from ..plan import Paste, Plan, Resample
@@ -155,7 +155,7 @@ class _Run:
         start = self.done
         stamps: list[Stamp] = []
         while self.done < len(ops) and isinstance(ops[self.done], Paste):
-            stamps += stamps_of(self.plan, self.done, size)
+            stamps += plan_stamps(self.plan, self.done, size)
             self.done += 1
         return stamps if self.done > start else None
 

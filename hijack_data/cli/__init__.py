@@ -30,30 +30,30 @@ FULL = 3  # exit code
 # Where each command is defined. The commands of the other packages are listed here as text, not as
 # imports.
 COMMANDS = {
-    "list": "hijack_data.cli.describe:list_command",
-    "show": "hijack_data.cli.describe:show",
-    "demo": "hijack_data.cli.demo:demo",
-    "apply": "hijack_data.cli.pictures:apply_command",
-    "gallery": "hijack_data.cli.pictures:gallery",
-    "new": "hijack_data.cli.new:new",
-    "check": "hijack_data.cli.checks:check",
-    "doctor": "hijack_data.cli.checks:doctor",
-    "inspect": "pipelines.cli:inspect",
-    "build": "pipelines.cli:build",
-    "verify": "pipelines.cli:verify",
-    "sign": "pipelines.cli:sign",
-    "stats": "pipelines.cli:stats",
-    "export": "pipelines.cli:export",
-    "view": "pipelines.viewer.cli:view",
-    "train": "pipelines.train.cli:train",
-    "desktop": "online_env.cli:desktop",
-    "bench": "online_env.bench.cli:bench",
-    "serve": "online_env.serving.cli:serve",
-    "score": "online_env.scoring.cli:score",
-    "report": "online_env.report.cli:report",
-    "tasks": "online_env.tasks.cli:tasks",
-    "prefetch": "online_env.osworld.cli:prefetch",
-    "osworld": "online_env.osworld.cli:osworld",
+    "list": "hijack_data.cli.list_commands:list_command",
+    "show": "hijack_data.cli.list_commands:show",
+    "demo": "hijack_data.cli.demo_command:demo",
+    "apply": "hijack_data.cli.picture_commands:apply_command",
+    "gallery": "hijack_data.cli.picture_commands:gallery",
+    "new": "hijack_data.cli.new_command:new",
+    "check": "hijack_data.cli.check_commands:check",
+    "doctor": "hijack_data.cli.check_commands:doctor",
+    "inspect": "pipelines.dataset_commands:inspect",
+    "build": "pipelines.dataset_commands:build",
+    "verify": "pipelines.dataset_commands:verify",
+    "sign": "pipelines.dataset_commands:sign",
+    "stats": "pipelines.dataset_commands:stats",
+    "export": "pipelines.dataset_commands:export",
+    "view": "pipelines.viewer.view_command:view",
+    "train": "pipelines.train.train_command:train",
+    "desktop": "online_env.desktop_commands:desktop",
+    "bench": "online_env.bench.bench_command:bench",
+    "serve": "online_env.serving.serve_command:serve",
+    "score": "online_env.scoring.score_command:score",
+    "report": "online_env.report.report_command:report",
+    "tasks": "online_env.tasks.task_commands:tasks",
+    "prefetch": "online_env.osworld.osworld_commands:prefetch",
+    "osworld": "online_env.osworld.osworld_commands:osworld",
 }
 # Commands that need the processes, users and sockets of a POSIX system.
 NEEDS_POSIX = ("desktop", "bench", "serve", "osworld")
@@ -125,7 +125,7 @@ class LazyGroup(WholeSummaries):
 
 
 def _show_version(*words: Any) -> None:
-    importlib.import_module("hijack_data.cli.version").show_version(*words)
+    importlib.import_module("hijack_data.cli.version_text").show_version(*words)
 
 
 @click.group(
@@ -170,7 +170,7 @@ def main(argv: list[str] | None = None) -> None:
     except HijackError as error:
         fail(str(error))
     except ModuleNotFoundError as error:
-        extra = extras.extra_of(error.name or "")
+        extra = extras.find_extra(error.name or "")
         if extra is None:
             raise
         fail(str(extras.missing(f"this command needs {error.name}", extra)))
@@ -224,7 +224,7 @@ def console() -> Any:
 
     Control characters in what it prints are escaped.
     """
-    from .printing import PrintableConsole
+    from .printable_console import PrintableConsole
 
     return PrintableConsole(highlight=False, width=None if sys.stdout.isatty() else 120)
 

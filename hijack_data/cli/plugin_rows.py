@@ -6,10 +6,10 @@ from typing import TypeAlias
 
 from rich.markup import escape
 
+from ..entry_points import Plugin, groups, installed
 from ..errors import HijackError, PluginError, PluginWarning
 from ..loading import VARIABLE, LoadedFile, loaded_files
-from ..plugins import Plugin, groups, installed
-from ..registry import PREFIX, registry_of
+from ..registry import PREFIX, find_registry
 
 PluginLine: TypeAlias = tuple[str, str, str, str]
 OK = "[green]ok[/]"
@@ -30,7 +30,7 @@ def _plugins() -> Iterator[PluginLine]:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", PluginWarning)  # the registry already lists them
-                registry_of(kinds).load_installed()
+                find_registry(kinds).load_installed()
         # An unknown kind, or a kind that needs an extra that is not installed.
         except HijackError as error:
             yield BROKEN, kinds, group, str(error)

@@ -20,17 +20,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias, cast
 
-from ..corruption import Corruption, get, names
+from ..corruption import Corruption, corruption_names, make_corruption
 from ..errors import ParameterError, ParameterTypeError, shown, suggest
 from ..params import Parameter
 from ..planner import Planner
 from .build import Builder
+from .corruption_settings import check
+from .dumping import dump
 from .files import available, read_config
+from .nodes import ConfigNode, MappingNode, Position, Problems, from_python, kind_of
 from .options import OPTIONS
 from .paper import paper_name
-from .record import dump
-from .spec import check
-from .tree import ConfigNode, MappingNode, Position, Problems, from_python, kind_of
 from .yaml_reader import read_yaml
 
 __all__ = ["OPTIONS", "Config", "available", "dump", "load_config", "paper_compat", "specs_from"]
@@ -85,12 +85,14 @@ def specs_from(text: str) -> list[Corruption]:
     if not isinstance(cast(object, text), str):
         wanted = "a string such as 'marks,subtitle' or 'all'"
         raise ParameterTypeError(f"corruptions must be {wanted}, got {shown(text)}")
-    wanted = names() if text.strip() == "all" else [name.strip() for name in text.split(",")]
+    wanted = (
+        corruption_names() if text.strip() == "all" else [name.strip() for name in text.split(",")]
+    )
     if "" in wanted:
         raise ParameterError(
             f"corruptions holds an empty name: {text!r}; write 'marks,subtitle' or 'all'"
         )
-    specs = [get(name) for name in wanted]
+    specs = [make_corruption(name) for name in wanted]
     found = [spec.name for spec in specs]
     twice = next((name for name in found if found.count(name) > 1), None)
     if twice is not None:
@@ -160,6 +162,6 @@ def _wrapped(tree: MappingNode) -> MappingNode:
 
 
 def _unknown(key: str) -> str:
-    if paper_name(key, names()) is not None:
+    if paper_name(key, corruption_names()) is not None:
         return f"{key!r} is a corruption; put it under corruptions:"
     return f"unknown key {key!r}{suggest(key, ['corruptions', 'paper_compat', *OPTIONS])}"

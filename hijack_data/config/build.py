@@ -5,13 +5,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from ..compose import OneOf, Sequence
-from ..corruption import find, names
+from ..corruption import corruption_names, find_corruption
 from ..errors import HijackError, UnknownNameError, suggest
 from ..params import Parameter
 from ..planner import Planner
+from .corruption_settings import check, read_spec
+from .nodes import ConfigNode, MappingNode, Position, Problems, ScalarNode, SequenceNode, kind_of
 from .paper import paper_name
-from .spec import check, read_spec
-from .tree import ConfigNode, MappingNode, Position, Problems, ScalarNode, SequenceNode, kind_of
 
 COMBINATORS = ("one_of", "sequence")
 # Labels that have another meaning on the command line or in a dataset.
@@ -37,7 +37,7 @@ class Builder:
 
     problems: Problems
     paper: bool = False
-    known: list[str] = field(default_factory=lambda: [*names(), *COMBINATORS])
+    known: list[str] = field(default_factory=lambda: [*corruption_names(), *COMBINATORS])
 
     def build(self, tree: ConfigNode) -> dict[str, Planner]:
         """Return the planners of the list or mapping under `corruptions`, in order, by label."""
@@ -122,7 +122,7 @@ class Builder:
         if name == "sequence":
             return self._sequence(entry)
         try:
-            cls = find(name)
+            cls = find_corruption(name)
         except UnknownNameError as error:
             self.problems.add(entry.place, self._unknown(name, error))
             return None

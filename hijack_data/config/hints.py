@@ -3,7 +3,7 @@
 import re
 
 from ..params import Parameter
-from .tree import ConfigNode, ScalarNode
+from .nodes import ConfigNode, ScalarNode
 
 _HEX = re.compile(r"(?:[0-9a-fA-F]{3}){1,2}")
 _TEXT_KINDS = ("str", "choice", "color", "ip")

@@ -18,7 +18,7 @@ import yaml
 
 from ..errors import ConfigError
 from ..surrogates import has_half
-from .tree import (
+from .nodes import (
     MAX_DEPTH,
     MAX_DIGITS,
     MAX_VALUES,

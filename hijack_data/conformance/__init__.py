@@ -9,13 +9,13 @@ kernel shows. docs/write_a_corruption.md lists what no check can see.
 
 from ..corruption import Corruption
 from .base import Check, Result, expect, fail, run_check
-from .data import check_kept, check_plan_is_data, check_untouched
-from .declared import check_parameters, check_registered
+from .cases import SIZES, picture, scene
+from .declarations import check_parameters, check_registered
+from .determinism import check_deterministic, check_processes, check_seed
 from .pixels import check_backends, check_batches, check_scope, check_visible, jax_operations
+from .plan_data import check_kept, check_plan_is_data, check_untouched
 from .reference import reference
 from .scenes import check_elements, check_scenes
-from .screens import SIZES, picture, scene
-from .seeded import check_deterministic, check_processes, check_seed
 
 __all__ = [
     "CHECKS",

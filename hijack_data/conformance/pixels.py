@@ -13,17 +13,17 @@ from ..errors import ParameterError
 from ..kernels.cpu import jit
 from ..plan import Paste, Plan
 from ..types import Size, UInt8Array
-from . import screens
+from . import cases
 from .base import expect
+from .cases import levels, picture, scene
 from .reference import reference
-from .screens import levels, picture, scene
 
 SCOPE_SEEDS = 4
 
 
 def check_backends(cls: type[Corruption]) -> None:
     """Every installed backend gives the bytes of the reference and leaves its input unchanged."""
-    for plan, size in screens.plans(cls):
+    for plan, size in cases.plans(cls):
         image = picture(size)
         expected = reference(plan, image)
         for name, out in _outputs(plan, image):
@@ -115,7 +115,7 @@ def jax_operations(plan: Plan, image: Any) -> Any:
 
 def check_batches(cls: type[Corruption]) -> None:
     """A batch with a plan for each picture equals the pictures one by one, also in place."""
-    size = screens.SIZES[2]
+    size = cases.SIZES[2]
     try:
         plans = [cls().plan(scene(size), seed=3, sample=i, step=None) for i in range(3)]
     except ParameterError:
@@ -134,9 +134,9 @@ def check_batches(cls: type[Corruption]) -> None:
 
 def check_scope(cls: type[Corruption]) -> None:
     """Scope observation draws and has no effects on the machine; the other scopes draw nothing."""
-    made = [plan for plan, _ in screens.plans(cls)]
-    full = scene(screens.SIZES[0])
-    for spec in screens.variants(cls):
+    made = [plan for plan, _ in cases.plans(cls)]
+    full = scene(cases.SIZES[0])
+    for spec in cases.variants(cls):
         made += [spec.plan(full, seed=seed, sample="scope") for seed in range(SCOPE_SEEDS)]
     for plan in made:
         check_declared(cls, plan)
@@ -165,7 +165,7 @@ def check_declared(cls: type[Corruption], plan: Plan) -> None:
 
 def check_visible(cls: type[Corruption]) -> None:
     """A plan changes the picture or has an effect on the machine, or a note says why not."""
-    size = screens.SIZES[0]
+    size = cases.SIZES[0]
     image = picture(size)
     for spec in levels(cls):
         plan = spec.plan(scene(size), seed=3, sample="check", step=None)

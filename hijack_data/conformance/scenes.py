@@ -7,7 +7,7 @@ from ..corruption import Corruption
 from ..errors import HijackError, ParameterError
 from ..plan import Plan
 from ..types import Scene, as_boxes
-from . import screens
+from . import cases
 from .base import expect, fail
 
 SEEDS = range(4)
@@ -16,12 +16,12 @@ SEEDS = range(4)
 def check_scenes(cls: type[Corruption]) -> list[str]:
     """Any screen gives an applicable plan, or a `ParameterError` with the reason."""
     refused: dict[str, str] = {}
-    for spec in screens.levels(cls):
-        for what, screen in screens.other_scenes():
+    for spec in cases.levels(cls):
+        for what, screen in cases.unusual_scenes():
             plan = _planned(spec, what, screen)
             if isinstance(plan, Plan):
                 _check_applies(plan, what, screen)
-            elif screen.size == screens.SIZES[0]:
+            elif screen.size == cases.SIZES[0]:
                 refused[what] = plan
     return [f"a screen {what} is refused: {reason}" for what, reason in refused.items()]
 
@@ -48,15 +48,15 @@ def _check_applies(plan: Plan, what: str, screen: Scene) -> None:
     expect(size == plan.out_size, f"the plan for a screen {what} gives a picture of {size}")
 
 
-_picture = lru_cache(screens.picture)
+_picture = lru_cache(cases.picture)
 
 
 def check_elements(cls: type[Corruption]) -> list[str]:
     """Without `needs_elements` a plan is the same whether or not the elements are known."""
-    full = screens.scene(screens.SIZES[0])
+    full = cases.scene(cases.SIZES[0])
     bare = Scene(full.size, as_boxes(None), full.apps, full.target)
     idle: list[str] = []
-    for spec in screens.variants(cls):
+    for spec in cases.variants(cls):
         differs = any(_outcome(spec, full, seed) != _outcome(spec, bare, seed) for seed in SEEDS)
         expect(
             spec.needs_elements or not differs,

@@ -37,7 +37,7 @@ from ..pack import find_asset
 from ..params import rgb
 from ..types import Box, Point, Size, UInt8Array
 from .canvas import canvas, check_area
-from .letters import line_mask
+from .line_masks import line_mask
 from .sprite import Color, Layer, Sprite
 from .text import line_height, line_width, load_font
 
@@ -122,7 +122,7 @@ def _mark(recipe: Mapping[str, Any]) -> Sprite:
             raise PlanError(f"plan: unknown mark shape {other!r}{known}")
     alpha = np.array(mask)
     color = rgb(recipe["color"])
-    return Sprite.of_layer(Layer(_whole(alpha), (alpha,), (color,)))
+    return Sprite.from_layer(Layer(_whole(alpha), (alpha,), (color,)))
 
 
 def _star_points(size: int) -> list[tuple[float, float]]:
@@ -188,12 +188,12 @@ def _text(recipe: Mapping[str, Any]) -> Sprite:
     edge_color = rgb(recipe["edge_color"])
     box = _whole(fill)
     if not outline:
-        return Sprite.of_layer(Layer(box, (fill,), (color,)))
+        return Sprite.from_layer(Layer(box, (fill,), (color,)))
     rest = np.multiply(outline[0], 255 - fill, dtype=np.uint16)
     rest += 127
     rest //= 255
     covers = (fill, rest.astype(np.uint8))
-    return Sprite.of_layer(Layer(box, covers, (color, edge_color)))
+    return Sprite.from_layer(Layer(box, covers, (color, edge_color)))
 
 
 def _window(recipe: Mapping[str, Any]) -> Sprite:
@@ -341,16 +341,16 @@ def _asset(recipe: Mapping[str, Any]) -> Sprite:
         pixels = pixels[y1:y2, x1:x2]
     if pixels.shape[2] == 4:
         return _rgba(pixels)
-    return Sprite.of_layer(Layer(_whole(pixels), picture=np.ascontiguousarray(pixels)))
+    return Sprite.from_layer(Layer(_whole(pixels), picture=np.ascontiguousarray(pixels)))
 
 
 def _rgba(pixels: UInt8Array) -> Sprite:
     alpha = pixels[..., 3].copy()
     colors = pixels[..., :3]
     if (alpha == 255).all():
-        return Sprite.of_layer(Layer(_whole(alpha), picture=np.ascontiguousarray(colors)))
+        return Sprite.from_layer(Layer(_whole(alpha), picture=np.ascontiguousarray(colors)))
     paint = colors.astype(np.uint16) * alpha[..., None].astype(np.uint16)
-    return Sprite.of_layer(Layer(_whole(alpha), (alpha,), picture=paint))
+    return Sprite.from_layer(Layer(_whole(alpha), (alpha,), picture=paint))
 
 
 def png_recipe(rgba: UInt8Array) -> dict[str, Any]:

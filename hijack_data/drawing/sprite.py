@@ -116,7 +116,7 @@ class Sprite:
     scratch: dict[Any, Any] = field(default_factory=dict[Any, Any], repr=False)
 
     @classmethod
-    def of_layer(cls, layer: Layer) -> "Sprite":
+    def from_layer(cls, layer: Layer) -> "Sprite":
         """Return a sprite with a single layer."""
         for array in (*layer.covers, layer.picture):
             if array is not None:

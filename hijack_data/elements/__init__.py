@@ -9,13 +9,13 @@ from typing import Literal
 
 from ..errors import MissingDependencyError, UnknownNameError, suggest
 from ..types import Scene, as_target
+from .accessibility_nodes import AccessibleNode, nodes_from_tree
 from .base import Elements
 from .detector import boxes_from_picture
-from .labels import boxes_from_labels
-from .nodes import AccessibleNode, nodes_from_tree
+from .interactive_nodes import boxes_from_tree, interactive_elements
 from .ocr import boxes_from_ocr
-from .pictures import image_pixels, image_size
-from .tree import boxes_from_tree, interactive_elements
+from .picture_pixels import image_pixels, image_size
+from .recorded_boxes import boxes_from_labels
 
 __all__ = [
     "AccessibleNode",

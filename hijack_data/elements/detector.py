@@ -17,23 +17,23 @@ import numpy as np
 from .. import extras
 from ..types import BoxArray, UInt8Array, clip_boxes
 from .base import Elements
-from .masks import Bools, Ints, Parts, straight
-from .pictures import image_pixels
+from .mask_parts import Bools, Ints, Parts, straight_lines
+from .picture_pixels import image_pixels
 
 # Larger pictures are first shrunk by an integer factor.
 MAX_PIXELS = 5_000_000
 # Least differences between neighbouring pixels in any channel: for the faint edge of a control, and
 # for the edge of text or an icon.
-FAINT = 8
-STRONG = 28
+FAINT_EDGE = 8
+STRONG_EDGE = 28
 # The largest shares of the screen's height and width for one element; anything larger is a
 # photograph or a wallpaper.
 MAX_HEIGHT = 0.3
 MAX_WIDTH = 0.6
-MAX_CONTROL = 0.9
+MAX_CONTROL_WIDTH = 0.9
 # Straight edges of this length, on a screen 1000 pixels high, are rules and frames; shorter ones
 # belong to icons.
-LONG = 110
+RULE_LENGTH = 110
 # A control with more things than this is a toolbar or a panel, so its things count as elements
 # instead. The second number is for controls wider than `MAX_WIDTH`: an address bar has few things,
 # a status bar more.
@@ -42,7 +42,7 @@ MAX_THINGS_WIDE = 2
 # A picture of noise or of a fine pattern has countless parts; only the largest are kept.
 MAX_PARTS = 3000
 # The number of boxes that are compared with all others at once.
-BLOCK = 256
+BOXES_PER_BLOCK = 256
 
 
 def boxes_from_picture(image: object) -> Elements:
@@ -129,10 +129,10 @@ class _Finder:
 
     def things(self) -> BoxArray:
         """Find lines of text, icons and small pictures: int32 `[N, 4]` boxes."""
-        parts = Parts(self.cv2, self._edges(STRONG), 8)
+        parts = Parts(self.cv2, self._edges(STRONG_EDGE), 8)
         scenery = self._scenery(parts)
-        length = self.units(LONG) | 1
-        rules = straight(self.cv2, parts.without(scenery), length)
+        length = self.units(RULE_LENGTH) | 1
+        rules = straight_lines(self.cv2, parts.without(scenery), length)
         whole = self._whole(parts) & ~scenery & ~parts.touching(rules)
         others = parts.without(scenery | whole)
         small = self._joined(self.cv2.subtract(others, rules), rules)
@@ -186,18 +186,18 @@ class _Finder:
         h = parts.h
         longer = np.maximum(w, h)
         is_empty = parts.area < 0.2 * w * h
-        is_frame = (longer > self.units(LONG)) & (h > self.units(20)) & is_empty
+        is_frame = (longer > self.units(RULE_LENGTH)) & (h > self.units(20)) & is_empty
         is_line = (np.minimum(w, h) <= self.units(3)) & (longer > self.units(40))
         return is_frame | is_line
 
     def controls(self) -> BoxArray:
         """Find flat areas as high as a button or an input: int32 `[N, 4]` boxes."""
-        flat = self.cv2.bitwise_not(self._edges(FAINT))
+        flat = self.cv2.bitwise_not(self._edges(FAINT_EDGE))
         parts = Parts(self.cv2, flat, 4)
         w = parts.w
         h = parts.h
         fits_height = (h >= self.units(14)) & (h <= self.units(64))
-        fits_width = (w >= self.units(16)) & (w <= MAX_CONTROL * self.width)
+        fits_width = (w >= self.units(16)) & (w <= MAX_CONTROL_WIDTH * self.width)
         is_filled = parts.area >= 0.45 * w * h
         x = parts.x
         y = parts.y
@@ -257,8 +257,8 @@ def _outermost(boxes: BoxArray) -> Ints:
     order = np.argsort(-sizes.prod(1), kind="stable")
     ordered = boxes[order]
     keep = np.ones(len(ordered), np.bool_)
-    for first in range(0, len(ordered), BLOCK):
-        inside = _inside(ordered, ordered[first : first + BLOCK], 1)
+    for first in range(0, len(ordered), BOXES_PER_BLOCK):
+        inside = _inside(ordered, ordered[first : first + BOXES_PER_BLOCK], 1)
         for i, held in enumerate(inside, first):
             if keep[i]:
                 later = i + 1

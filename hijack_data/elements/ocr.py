@@ -13,7 +13,7 @@ import numpy as np
 from .. import extras
 from ..types import as_boxes, clip_boxes
 from .base import Elements
-from .pictures import image_pixels
+from .picture_pixels import image_pixels
 
 # RapidOCR shrinks what is larger than this.
 MAX_SIDE = 2000

@@ -9,12 +9,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
-from ..corruption import get, names
+from ..corruption import corruption_names, make_corruption
 from ..errors import ParameterError, ParameterTypeError, shown
 from ..planner import Planner, as_planner
 from ..rng import Stream
-from .board import Board, Detect, sample_id
-from .embed import MAX_SIDE
+from .data_uris import MAX_SIDE
+from .page_builder import Detect, PageBuilder, sample_id
 from .sheet import contact_sheet
 
 __all__ = ["Page", "contact_sheet", "gallery", "sample_id"]
@@ -61,7 +61,7 @@ def gallery(
         embed_width: wider pictures are scaled down to this many pixels for display, 16 to 16383.
     """
     Stream(seed, "gallery")  # refuses a seed that no plan could use, before any picture is read
-    board = Board(_planners(planners), int(seed), detect, _width(embed_width))
+    board = PageBuilder(_planners(planners), int(seed), detect, _width(embed_width))
     for path in _paths(images):
         board.add(path)
     return Page(board.html(), tuple(board.problems), board.readable)
@@ -83,7 +83,7 @@ def _paths(images: object) -> list[str | os.PathLike[str]]:
 
 def _planners(planners: object) -> dict[str, Planner]:
     if planners is None:
-        return {name: get(name) for name in names()}
+        return {name: make_corruption(name) for name in corruption_names()}
     if not isinstance(planners, Mapping) or not planners:
         raise ParameterTypeError(
             "planners must map titles to corruptions, such as {'marks': Marks()}, got"

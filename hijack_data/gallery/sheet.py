@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .._apply import apply
-from ..backends import backend_of
+from ..backends import find_backend
 from ..drawing.text import check_glyphs, largest_fitting
 from ..errors import ImageTypeError, ParameterError
 from ..kernels.cpu.pixels import resample
@@ -100,7 +100,7 @@ def _row(title: str, before: UInt8Array, after: UInt8Array, width: int, caption:
 
 
 def _size(picture: UInt8Array) -> Size:
-    backend = backend_of(picture)
+    backend = find_backend(picture)
     if backend.name != "numpy" or picture.ndim != 3:
         raise ImageTypeError(
             f"contact_sheet takes NumPy pictures [H, W, 3], got {backend.name}"

@@ -9,9 +9,9 @@ from ..kernels import lower
 from ..plan import Paste, Plan
 from ..safety import Safety
 from ..types import Scene, Size
-from .embed import Embedded, caption
+from .data_uris import Embedded, caption
 from .markup import Html, escape, fill, join, pretty, wrap
-from .remake import cli_call, maker, python_call, schedule
+from .reproduce import cli_call, maker, python_call, schedule
 
 # Distance of the divider from the painted area, in percent of the width.
 DIVIDER = 2

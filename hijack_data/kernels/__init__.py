@@ -9,6 +9,6 @@
 The arithmetic is the same everywhere: gather, multiply-add in 32-bit integers, shift, clip.
 """
 
-from .stamps import Stamp, at_once, lower, stamps_of
+from .stamps import Stamp, at_once, lower, plan_stamps
 
-__all__ = ["Stamp", "at_once", "lower", "stamps_of"]
+__all__ = ["Stamp", "at_once", "lower", "plan_stamps"]

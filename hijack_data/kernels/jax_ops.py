@@ -25,8 +25,8 @@ from .stamps import Stamp, at_once
 StampedPixels: TypeAlias = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any]]
 
 # the smallest side of a padded block, the smallest padded number of pixels
-BLOCK = 128
-PIXELS = 4096
+MIN_BLOCK_SIDE = 128
+MIN_PADDED_PIXELS = 4096
 _jax: Any = jax  # JAX leaves many types unknown
 
 
@@ -53,7 +53,9 @@ def paste(image: Any, stamps: list[Stamp]) -> Any:
 def _paste_opaque(image: Any, stamp: Stamp, ours: bool) -> Any:
     for y, x in zip(stamp.ys.tolist(), stamp.xs.tolist(), strict=True):
         run = _paste_block_into if ours else _paste_block
-        image = run(image, *padded_block(stamp.sprite, y, x, image.shape, (BLOCK, BLOCK)))
+        image = run(
+            image, *padded_block(stamp.sprite, y, x, image.shape, (MIN_BLOCK_SIDE, MIN_BLOCK_SIDE))
+        )
         ours = True
     return image
 
@@ -123,7 +125,7 @@ def _padded_pixels(
     """Return positions, keep and paint, padded with positions beyond the picture."""
     at, keep, paint = stamped_pixels(sprite, ys, xs, shape[1])
     count = len(at)
-    bucket = max(PIXELS, power_of_two(count))
+    bucket = max(MIN_PADDED_PIXELS, power_of_two(count))
     index = np.full(bucket, shape[0] * shape[1], np.int32)
     keeps = np.zeros((bucket, 1), np.uint8)
     paints = np.zeros((bucket, 3), np.uint16)

@@ -26,7 +26,7 @@ class Stamp:
     xs: npt.NDArray[np.int32]
 
 
-def stamps_of(plan: Plan, index: int, size: Size) -> list[Stamp]:
+def plan_stamps(plan: Plan, index: int, size: Size) -> list[Stamp]:
     """Return the stamps of a plan's paste `ops[index]` on a picture of `size`, (height, width).
 
     Raises:
@@ -53,7 +53,7 @@ def check_drawings(plans: list[Plan]) -> None:
         size = plan.size
         for index, op in enumerate(plan.ops):
             if isinstance(op, Paste):
-                stamps_of(plan, index, size)
+                plan_stamps(plan, index, size)
             else:
                 size = op.size
 

@@ -9,8 +9,8 @@
 
 from .base import Format, Location, Move
 from .chat import ChatLabels, chat
-from .declared import Declared, Labels
-from .formats import ALIASES, FORMATS, format_of
+from .formats import ALIASES, FORMATS, find_format
+from .label_declarations import Declared, Labels
 
 __all__ = [
     "ALIASES",
@@ -22,5 +22,5 @@ __all__ = [
     "Location",
     "Move",
     "chat",
-    "format_of",
+    "find_format",
 ]

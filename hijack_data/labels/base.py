@@ -8,7 +8,7 @@ from ..actions import Scaling
 from ..coords import CoordMap
 from ..errors import LabelError
 from ..types import SLACK, Size, are_fractions
-from .numbers import Numbers
+from .nested_numbers import Numbers
 
 
 @dataclass(frozen=True)

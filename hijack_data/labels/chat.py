@@ -19,7 +19,7 @@ from typing import Any, TypeAlias, cast
 from ..errors import HijackError, LabelError, ParameterError, ParameterTypeError, shown
 from ..types import Size
 from .base import Format, Location, Move
-from .grounding import could_be_point
+from .grounding_text import could_be_point
 
 TextMapper: TypeAlias = Callable[[Any, Move], Any]
 LEAVE = "leave"
@@ -81,7 +81,7 @@ def chat(
         ParameterTypeError: an argument has another type.
         UnknownNameError: there is no such format.
     """
-    from .formats import format_of
+    from .formats import find_format
 
     names = (roles,) if isinstance(roles, str) else tuple(roles)
     if not names or not all(isinstance(cast("object", name), str) for name in names):
@@ -91,7 +91,7 @@ def chat(
         raise ParameterTypeError(f"chat indices must be whole numbers, got {indices!r}")
     for declared in (form, others):
         if declared is not None:
-            format_of(declared)
+            find_format(declared)
     return ChatLabels(form, tuple(_ROLES.get(name, name) for name in names), places, others)
 
 
@@ -120,29 +120,29 @@ def function_format(function: TextMapper) -> Format:
 def chat_format(declared: ChatLabels) -> Format:
     """Return the format of a declared conversation."""
     from .formats import LEAVE as NAME
-    from .formats import format_of
+    from .formats import find_format
 
-    form = format_of(declared.form)
-    others = None if declared.others is None else format_of(declared.others)
+    form = find_format(declared.form)
+    others = None if declared.others is None else find_format(declared.others)
 
     def walk(value: Any, change: Callable[[Format, Any], Any]) -> Any:
         return _Walker(declared, form, others, change).conversation(value)
 
-    def moved(value: Any, move: Move) -> Any:
-        return walk(value, lambda kind, part: kind.moved(part, move))
+    def map_value(value: Any, move: Move) -> Any:
+        return walk(value, lambda kind, part: kind.map_value(part, move))
 
-    def places(value: Any, size: Size) -> list[Location]:
+    def locate(value: Any, size: Size) -> list[Location]:
         found: list[Location] = []
 
         def collect(kind: Format, part: Any) -> Any:
             if kind.name != NAME:
-                found.extend(kind.places(part, size))
+                found.extend(kind.locate(part, size))
             return part
 
         walk(value, collect)
         return found
 
-    return Format(f"chat({form.name})", moved, places, declaration=declared)
+    return Format(f"chat({form.name})", map_value, locate, declaration=declared)
 
 
 def _is_prose(text: str) -> bool:

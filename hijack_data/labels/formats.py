@@ -23,7 +23,7 @@ pixels of the picture, of the smart-resized one, see `grounding` |
 | `loc` | `<loc>` | text with `<loc...>` tokens |
 | `chat(...)` | | a conversation, see `chat` |
 | a function | | maps `(value, move)` to the value after the move |
-| `picture` | | pictures that follow the plan as the main one does, `hijack_data.pictures` |
+| `picture` | | pictures that follow the plan as the main one does, `hijack_data.sample_pictures` |
 | `leave` | `None` | passes as it is |
 
 An entry may hold one box or point, or many in any nesting of lists, tuples, arrays and tensors, or
@@ -36,13 +36,13 @@ from typing import Any
 from ..actions import DIALECTS
 from ..errors import HijackError, LabelError, ParameterTypeError, UnknownNameError, suggest
 from ..types import Size
-from .actions import dialect_format, moved_own, own_places
+from .action_formats import dialect_format, map_own_action, own_locations
 from .base import Format, Location, Move
-from .boxes import ORDERS, box_format
+from .box_formats import ORDERS, box_format
 from .chat import ChatLabels, chat_format, function_format
-from .grounding import RESIZED, grounding_aliases, grounding_format, loc_format
-from .plain import coordinate_format, moved_mask, size_format
-from .points import point_format
+from .grounding_text import RESIZED, grounding_aliases, grounding_format, loc_format
+from .point_formats import point_format
+from .size_and_mask_formats import coordinate_format, map_mask, size_format
 
 LEAVE = "leave"
 PICTURE = "picture"  # its pixels are changed before labels are
@@ -54,7 +54,7 @@ def _formats() -> dict[str, Format]:
     made += [point_format("xy", 0, visibility=True)]
     made += [coordinate_format(name) for name in ("x", "y", "dx", "dy")]
     made += [size_format(name) for name in ("width", "height", "hw", "wh")]
-    made += [Format("mask", moved_mask), Format("action", moved_own, own_places)]
+    made += [Format("mask", map_mask), Format("action", map_own_action, own_locations)]
     made += [dialect_format(dialect) for dialect in DIALECTS]
     made += [*(grounding_format(unit) for unit in (0, 1, 1000, RESIZED)), loc_format()]
     made += [Format(name, lambda value, _: value) for name in (PICTURE, LEAVE)]
@@ -83,7 +83,7 @@ ALIASES: Mapping[str, str] = {
 }
 
 
-def format_of(name: object) -> Format:
+def find_format(name: object) -> Format:
     """Return the format of that name, of a function or of `chat(...)`; `None` is `leave`.
 
     Raises:
@@ -110,26 +110,26 @@ def format_of(name: object) -> Format:
     return FORMATS[known]
 
 
-def moved_as(key: str, form: Format, value: Any, move: Move) -> Any:
+def map_label(key: str, form: Format, value: Any, move: Move) -> Any:
     """Return a label after a move.
 
     Raises:
         LabelError: the label cannot follow the pixels; the message names its key.
     """
     try:
-        return form.moved(value, move)
+        return form.map_value(value, move)
     except HijackError as error:
         raise LabelError(_about(key, form, error)) from None
 
 
-def places_of(key: str, form: Format, value: Any, size: Size) -> list[Location]:
+def label_locations(key: str, form: Format, value: Any, size: Size) -> list[Location]:
     """Return where a label points.
 
     Raises:
         LabelError: the label cannot be right; the message names its key.
     """
     try:
-        return form.places(value, size)
+        return form.locate(value, size)
     except HijackError as error:
         raise LabelError(_about(key, form, error)) from None
 

@@ -5,8 +5,8 @@ from pathlib import Path
 from ..errors import HijackError
 from .run_log import EPISODE, EPISODES, LOCK, RECORDS, RUN, SEAL, SESSIONS, SIGNATURE, STEPS
 
-AT_THE_TOP = frozenset({RUN, RECORDS, SESSIONS, LOCK, SEAL, SIGNATURE})
-OF_AN_EPISODE = frozenset({EPISODE, STEPS})
+RUN_FILES = frozenset({RUN, RECORDS, SESSIONS, LOCK, SEAL, SIGNATURE})
+EPISODE_FILES = frozenset({EPISODE, STEPS})
 
 
 def refuse_own_file(path: Path, option: str) -> None:
@@ -20,7 +20,7 @@ def refuse_own_file(path: Path, option: str) -> None:
         HijackError: The path is that of a file of a run.
     """
     place = path.resolve()
-    at_the_top = place.name in AT_THE_TOP and (place.parent / RUN).is_file()
-    of_an_episode = place.name in OF_AN_EPISODE and place.parent.parent.name == EPISODES
+    at_the_top = place.name in RUN_FILES and (place.parent / RUN).is_file()
+    of_an_episode = place.name in EPISODE_FILES and place.parent.parent.name == EPISODES
     if at_the_top or of_an_episode:
         raise HijackError(f"{option} {path}: is a file of the run itself; give another name")

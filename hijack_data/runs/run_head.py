@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, cast
 
 from ..errors import HijackError, shown
-from ..files import check_versioned
+from ..file_io import check_versioned
 from .run_log import FORMAT, VERSION
 
 

@@ -63,7 +63,7 @@ _FOREIGN = re.compile(r"[^\w.+-]+", re.ASCII)
 _USUAL = re.compile(r"[:/]")  # of names such as file.py:Class and trajectory/step
 
 
-def slug_of(task: str, label: str, seed: int, agent: str, attempt: int) -> str:
+def episode_slug(task: str, label: str, seed: int, agent: str, attempt: int) -> str:
     """Return the id of an episode, which is also the name of its folder."""
     parts = [task, label, f"s{seed}", agent]
     if attempt:
@@ -76,7 +76,7 @@ def slug_of(task: str, label: str, seed: int, agent: str, attempt: int) -> str:
     return f"{slug[: _LONGEST - 17]}-{digest}"
 
 
-def row_slug_of(task: str, variant: str, label: str, seed: int, agent: str) -> str:
+def row_slug(task: str, variant: str, label: str, seed: int, agent: str) -> str:
     """Return the id of a row that is scored: trajectory, step, condition, seed and agent.
 
     Trajectories may be named in any script, of which an id keeps nothing: then a digest tells them
@@ -85,7 +85,7 @@ def row_slug_of(task: str, variant: str, label: str, seed: int, agent: str) -> s
     name = f"{task}/{variant}"
     if _FOREIGN.search(_USUAL.sub("", name)):
         name += f"-{hashlib.blake2b(name.encode(), digest_size=8).hexdigest()}"
-    return slug_of(name, label, seed, agent, 0)
+    return episode_slug(name, label, seed, agent, 0)
 
 
 def digest_of(content: bytes) -> str:
@@ -93,6 +93,6 @@ def digest_of(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def digest_of_file(path: Path) -> str | None:
+def file_digest(path: Path) -> str | None:
     """Return the SHA-256 of a file; `None` if there is none, or something else in its place."""
     return digest_of(path.read_bytes()) if path.is_file() else None

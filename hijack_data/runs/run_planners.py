@@ -10,17 +10,17 @@ from ..plan import CLEAN
 from ..planner import Planner
 
 
-def label_of(planner: Planner | None) -> str:
+def get_label(planner: Planner | None) -> str:
     """Return the default label of a planner; `"clean"` for `None`."""
     return CLEAN if planner is None else planner.label
 
 
-def params_of(planner: Planner | None) -> dict[str, Any]:
+def planner_params(planner: Planner | None) -> dict[str, Any]:
     """Return the parameters as JSON data; of a sequence those of each part by its id."""
     return {} if planner is None else planner.params()
 
 
-def written(planner: Planner | None) -> str | None:
+def dump_planner(planner: Planner | None) -> str | None:
     """Return the planner as a configuration, from which its plans can be made again.
 
     `"clean"` for `None`; `None` if a file cannot hold the planner.
@@ -33,8 +33,8 @@ def written(planner: Planner | None) -> str | None:
         return None
 
 
-def read_back(text: str) -> Planner | None:
-    """Return the planner that `written` wrote; `None` for clean.
+def load_planner(text: str) -> Planner | None:
+    """Return the planner that `dump_planner` wrote; `None` for clean.
 
     Raises:
         ConfigError: the text is not a configuration of one corruption.
@@ -51,7 +51,7 @@ def read_back(text: str) -> Planner | None:
     return planner
 
 
-def planners_of(entries: object) -> dict[str, Planner | None]:
+def read_planners(entries: object) -> dict[str, Planner | None]:
     """Return the planners of a list `corruptions` of `run.json` by label; `None` for clean.
 
     Raises:

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import HijackError, MissingDependencyError
-from ..files import read_regular, write_atomic
-from .run_log import EPISODE, EPISODES, RECORDS, RUN, SEAL, SIGNATURE, digest_of_file
+from ..file_io import read_regular, write_atomic
+from .run_log import EPISODE, EPISODES, RECORDS, RUN, SEAL, SIGNATURE, file_digest
 
 NAMESPACE = "agenthijack-run"  # signatures made for another purpose do not count
 FORMAT = "agenthijack-seal"
@@ -55,9 +55,9 @@ def contents(folder: Path) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "version": VERSION,
-        "run": digest_of_file(folder / RUN),
-        "records": digest_of_file(folder / RECORDS),
-        "episodes": {path.parent.name: digest_of_file(path) for path in episodes},
+        "run": file_digest(folder / RUN),
+        "records": file_digest(folder / RECORDS),
+        "episodes": {path.parent.name: file_digest(path) for path in episodes},
     }
 
 

@@ -8,10 +8,10 @@
 A sample is a dictionary, a tuple with a dictionary in it, or a picture alone. Its pictures are PIL
 images, uint8 tensors `[3, H, W]` or NumPy and JAX arrays `[H, W, 3]`, also lists and stacks of
 them (`[T, 3, H, W]`), that are the sample itself, the first item of a tuple, or under a name of a
-picture (`hijack_data.pictures`); all of them follow one plan. Bounding boxes, key points and masks
+picture (`hijack_data.sample_pictures`); all of them follow one plan. Bounding boxes, key points and masks
 of `tv_tensors` follow the pixels, and so do the entries that `hijack_data.samples` names and those
 that `labels=` declares. If the size changes, any other entry that is not harmless by its type is an
-error (`hijack_data.labels.undeclared`).
+error (`hijack_data.labels.undeclared_entries`).
 
 The `id` of a sample, the seed and the epoch decide its corruption, not the worker, the order or a
 global generator. A batch has a list of ids, and a picture, list or stack of pictures for each; it
@@ -24,17 +24,17 @@ from typing import Any
 
 from .. import compose, corruptions, extras
 from ..config import load_config
-from ..corruption import Corruption, find, names
+from ..corruption import Corruption, corruption_names, find_corruption
 from ..errors import ParameterError, ParameterTypeError, suggest
-from ..pictures import SamplePicture
 from ..plan import Plan
 from ..planner import Planner
+from ..sample_pictures import SamplePicture
 from ..types import Size
 
 extras.require("hijack_data.transforms", "torch", ("torch", "torchvision"))
 
-from .base import Corrupt, planner_of  # noqa: E402 - these import torch
-from .leaves import PICTURE_KEYS, DatasetRow, content_of_all  # noqa: E402
+from .base import Corrupt, unwrap_planner  # noqa: E402 - these import torch
+from .sample_parts import PICTURE_KEYS, DatasetRow, sample_content_id  # noqa: E402
 
 __all__ = [
     "PICTURE_KEYS",
@@ -122,7 +122,7 @@ class OneOf(Corrupt):
         weights: SequenceOf[float] | None = None,
         **shared: Any,
     ) -> None:
-        planners = [planner_of(option) for option in options]
+        planners = [unwrap_planner(option) for option in options]
         chosen = compose.OneOf(planners, p_clean=p_clean, weights=weights)
         super().__init__(chosen, **shared)
 
@@ -131,7 +131,7 @@ class Sequence(Corrupt):
     """Several corruptions in order: `Sequence([Resolution(scale=0.5), Marks()], seed=3)`."""
 
     def __init__(self, parts: "Iterable[Planner | Corrupt]", **shared: Any) -> None:
-        super().__init__(compose.Sequence([planner_of(p) for p in parts]), **shared)
+        super().__init__(compose.Sequence([unwrap_planner(p) for p in parts]), **shared)
 
 
 class Schedule(Corrupt):
@@ -208,7 +208,7 @@ class Replay(Corrupt):
                 )
             return _as_plan(plan)
         by_content = self.id_from == "content"
-        key = content_of_all(pictures) if by_content else self.settings.key(row)
+        key = sample_content_id(pictures) if by_content else self.settings.key(row)
         if str(key) not in self.by_id:
             raise ParameterError(f"Replay holds no plan for the sample {key!r}")
         return self.by_id[str(key)]
@@ -231,7 +231,7 @@ def __getattr__(name: str) -> Any:
     Raises:
         AttributeError: always.
     """
-    if name in {find(known).__name__ for known in names()}:
+    if name in {find_corruption(known).__name__ for known in corruption_names()}:
         advice = (
             "build a dataset with it (hijack build), or wrap a corruption of your own that draws:"
             " Corrupt(planner)"

@@ -9,24 +9,31 @@ from ..compose import sometimes
 from ..epochs import RepeatNotice
 from ..errors import ParameterError
 from ..labels import Declared
-from ..labels.declared import OWN
-from ..labels.rows import check_drawn
-from ..labels.tensors import follow_tensor, v2
-from ..pictures import FOLLOWING, SamplePicture, common_size, find_pictures, is_tensor, swapped
+from ..labels.dataset_rows import check_drawn
+from ..labels.label_declarations import FIXED_ENTRIES
+from ..labels.torchvision_labels import follow_tensor, v2
 from ..plan import Plan
 from ..planner import Planner
+from ..sample_pictures import (
+    FOLLOWING,
+    SamplePicture,
+    common_size,
+    find_pictures,
+    is_tensor,
+    swapped,
+)
 from ..samples import SamplePlanner, corrupted_pixels, is_many, make_labels, scalar
 from ..types import Size
-from .leaves import (
+from .sample_parts import (
     DatasetRow,
     apply_to_array,
     batch_length,
     check_pictures,
-    content_of_all,
-    each_of,
     joined,
     plain,
+    sample_content_id,
     unpack,
+    value_per_picture,
 )
 
 
@@ -97,7 +104,7 @@ class Corrupt(v2.Transform):
             raise ParameterError(f"id_from must be entry or content, got {id_from!r}")
         if return_plan not in (True, False, "json"):
             raise ParameterError(f"return_plan must be True, False or 'json', got {return_plan!r}")
-        chosen = sometimes(planner_of(planner), p)
+        chosen = sometimes(unwrap_planner(planner), p)
         known = make_labels(labels, target, image_key)
         self.settings = SamplePlanner(chosen, scalar(seed, "seed", 0), label_policy, id_key, known)
         self.id_from = id_from
@@ -160,7 +167,7 @@ class Corrupt(v2.Transform):
             for row, (mine, _) in zip(rows, pictures, strict=True)
         ]
         changes: dict[str, Any] = {
-            key: follow_tensor(entries[key], plans) for key in shared - labels.left
+            key: follow_tensor(entries[key], plans) for key in shared - labels.unchanged_paths
         }
         changes |= {key: apply_to_array(plans, entries[key]) for key in arrays}
         each: list[dict[str, Any]] = []
@@ -215,11 +222,11 @@ class Corrupt(v2.Transform):
 
         A value that is not a list of `count` items applies to all pictures.
         """
-        labels = {path.partition(".")[0] for path in self.settings.labels.declared}
-        if key in (*OWN, "step", "epoch") or (
-            key in labels and key not in self.settings.labels.left
+        labels = {path.partition(".")[0] for path in self.settings.labels.formats}
+        if key in (*FIXED_ENTRIES, "step", "epoch") or (
+            key in labels and key not in self.settings.labels.unchanged_paths
         ):
-            return [None] * count if value is None else each_of(value, count, key)
+            return [None] * count if value is None else value_per_picture(value, count, key)
         if is_tensor(value, *FOLLOWING) or not is_many(value) or len(value) != count:
             return [value] * count
         return list(value)
@@ -227,7 +234,7 @@ class Corrupt(v2.Transform):
     def _plan(self, size: Size, row: DatasetRow, pictures: list[SamplePicture]) -> Plan:
         """Return the plan for the pictures, all of one `size`, of one sample."""
         if self.id_from == "content":
-            key: int | str = content_of_all(pictures)
+            key: int | str = sample_content_id(pictures)
         else:
             key = self.settings.key(row)
         if row.get("epoch") is None:
@@ -235,7 +242,7 @@ class Corrupt(v2.Transform):
         return self.settings.plan(size, row, key, int(self._epoch.item()))
 
 
-def planner_of(value: "Planner | Corrupt") -> Planner:
+def unwrap_planner(value: "Planner | Corrupt") -> Planner:
     """Return the planner of a value, which is a planner or a transform.
 
     Raises:
@@ -257,7 +264,7 @@ def planner_of(value: "Planner | Corrupt") -> Planner:
         "id_from": (value.id_from, "entry"),
         "return_plan": (value.return_plan, False),
         "image_key": (value.image_key, None),
-        "labels": (settings.labels, None) if settings.labels.declared else (None, None),
+        "labels": (settings.labels, None) if settings.labels.formats else (None, None),
     }
     for setting, (given, default) in inner.items():
         if given != default:

@@ -1,7 +1,7 @@
 """Call an agent, and check and bound what it returns.
 
 Both ways to run an agent use these functions: in a process of its own (`agent_server`) and in a
-thread of the runner (`apart`).
+thread of the runner (`agent_thread`).
 """
 
 import json
@@ -25,7 +25,9 @@ NEEDS_TASK = (
     " cannot have: use --in-process"
 )
 _FOLDER = Path(__file__).parent
-_OURS = frozenset(str(_FOLDER / f"{name}.py") for name in ("agent_calls", "agent_server", "apart"))
+_OURS = frozenset(
+    str(_FOLDER / f"{name}.py") for name in ("agent_calls", "agent_server", "agent_thread")
+)
 _TEXTS = (str, bytes, bytearray)  # sequences, but of no actions
 AgentAnswer: TypeAlias = tuple[str, list[object]]
 
@@ -42,7 +44,7 @@ class AgentGoneError(AgentError):
     """An agent whose process has ended, or that still works on an earlier call."""
 
 
-class OddAction:
+class InvalidAction:
     """Stands for an action that is no text, and has the `repr` of the agent's object."""
 
     shown = ""
@@ -270,12 +272,12 @@ def _bounded_answer(answer: object, rule: str) -> AgentAnswer:
 def _bounded_action(action: object) -> object:
     if isinstance(action, str):
         return _cut(action)
-    return odd_action(type(action).__name__, _cut(repr(action)))
+    return invalid_action(type(action).__name__, _cut(repr(action)))
 
 
-def odd_action(kind: str, shown: str) -> OddAction:
+def invalid_action(kind: str, shown: str) -> InvalidAction:
     """Return a stand-in for an object of a class named `kind`, for messages and the log."""
-    return type(kind[:MAX_LINE], (OddAction,), {"shown": shown})()
+    return type(kind[:MAX_LINE], (InvalidAction,), {"shown": shown})()
 
 
 def _cut(text: str) -> str:

@@ -18,11 +18,18 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hijack_data.errors import HijackError, PluginError
-from hijack_data.loading import load_reference, source_of
+from hijack_data.loading import find_source, load_reference
 from hijack_data.types import UInt8Array
 
 from . import agent_calls
-from .agent_calls import MAX_PROBLEM, AgentAnswer, AgentError, OddAction, error_frames, error_text
+from .agent_calls import (
+    MAX_PROBLEM,
+    AgentAnswer,
+    AgentError,
+    InvalidAction,
+    error_frames,
+    error_text,
+)
 from .registry import check_agent
 
 HEADER = struct.Struct(">I")
@@ -88,7 +95,7 @@ class AgentServer:
         try:
             self._maker = load_reference(reference)
             check_agent(self._maker)
-            source = source_of(self._maker) or {}
+            source = find_source(self._maker) or {}
             if sha256 is not None and source.get("sha256") != sha256:
                 remedy = "was changed since the run began; begin it again"
                 raise PluginError(f"{source.get('path', reference)}: {remedy}")
@@ -163,7 +170,7 @@ def _plain(answer: AgentAnswer) -> list[Any]:
 
 
 def _plain_action(action: object) -> Any:
-    return [type(action).__name__, repr(action)] if isinstance(action, OddAction) else action
+    return [type(action).__name__, repr(action)] if isinstance(action, InvalidAction) else action
 
 
 def read_answer(data: Any) -> AgentAnswer:
@@ -184,6 +191,6 @@ def _read_action(data: Any) -> object:
         case str():
             return data
         case [str() as kind, str() as shown]:
-            return agent_calls.odd_action(kind, shown)
+            return agent_calls.invalid_action(kind, shown)
         case _:
             raise AgentError("its process sent what is no action")

@@ -11,14 +11,14 @@ from hijack_data.loading import LoadedFile
 from . import conformance
 from .agent_calls import AgentError, RunningAgent, method_names
 from .agent_process import AgentProcess
-from .apart import Apart
+from .agent_thread import AgentThread
 from .references import AgentReference, is_user_code, reference_to
 from .registry import AGENTS, make
 
-LIMIT = 120.0  # s for an answer
+ANSWER_TIMEOUT_S = 120.0  # s for an answer
 
 
-def agents_of(file: LoadedFile) -> list[str]:
+def agents_in_file(file: LoadedFile) -> list[str]:
     """Return the names of the agents in a loaded file: registered ones, and its own classes."""
     named = list(file.names.get("agent", ()))
     known = [AGENTS.get(name) for name in named]
@@ -30,7 +30,7 @@ def agents_of(file: LoadedFile) -> list[str]:
     return named
 
 
-def check(name: str, limit: float = LIMIT) -> Iterator[Result | str]:
+def check(name: str, limit: float = ANSWER_TIMEOUT_S) -> Iterator[Result | str]:
     """Yield the outcome of each check of an agent, or the reason why it is not checked.
 
     Args:
@@ -58,4 +58,4 @@ def _running(entry: Any, name: str, limit: float) -> RunningAgent:
     """Return an agent where a run would have it: one of this library is in a thread."""
     if is_user_code(entry):
         return AgentProcess(reference_to(entry, name), limit)
-    return Apart(partial(make, name), limit)
+    return AgentThread(partial(make, name), limit)

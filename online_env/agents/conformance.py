@@ -28,7 +28,7 @@ TASKS = (
     "a very long task " * 1000,
     "{braces} %s <image> <|im_end|> \\n '\"",
 )
-TriedAnswer: TypeAlias = tuple[str, list[str]]
+TextAnswer: TypeAlias = tuple[str, list[str]]
 AgentCheck: TypeAlias = "Callable[[AgentTrial], Sequence[str] | None]"
 
 
@@ -63,7 +63,7 @@ def screen(size: Size, number: int = 0) -> UInt8Array:
     return picture
 
 
-def ask(agent: RunningAgent, picture: UInt8Array, task: str = TASK) -> TriedAnswer:
+def ask(agent: RunningAgent, picture: UInt8Array, task: str = TASK) -> TextAnswer:
     """Ask an agent once; fail the check unless the answer is a text or a list of texts."""
     try:
         said, actions = agent.predict(task, {"screenshot": picture})
@@ -209,7 +209,7 @@ def not_made(error: AgentError) -> Result:
 
 
 def _same(
-    agent: RunningAgent, before: TriedAnswer, after: TriedAnswer, after_what: str, where: str
+    agent: RunningAgent, before: TextAnswer, after: TextAnswer, after_what: str, where: str
 ) -> None:
     if agent.traits.is_deterministic and before[1] != after[1]:
         why = f"it keeps something in {where}, or draws random numbers without a seed"

@@ -7,11 +7,11 @@ from typing import Any
 from hijack_data.errors import suggest
 
 from ..errors import AgentSetupError
+from .agent_files import read_agent
 from .base import Agent
 from .chat import prompts
 from .chat.agent import make_agent
 from .chat.run import ChatRun
-from .files import read_agent
 from .settings import AgentSettings
 
 
@@ -57,7 +57,7 @@ class FileAgentMaker:
                 )
 
 
-def maker_of(path_or_name: str) -> FileAgentMaker:
+def agent_file_maker(path_or_name: str) -> FileAgentMaker:
     """Return the maker for an agent file; raises `ConfigError` for its mistakes."""
     return FileAgentMaker(read_agent(path_or_name))
 

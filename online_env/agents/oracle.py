@@ -11,28 +11,30 @@ import threading
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from hijack_data.actions.allowed import REINIT
 from hijack_data.coords import CoordMap
 from hijack_data.errors import HijackError
-from hijack_data.runs.run_log import REINIT
 from hijack_data.types import Size, UInt8Array
 
 from ..desktops.protocol import Capability, Desktop, RunResult
 from ..errors import DesktopError, DesktopTimeoutError
 from ..tasks import Hand, Machine, Task
-from ..tasks.careful import CarefulHand
+from ..tasks.careful_hand import CarefulHand
 from ..tasks.hand import GiveUpError
 from .base import DONE, FAIL, Observation
 
 # S until the solution has its next action; it waits 20 s for elements that do not appear.
-PATIENCE = 300.0
-ENDING = 30.0  # s for a solution that looks for an element to notice that the episode is over
+ACTION_TIMEOUT_S = 300.0
+SHUTDOWN_TIMEOUT_S = (
+    30.0  # s for a solution that looks for an element to notice that the episode is over
+)
 
 
 class _StoppedError(DesktopError):
     """Ends the solution of an episode that is over."""
 
 
-class StandIn:
+class OracleDesktop:
     """A desktop whose `run` passes its code on as an action, and waits until it was taken."""
 
     def __init__(self, desktop: Desktop) -> None:
@@ -105,7 +107,7 @@ class Oracle:
     def __init__(self) -> None:
         self._task: Task | None = None
         self._machine: Machine | None = None
-        self._desktop: StandIn | None = None
+        self._desktop: OracleDesktop | None = None
         self._thread: threading.Thread | None = None
         self._failure = ""
         self._defect: Exception | None = None
@@ -116,7 +118,7 @@ class Oracle:
         """End the solution of the last episode, if it still waits."""
         if self._thread is not None and self._desktop is not None:
             self._desktop.done.put(False)
-            self._thread.join(ENDING)
+            self._thread.join(SHUTDOWN_TIMEOUT_S)
         self._task = None
         self._machine = None
         self._desktop = None
@@ -130,7 +132,7 @@ class Oracle:
         """Store the task to solve, and the machine to examine."""
         self._task = task
         self._machine = machine
-        self._desktop = StandIn(machine.desktop)
+        self._desktop = OracleDesktop(machine.desktop)
 
     def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:
         """Return the next action of the solution.
@@ -164,7 +166,7 @@ class Oracle:
             return self._failure, [DONE if task.infeasible else FAIL]
         return "The task is done.", [DONE]
 
-    def _go_on(self, task: Task, desktop: StandIn) -> None:
+    def _go_on(self, task: Task, desktop: OracleDesktop) -> None:
         """Let the solution continue to its next action."""
         if self._thread is not None:
             desktop.done.put(True)
@@ -174,20 +176,20 @@ class Oracle:
         )
         self._thread.start()
 
-    def _next(self, task: Task, desktop: StandIn) -> str | None:
+    def _next(self, task: Task, desktop: OracleDesktop) -> str | None:
         self._go_on(task, desktop)
         try:
-            code = desktop.code.get(timeout=PATIENCE)
+            code = desktop.code.get(timeout=ACTION_TIMEOUT_S)
         except queue.Empty:
             raise DesktopError(
-                f"the solution of {task.id} had no next action within {PATIENCE:g} s"
+                f"the solution of {task.id} had no next action within {ACTION_TIMEOUT_S:g} s"
             ) from None
         if self._defect is not None:
             raised = f"{type(self._defect).__name__}: {self._defect}"
             raise DesktopError(f"the solution of {task.id} raised {raised}") from self._defect
         return code
 
-    def _solve(self, task: Task, desktop: StandIn) -> None:
+    def _solve(self, task: Task, desktop: OracleDesktop) -> None:
         try:
             self.solve(task, desktop)
         except _StoppedError:
@@ -223,7 +225,7 @@ class Recovering(Oracle):
         machine = self._machine
         if machine is None:
             raise DesktopError("the oracle has no task yet: call prepare after reset")
-        opened = task.opens(machine)
+        opened = task.initial_app(machine)
         start = machine.command_line(*opened) if opened else ""
         hand = CarefulHand(desktop, task.apps, start)
         for left in reversed(range(self.TRIES)):
@@ -236,4 +238,4 @@ class Recovering(Oracle):
                     raise
             if not task.infeasible and task.validate(machine).passed:
                 return
-            hand.begin_again()
+            hand.prepare_retry()

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from hijack_data.errors import ParameterError
-from hijack_data.loading import SUFFIX, file_of, load_reference, source_of
+from hijack_data.loading import SUFFIX, find_loaded_file, find_source, load_reference
 from hijack_data.registry import OURS, is_ours
 
 from .base import Agent
@@ -63,9 +63,9 @@ def reference_to(entry: Any, name: str) -> AgentReference:
             f"agent {name!r}: another process cannot import it; name a class or a function at the"
             " top of a module or file, or use --in-process"
         )
-    file = file_of(entry)
+    file = find_loaded_file(entry)
     place = entry.__module__ if file is None else file.path
-    return AgentReference(place=f"{place}:{title}", source=source_of(entry) or {})
+    return AgentReference(place=f"{place}:{title}", source=find_source(entry) or {})
 
 
 def is_user_code(entry: Any) -> bool:

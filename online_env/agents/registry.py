@@ -9,8 +9,8 @@ import inspect
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeAlias
 
+from hijack_data.entry_points import left_out
 from hijack_data.errors import ParameterError, suggest
-from hijack_data.plugins import left_out
 from hijack_data.registry import Registry
 
 from .base import DONE, WAIT, Agent, Observation
@@ -24,7 +24,7 @@ class DoNothing:
     It must fail at every task.
     """
 
-    PATIENCE = 5  # the paper's latest corruption comes at step 3
+    MAX_WAITS = 5  # the paper's latest corruption comes at step 3
 
     def __init__(self) -> None:
         self._waited = 0
@@ -36,7 +36,7 @@ class DoNothing:
     def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:
         """Wait, and at last answer `DONE`."""
         self._waited += 1
-        if self._waited > self.PATIENCE:
+        if self._waited > self.MAX_WAITS:
             return "That should do.", [DONE]
         return "Let us see what happens.", [WAIT]
 
@@ -86,14 +86,14 @@ class AgentRegistry(Registry[AgentMaker]):
         An agent file is read, and registered under `text`. Its mistakes are a `ConfigError`. Python
         code of a user is imported by another process, which describes it, and not by this one.
         """
-        from . import files, makers  # they need PyYAML and all parsers
+        from . import agent_files, makers  # they need PyYAML and all parsers
         from .references import is_foreign
 
         if text in self.entries:
             return text
-        if files.is_agent_file(text):
+        if agent_files.is_agent_file(text):
             self.load()
-            return self.add(makers.maker_of(text), text)
+            return self.add(makers.agent_file_maker(text), text)
         if super().is_reference(text) and text.rpartition(":")[2] and is_foreign(text):
             from .agent_process import describe
 
@@ -102,15 +102,15 @@ class AgentRegistry(Registry[AgentMaker]):
 
     def is_reference(self, text: str) -> bool:
         """Return whether a text names a file, a module or an agent file, and not an agent."""
-        from . import files
+        from . import agent_files
 
-        return files.is_agent_file(text) or super().is_reference(text)
+        return agent_files.is_agent_file(text) or super().is_reference(text)
 
     def hint(self, name: str) -> str:
         """Return the closest name, packaged agent files included."""
-        from . import files
+        from . import agent_files
 
-        known = [*self.entries, *files.packaged()]
+        known = [*self.entries, *agent_files.packaged()]
         return suggest(name, known) + left_out(self.group)
 
 
@@ -121,13 +121,13 @@ AGENTS = AgentRegistry(
         "oracle": "online_env.agents.oracle:Oracle",
         "recovering": "online_env.agents.oracle:Recovering",
         "do_nothing": "online_env.agents.registry:DoNothing",
-        "random": "online_env.agents.reference:RandomActions",
-        "fail": "online_env.agents.reference:GivesUp",
+        "random": "online_env.agents.baselines:RandomActions",
+        "fail": "online_env.agents.baselines:AlwaysFails",
         "scripted": "online_env.agents.scripted:Scripted",
         "pixel": "online_env.agents.pixel.agent:Pixel",
-        "pixel_onlooker": "online_env.agents.pixel.onlooked:PixelOnlooker",
-        "pixel_onlooker_no_check": "online_env.agents.pixel.onlooked:NoCheck",
-        "pixel_onlooker_no_summary": "online_env.agents.pixel.onlooked:NoSummary",
+        "pixel_onlooker": "online_env.agents.pixel.onlooker_agent:PixelOnlooker",
+        "pixel_onlooker_no_check": "online_env.agents.pixel.onlooker_agent:NoCheck",
+        "pixel_onlooker_no_summary": "online_env.agents.pixel.onlooker_agent:NoSummary",
     },
     problems=_problems,
 )

@@ -12,9 +12,9 @@ import yaml
 
 from hijack_data.config import dump
 from hijack_data.config.build import Builder
+from hijack_data.config.corruption_settings import check
 from hijack_data.config.files import read_config
-from hijack_data.config.spec import check
-from hijack_data.config.tree import (
+from hijack_data.config.nodes import (
     ConfigNode,
     MappingNode,
     Position,
@@ -24,10 +24,9 @@ from hijack_data.config.tree import (
     kind_of,
 )
 from hijack_data.config.yaml_reader import read_yaml
-from hijack_data.corruption import check_not_broken, get
-from hijack_data.corruption import names as corruption_names
+from hijack_data.corruption import check_not_broken, corruption_names, make_corruption
 from hijack_data.errors import ConfigError, HijackError, ParameterError, UnknownNameError, suggest
-from hijack_data.loading import source_of
+from hijack_data.loading import find_source
 from hijack_data.params import Parameter
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
@@ -37,7 +36,7 @@ from hijack_data.types import Size
 from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
-from ..tasks import TASKS, Task, sets
+from ..tasks import TASKS, Task, task_sets
 from .providers import EMBEDDED, PROVIDERS
 
 AnyRegistry: TypeAlias = Registry[Any]
@@ -106,7 +105,7 @@ class Bench:
     @property
     def planners(self) -> Mapping[str, Planner | None]:
         """The corruptions by label; all of them if the file names none."""
-        return everything() if self.corruptions is None else self.corruptions
+        return all_planners() if self.corruptions is None else self.corruptions
 
     def to_data(self) -> dict[str, Any]:
         """Return the resolved configuration as JSON data.
@@ -151,7 +150,7 @@ class Bench:
     def _code(self) -> Iterator[tuple[str, dict[str, str]]]:
         """Yield the files of the agents, tasks and provider that do not come with this library."""
         for _, name, entry in self.foreign():
-            source = entry.source if is_from_data(entry) else source_of(entry)
+            source = entry.source if is_from_data(entry) else find_source(entry)
             if source:
                 yield name, dict(source)
 
@@ -185,9 +184,9 @@ def is_from_data(entry: Any) -> bool:
     return issubclass(entry, OsworldFileTask)
 
 
-def everything() -> Planners:
+def all_planners() -> Planners:
     """Return the clean condition and every corruption with its defaults, by label."""
-    return {CLEAN: None, **{name: get(name) for name in corruption_names()}}
+    return {CLEAN: None, **{name: make_corruption(name) for name in corruption_names()}}
 
 
 def load_bench(path_or_name: str | os.PathLike[str]) -> Bench:
@@ -233,8 +232,8 @@ def override(
     if agent is not None:
         bench = replace(bench, agents=_registered("--agent", agent, AGENTS))
     if task is not None:
-        is_set = task.strip() in sets.set_names()
-        chosen = sets.members(task.strip()) if is_set else _tasks_named(task)
+        is_set = task.strip() in task_sets.set_names()
+        chosen = task_sets.members(task.strip()) if is_set else _tasks_named(task)
         bench = replace(bench, tasks=chosen)
     if corruption is not None:
         bench = replace(bench, corruptions=_planners(bench, corruption))
@@ -246,8 +245,8 @@ def override(
 def _planners(bench: Bench, text: str) -> Planners:
     """Return the corruptions that a text lists: labels of the file, names, or `all`."""
     if text.strip() == ALL:
-        return everything()
-    known = {**everything(), **bench.planners}
+        return all_planners()
+    known = {**all_planners(), **bench.planners}
     for name in _split(text):
         if name not in known:
             check_not_broken(name)
@@ -411,8 +410,8 @@ class _Reader:
 
     def _tasks(self, key: str, tree: ConfigNode) -> tuple[str, ...] | None:
         """Return the tasks of a named set, of a folder of OSWorld's, or of a list."""
-        if isinstance(tree, ScalarNode) and tree.value in sets.set_names():
-            return sets.members(str(tree.value))
+        if isinstance(tree, ScalarNode) and tree.value in task_sets.set_names():
+            return task_sets.members(str(tree.value))
         if isinstance(tree, ScalarNode) and _is_folder(tree.value):
             try:
                 return tuple(map(TASKS.find, _files_in(str(tree.value))))
@@ -456,7 +455,7 @@ class _Reader:
     def _corruptions(self, tree: ConfigNode) -> Planners | None:
         """Return the planners of `all`, or of a list, in which `clean` is the clean condition."""
         if isinstance(tree, ScalarNode) and tree.value == ALL:
-            return everything()
+            return all_planners()
         if not isinstance(tree, SequenceNode):
             return self._built(tree)
         others = [item for item in tree.items if not _is_clean(item)]

@@ -9,24 +9,24 @@ from typing import Any, Protocol, cast
 
 from hijack_data.planner import Planner
 from hijack_data.registry import is_ours
-from hijack_data.runs.run_log import GIVEN, VERSION, slug_of
+from hijack_data.runs.run_log import GIVEN, VERSION, episode_slug
 
 from .. import tasks
 from ..agents.agent_calls import NEEDS_TASK, AgentError, AgentGoneError, RunningAgent
 from ..agents.agent_process import AgentProcess
-from ..agents.apart import Apart
+from ..agents.agent_thread import AgentThread
 from ..agents.base import Agent, Privileged
 from ..agents.references import is_user_code, reference_to
 from ..agents.registry import AGENTS, make
 from ..environment import CorruptedEnv, EvalSettings
 from ..environment.stage import TaskStage
 from ..errors import DesktopError, MissingCapabilityError
+from ..results.records import ResultRecord
 from .config import Bench
 from .jobs import Job
 from .models import begin
-from .records import ResultRecord
 
-KEPT = 2000  # characters of a problem
+MAX_PROBLEM_CHARS = 2000  # characters of a problem
 # The fields of a record that identify an episode, and by which episodes are paired.
 IDENTITY = (
     "id",
@@ -60,15 +60,15 @@ class EpisodeEnv(Protocol):
         """Take one action."""
         ...
 
-    def hear(self, said: str) -> None:
+    def record_message(self, text: str) -> None:
         """Log the agent's words for its next action."""
         ...
 
-    def account(self, usage: dict[str, Any]) -> None:
+    def record_usage(self, usage: dict[str, Any]) -> None:
         """Store the usage that the agent has reported so far."""
         ...
 
-    def give(self, what: Sequence[str]) -> None:
+    def declare_privileged_inputs(self, kinds: Sequence[str]) -> None:
         """Store what the agent is given in addition to instruction and pictures."""
         ...
 
@@ -109,7 +109,7 @@ class LiveEpisodes:
         Raises `MissingCapabilityError` if the desktop cannot have the corruption at all.
         """
         bench = self._bench
-        begin(job.agent, slug_of(*job.key[1:3], job.seed, job.agent, attempt))
+        begin(job.agent, episode_slug(*job.key[1:3], job.seed, job.agent, attempt))
         settings = EvalSettings(
             max_steps=bench.max_steps, recovery=bench.recovery, log=self._folder, agent=job.agent
         )
@@ -122,7 +122,7 @@ class LiveEpisodes:
             agent = self._made(job.agent, foreign and not bench.in_process)
         except AgentError as error:
             problem = f"the agent cannot be made: {error}"
-            made = lost(job, attempt, problem, start=start)
+            made = lost_record(job, attempt, problem, start=start)
             return {**made, "cause": "agent", "traceback": list(error.where), GIVEN: list(given)}
         try:
             limit = bench.episode_timeout
@@ -130,7 +130,7 @@ class LiveEpisodes:
             return _played(env, agent, job, attempt, planner, self._show, limit, told, given)
         finally:
             _called(agent.reset)
-            if isinstance(agent, Apart):
+            if isinstance(agent, AgentThread):
                 agent.close()
 
     def _made(self, name: str, own_process: bool) -> RunningAgent:
@@ -141,7 +141,7 @@ class LiveEpisodes:
         """
         bench = self._bench
         if not own_process:
-            return Apart(partial(make, name), bench.agent_timeout)
+            return AgentThread(partial(make, name), bench.agent_timeout)
         process = self._processes.get(name)
         if process is None:
             reference = reference_to(AGENTS.get(name), name)
@@ -186,7 +186,7 @@ def play(
             its task and desktop.
     """
     given = () if is_ours(type(agent)) else ("process",)
-    with Apart(lambda: agent) as apart:
+    with AgentThread(lambda: agent) as apart:
         return _played(env, apart, job, attempt, planner, show, given=given)
 
 
@@ -218,7 +218,7 @@ def _played(
         failed = _called(_prepare, agent, show, job, kinds)
     if told is not None and failed is None:
         failed = _called(_tell, agent, told, kinds)
-    env.give(kinds)
+    env.declare_privileged_inputs(kinds)
     if failed is not None:
         _blame(env, failed)
     while (record := env.record) is None:
@@ -238,7 +238,7 @@ def _prepare(
     """
     if not agent.traits.is_privileged:
         return
-    if not isinstance(agent, Apart):
+    if not isinstance(agent, AgentThread):
         raise AgentError(NEEDS_TASK)
     given.append("task")
     agent.call(show, agent.agent, job)
@@ -267,7 +267,7 @@ def _turn(env: EpisodeEnv, agent: RunningAgent, obs: dict[str, Any]) -> dict[str
         _blame(env, error)
         return obs
     _account(env, agent)
-    env.hear(said)
+    env.record_message(said)
     # An empty list of actions counts as a malformed action: otherwise an agent could stall forever.
     for action in actions or [""]:
         if env.record is None:
@@ -285,9 +285,9 @@ def _account(env: EpisodeEnv, agent: RunningAgent) -> None:
     except AgentGoneError:
         return
     except AgentError as error:
-        usage = {"problem": f"usage cannot be kept: {error}"[:KEPT]}
+        usage = {"problem": f"usage cannot be kept: {error}"[:MAX_PROBLEM_CHARS]}
     if usage is not None:
-        env.account(usage)
+        env.record_usage(usage)
 
 
 def _called(function: Callable[..., object], *values: object) -> AgentError | None:
@@ -300,10 +300,10 @@ def _called(function: Callable[..., object], *values: object) -> AgentError | No
 
 
 def _blame(env: EpisodeEnv, error: AgentError) -> None:
-    env.abandon(f"the agent raised {error}"[:KEPT], error.where)
+    env.abandon(f"the agent raised {error}"[:MAX_PROBLEM_CHARS], error.where)
 
 
-def lost(job: Job, attempt: int, problem: str, *, start: float) -> ResultRecord:
+def lost_record(job: Job, attempt: int, problem: str, *, start: float) -> ResultRecord:
     """Return a record for an episode that was interrupted before it wrote one.
 
     Args:
@@ -329,7 +329,7 @@ def _not_begun(job: Job, attempt: int, problem: str, start: float) -> ResultReco
     task = tasks.get(job.task, job.seed)
     return {
         "version": VERSION,
-        "id": slug_of(task.id, job.corruption, job.seed, job.agent, attempt),
+        "id": episode_slug(task.id, job.corruption, job.seed, job.agent, attempt),
         "agent": job.agent,
         "task": task.id,
         "task_seed": job.seed,
@@ -347,7 +347,7 @@ def _not_begun(job: Job, attempt: int, problem: str, start: float) -> ResultReco
         "steps": 0,
         "seconds": round(time.monotonic() - start, 3),
         "effects": [],
-        "problem": problem[:KEPT],
+        "problem": problem[:MAX_PROBLEM_CHARS],
         "cause": "machine",
         "traceback": [],
         "recovery": {},

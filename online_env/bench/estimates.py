@@ -19,11 +19,11 @@ from hijack_data.runs.run_log import EPISODES, RUN
 
 from ..agents.makers import FileAgentMaker
 from ..agents.registry import AGENTS
-from ..tasks import sets
-from . import scores
+from ..results import scores
+from ..results.reading import ResultRecord, read
+from ..tasks import task_sets
 from .config import Bench
 from .jobs import Job
-from .reading import ResultRecord, read
 
 Basis: TypeAlias = Literal["runs", "suite", "limit"]
 
@@ -35,13 +35,13 @@ STEP_BYTES = 430_000
 # Agents with a known number of steps; `None` means one step more than the oracle.
 STEPS: Mapping[str, int | None] = {"oracle": None, "recovering": None, "do_nothing": 6, "fail": 1}
 WITHOUT_THINKING = (*STEPS, "random")  # agents whose answers take no time
-MOST_RUNS = 20
-MOST_RECORDS = 20_000
-MOST_FOLDERS = 100  # episodes whose files are measured
+MAX_RUNS = 20
+MAX_RECORDS = 20_000
+MAX_MEASURED_FOLDERS = 100  # episodes whose files are measured
 
 
 @dataclass(frozen=True, kw_only=True)
-class Expected:
+class EpisodeEstimate:
     """The expected cost of one episode.
 
     Args:
@@ -92,7 +92,7 @@ def estimate(
     gigabytes = sum(each.bytes for each in found) / 1e9
     bases = [each.basis for each in found]
     about = "at most" if "limit" in bases else "about"
-    parts = [f"{about} {in_words(seconds)} and {gigabytes:.1f} GB", *_money(listed, found)]
+    parts = [f"{about} {format_duration(seconds)} and {gigabytes:.1f} GB", *_money(listed, found)]
     known = {
         "runs": "measured in earlier runs",
         "suite": "as the suite's figures",
@@ -106,15 +106,15 @@ def estimate(
     return text
 
 
-def expected(bench: Bench, listed: Sequence[Job], history: History) -> list[Expected]:
+def expected(bench: Bench, listed: Sequence[Job], history: History) -> list[EpisodeEstimate]:
     """Return the expected cost of each job; the arguments are those of `estimate`."""
-    measured = sets.measured()
+    measured = task_sets.read_measurements()
     return [_expected(bench, job, history, measured) for job in listed]
 
 
 def _expected(
-    bench: Bench, job: Job, history: History, measured: Mapping[str, sets.Measured]
-) -> Expected:
+    bench: Bench, job: Job, history: History, measured: Mapping[str, task_sets.Measured]
+) -> EpisodeEstimate:
     per_step = history.step_bytes or STEP_BYTES
     usd = 0.0
     if isinstance(AGENTS.entries.get(job.agent), FileAgentMaker):
@@ -122,7 +122,7 @@ def _expected(
     seconds = _mean(history.seconds, job)
     steps = _mean(history.steps, job)
     if seconds is not None and steps is not None:
-        return Expected(seconds=seconds, bytes=(steps + 1) * per_step, usd=usd, basis="runs")
+        return EpisodeEstimate(seconds=seconds, bytes=(steps + 1) * per_step, usd=usd, basis="runs")
     basis: Basis = "suite"
     task = measured.get(job.task)
     before = EPISODE_SECONDS
@@ -139,7 +139,7 @@ def _expected(
     if job.agent not in STEPS:
         basis = "limit"
     number = min(number, bench.max_steps)
-    return Expected(
+    return EpisodeEstimate(
         seconds=before + number * step, bytes=(number + 1) * per_step, usd=usd, basis=basis
     )
 
@@ -154,7 +154,7 @@ def _mean(found: Mapping[tuple[str, ...], list[float]], job: Job) -> float | Non
     return None
 
 
-def _money(listed: Sequence[Job], found: Sequence[Expected]) -> Iterator[str]:
+def _money(listed: Sequence[Job], found: Sequence[EpisodeEstimate]) -> Iterator[str]:
     """Yield the expected cost of models in words; nothing without a model."""
     unknown = {job.agent for job, each in zip(listed, found, strict=True) if each.usd is None}
     total = sum(each.usd or 0.0 for each in found)
@@ -165,14 +165,14 @@ def _money(listed: Sequence[Job], found: Sequence[Expected]) -> Iterator[str]:
         yield f"money not known: no earlier run of {named} here (--max-cost limits it)"
 
 
-def _unmeasured(listed: Sequence[Job], found: Sequence[Expected]) -> Iterator[str]:
+def _unmeasured(listed: Sequence[Job], found: Sequence[EpisodeEstimate]) -> Iterator[str]:
     """Yield the agents whose answering time is unknown and not counted."""
     for job, each in zip(listed, found, strict=True):
         if each.basis != "runs" and job.agent not in WITHOUT_THINKING:
             yield job.agent
 
 
-def in_words(seconds: float) -> str:
+def format_duration(seconds: float) -> str:
     """Return a time in minutes or hours."""
     if seconds > 5400:
         return f"{seconds / 3600:.1f} h"
@@ -209,7 +209,7 @@ def history_near(out: Path | None) -> History:
     heads = [place / RUN, *_glob(place.absolute().parent)]
     known = {path.resolve() for path in heads if path.is_file()}
     newest = sorted(known, key=lambda path: path.stat().st_mtime, reverse=True)
-    return read_history([path.parent for path in newest[:MOST_RUNS]])
+    return read_history([path.parent for path in newest[:MAX_RUNS]])
 
 
 def _glob(folder: Path) -> Iterator[Path]:
@@ -221,7 +221,7 @@ def read_history(folders: Sequence[Path]) -> History:
     """Return the measurements of some runs, without runs that cannot be read."""
     found = History(runs=len(folders))
     sizes: list[float] = []
-    left = MOST_RECORDS
+    left = MAX_RECORDS
     for folder in folders:
         try:
             run = read(folder)
@@ -232,7 +232,7 @@ def read_history(folders: Sequence[Path]) -> History:
         for record in run.records[:left]:
             _count(found, record)
         left -= len(run.records[:left])
-        sizes += _sizes(folder, run.records[: MOST_FOLDERS - len(sizes)])
+        sizes += _sizes(folder, run.records[: MAX_MEASURED_FOLDERS - len(sizes)])
     step_bytes = fmean(sizes) if sizes else None
     return History(
         seconds=found.seconds,

@@ -4,11 +4,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hijack_data.runs.run_log import slug_of
+from hijack_data.runs.run_log import episode_slug
 
 from .. import tasks
+from ..results.records import ResultRecord
 from .config import Bench
-from .records import ResultRecord
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Job:
     def id(self) -> str:
         """The id of its first attempt."""
         agent, task, corruption, seed = self.key
-        return slug_of(task, corruption, seed, agent, 0)
+        return episode_slug(task, corruption, seed, agent, 0)
 
     def __str__(self) -> str:
         return f"{self.agent}  {self.task}  seed {self.seed}  {self.corruption}"

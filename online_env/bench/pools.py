@@ -8,14 +8,14 @@ from typing import Protocol
 
 from hijack_data.errors import ParameterError, UnknownNameError, suggest
 
+from ..results.records import ResultRecord
 from .jobs import Job
-from .records import ResultRecord
 from .workers import LocalPool, WorkerSetup, default_desktops
 
 LOCAL = "local"
 RAY = "ray"
 ENGINES = (LOCAL, RAY)
-MOST = 256  # desktops of a run
+MAX_DESKTOPS = 256  # desktops of a run
 
 
 class EpisodePool(Protocol):
@@ -67,7 +67,7 @@ def open_pool(
     if engine == RAY:
         from .ray_pool import RayPool, is_started_here
 
-        room = default_desktops() if is_started_here(ray_address) else MOST
+        room = default_desktops() if is_started_here(ray_address) else MAX_DESKTOPS
         return RayPool(setup, min(desktops or room, episodes), ray_address)
     if ray_address is not None:
         raise ParameterError(f"--ray-address {ray_address} is for --engine ray, not for {engine!r}")

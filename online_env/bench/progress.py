@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from .estimates import in_words
-from .records import ResultRecord
+from ..results.records import ResultRecord
+from .estimates import format_duration
 
 if TYPE_CHECKING:
     from .jobs import Job
 
 COLOURS = {"invalid": "yellow", "error": "red"}
 LONGEST = 300  # characters of a line
-EVERY = 60.0  # seconds between two lines about the rate, in a log
+RATE_PERIOD_S = 60.0  # seconds between two lines about the rate, in a log
 
 
 def shorten(text: str) -> str:
@@ -98,7 +98,7 @@ class ProgressDisplay:
         self._print(shorten(line), style)
         if self._bar is not None:
             self._bar.update(self._task, completed=self._done, pace=self.pace)
-        elif self._clock() - self._told >= EVERY:
+        elif self._clock() - self._told >= RATE_PERIOD_S:
             self._told = self._clock()
             self._print(f"{self._done} of {self._count} episodes, {self.pace}", "dim")
 
@@ -114,7 +114,7 @@ class ProgressDisplay:
             return ""
         rate = len(self._ended) / passed
         left = (self._count - self._done) / rate
-        return f"{3600 * rate:.0f} an hour, {in_words(left)} left"
+        return f"{3600 * rate:.0f} an hour, {format_duration(left)} left"
 
     def _print(self, text: str, style: str | None) -> None:
         self._console.print(text, style=style, markup=False, soft_wrap=True)

@@ -20,7 +20,7 @@ from ..tasks.kit.apps import APPS
 # restores the pristine state. A desktop with a `record["sites"]` has a local internet.
 DesktopProvider: TypeAlias = Callable[[Size], AbstractContextManager[Desktop]]
 EMBEDDED = "embedded"
-STARTS = 3  # tries to start a desktop
+MAX_STARTS = 3  # tries to start a desktop
 
 
 def embedded(size: Size) -> AbstractContextManager[Desktop]:
@@ -31,7 +31,7 @@ def embedded(size: Size) -> AbstractContextManager[Desktop]:
     """
     from ..embedded.desktop import EmbeddedDesktop
 
-    for _ in range(STARTS - 1):
+    for _ in range(MAX_STARTS - 1):
         try:
             return EmbeddedDesktop.up(size, standby=True)
         except DesktopError as error:

@@ -19,16 +19,16 @@ from typing import Any
 
 from hijack_data.locking import LockedError, lock
 
-from .delivery import outgoing
+from ..results.records import ResultRecord
+from .episode_files import take_files
 from .episodes import LiveEpisodes
 from .jobs import Job
-from .parcel import Parcel, unpack
 from .providers import check_installed
-from .records import ResultRecord
-from .workers import answer, live_episodes, portable
+from .worker_bundle import WorkerBundle, unpack
+from .workers import answer, live_episodes, picklable_error
 
 PREFIX = "agenthijack-ray-"
-YOUNG = 60.0  # seconds during which a new folder may not be locked yet
+LOCK_DELAY_S = 60.0  # seconds during which a new folder may not be locked yet
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +62,7 @@ class NodeDesktop:
         self._folder = Path()
         self._episodes: LiveEpisodes | None = None
 
-    def begin(self, parcel: Parcel) -> NodeReport:
+    def begin(self, parcel: WorkerBundle) -> NodeReport:
         """Start the desktop."""
         ray: Any = importlib.import_module("ray")
         report = NodeReport(host=socket.gethostname(), node=ray.get_runtime_context().get_node_id())
@@ -77,7 +77,7 @@ class NodeDesktop:
             self._episodes = self._stack.enter_context(live_episodes(setup))
         except Exception as error:  # noqa: BLE001  (the runner raises it)
             self._stack.close()
-            return replace(report, problem=portable(error))
+            return replace(report, problem=picklable_error(error))
         return report
 
     def ping(self) -> None:
@@ -88,7 +88,7 @@ class NodeDesktop:
         if self._episodes is None:
             raise RuntimeError("begin was not called")
         record, problem = answer(self._episodes, job, attempt)
-        yield from outgoing(self._folder)
+        yield from take_files(self._folder)
         yield "", EpisodeEnd(record=record, problem=problem)
 
     def end(self) -> None:
@@ -112,7 +112,7 @@ def _sweep(parent: Path) -> None:
     for folder in parent.glob(f"{PREFIX}*"):
         with contextlib.suppress(OSError, LockedError):
             state = folder.lstat()
-            is_old = time.time() - state.st_mtime > YOUNG
+            is_old = time.time() - state.st_mtime > LOCK_DELAY_S
             if state.st_uid == os.getuid() and is_old:
                 with lock(folder):
                     shutil.rmtree(folder, ignore_errors=True)

@@ -19,22 +19,28 @@ from typing import Any
 from hijack_data.errors import HijackError, StorageError
 
 from ..errors import ClusterError
-from .delivery import Arrival
-from .episodes import lost
+from ..results.records import ResultRecord
+from .episode_files import ReceivedEpisode
+from .episodes import lost_record
 from .jobs import Job
-from .parcel import pack
 from .ray_node import EpisodeEnd, NodeDesktop, NodeReport
-from .records import ResultRecord
-from .workers import CORES, ENDING, MEMORY, WorkerSetup, desktops_in
+from .worker_bundle import pack
+from .workers import (
+    BYTES_PER_DESKTOP,
+    CORES_PER_DESKTOP,
+    SHUTDOWN_TIMEOUT_S,
+    WorkerSetup,
+    desktops_in,
+)
 
-LOOK = 0.5  # seconds between two checks of the nodes
-ANSWER = 30.0  # seconds within which a free desktop must answer
-VERDICT = 60.0  # seconds until Ray is certain whether a node has died
-GRACE = 3.0  # seconds between Ray's reports of an actor's death and of its node's
-NODES = 3  # deaths of nodes that one attempt may survive
-STARTS = 5  # processes in a row that may die while they start
-NO_ROOM = 600.0  # seconds that a run waits for nodes when none has room
-AHEAD = 8  # files that a node may send ahead of the runner
+POLL_S = 0.5  # seconds between two checks of the nodes
+PING_TIMEOUT_S = 30.0  # seconds within which a free desktop must answer
+NODE_DEATH_TIMEOUT_S = 60.0  # seconds until Ray is certain whether a node has died
+NODE_DEATH_DELAY_S = 3.0  # seconds between Ray's reports of an actor's death and of its node's
+MAX_NODE_DEATHS = 3  # deaths of nodes that one attempt may survive
+MAX_FAILED_STARTS = 5  # processes in a row that may die while they start
+ROOM_TIMEOUT_S = 600.0  # seconds that a run waits for nodes when none has room
+MAX_FILES_AHEAD = 8  # files that a node may send ahead of the runner
 GIB = 2**30
 
 
@@ -49,7 +55,7 @@ class _Desktop:
 def is_started_here(address: str | None) -> bool:
     """Return whether an address stands for a Ray that the run itself starts and stops."""
     connection = _connection()
-    return connection.address_of(address) == connection.LOCAL
+    return connection.resolve_address(address) == connection.LOCAL
 
 
 def _connection() -> Any:
@@ -71,7 +77,7 @@ class RayPool:
 
     def __init__(self, setup: WorkerSetup, most: int, address: str | None = None) -> None:
         self.desktops = most
-        self.most = most
+        self.max_episodes = most
         self._setup = setup
         self._address = address
         self._stack = ExitStack()
@@ -91,12 +97,18 @@ class RayPool:
         with ExitStack() as stack:
             self._ray: Any = stack.enter_context(
                 _connection().session(
-                    self.most * CORES, self._address, memory=self.most * MEMORY, error=ClusterError
+                    self.max_episodes * CORES_PER_DESKTOP,
+                    self._address,
+                    memory=self.max_episodes * BYTES_PER_DESKTOP,
+                    error=ClusterError,
                 )
             )
-            self.desktops = min(self.most, self._room())
+            self.desktops = min(self.max_episodes, self._room())
             self._actor = self._ray.remote(
-                num_cpus=CORES, memory=MEMORY, max_restarts=0, scheduling_strategy="SPREAD"
+                num_cpus=CORES_PER_DESKTOP,
+                memory=BYTES_PER_DESKTOP,
+                max_restarts=0,
+                scheduling_strategy="SPREAD",
             )(NodeDesktop)
             self._parcel = self._ray.put(parcel)
             stack.callback(self._join)
@@ -121,7 +133,7 @@ class RayPool:
         """Play an episode; see `EpisodePool`."""
         start = time.monotonic()
         problem = ""
-        for _ in range(NODES):
+        for _ in range(MAX_NODE_DEATHS):
             desktop = self._answering()
             try:
                 return self._play(desktop, job, attempt)
@@ -136,7 +148,7 @@ class RayPool:
                 self._drop(desktop.actor)  # the actor may still be playing
                 self._own.desktop = None
                 raise
-        return lost(job, attempt, problem, start=start)
+        return lost_record(job, attempt, problem, start=start)
 
     def stop(self) -> None:
         """End all desktops; those that play break their episodes off."""
@@ -148,7 +160,7 @@ class RayPool:
             every = list(self._all)
         ending = [desktop.actor.end.remote() for desktop in free]
         if ending:
-            self._ray.wait(ending, num_returns=len(ending), timeout=ENDING)
+            self._ray.wait(ending, num_returns=len(ending), timeout=SHUTDOWN_TIMEOUT_S)
         for actor in every:
             self._drop(actor)
 
@@ -179,12 +191,12 @@ class RayPool:
         try:
             room = self._room()
         except ClusterError:
-            if now - self._room_seen > NO_ROOM:
+            if now - self._room_seen > ROOM_TIMEOUT_S:
                 raise
             return
         self._room_seen = now
         with self._changed:
-            while len(self._all) < min(self.most, room) and not self._stopped.is_set():
+            while len(self._all) < min(self.max_episodes, room) and not self._stopped.is_set():
                 actor = self._actor.remote()
                 self._all.add(actor)
                 self._starting[actor.begin.remote(self._parcel)] = actor
@@ -196,9 +208,9 @@ class RayPool:
             ClusterError: A node cannot play, or processes keep dying.
         """
         if not self._starting:
-            self._stopped.wait(LOOK)
+            self._stopped.wait(POLL_S)
             return
-        ready, _ = self._ray.wait(list(self._starting), timeout=LOOK)
+        ready, _ = self._ray.wait(list(self._starting), timeout=POLL_S)
         for answer in ready:
             actor = self._starting.pop(answer)
             try:
@@ -226,7 +238,7 @@ class RayPool:
                 f"a node cannot start a desktop ({_reason(error)}); install the same agenthijack,"
                 " with the extras [online,ray], on every node"
             )
-        if self._failures >= STARTS and not self._stopped.is_set():
+        if self._failures >= MAX_FAILED_STARTS and not self._stopped.is_set():
             raise ClusterError(
                 f"{self._failures} processes in a row ended before their desktop was up"
                 f" ({_reason(error)}); the logs of Ray on the nodes say more"
@@ -244,8 +256,8 @@ class RayPool:
             return room
         found = "; ".join(_described(node) for node in nodes) or "no node is alive"
         raise ClusterError(
-            f"no node of the cluster has room for a desktop, which takes {CORES} CPU and"
-            f" {MEMORY / GIB:g} GiB of memory ({found}); start nodes with more: ray start"
+            f"no node of the cluster has room for a desktop, which takes {CORES_PER_DESKTOP} CPU and"
+            f" {BYTES_PER_DESKTOP / GIB:g} GiB of memory ({found}); start nodes with more: ray start"
             " --num-cpus=N --memory=BYTES"
         )
 
@@ -282,7 +294,7 @@ class RayPool:
                 self._own.desktop = self._take()
             desktop: _Desktop = self._own.desktop
             try:
-                self._ray.get(desktop.actor.ping.remote(), timeout=ANSWER)
+                self._ray.get(desktop.actor.ping.remote(), timeout=PING_TIMEOUT_S)
             except self._ray.exceptions.RayError:
                 self._own.desktop = None
                 self._drop(desktop.actor)
@@ -299,22 +311,22 @@ class RayPool:
     def _has_died(self, node: str, error: Exception) -> bool:
         """Return whether a node has died; Ray may learn of it later than of its actors."""
         is_sure = not isinstance(error, self._ray.exceptions.ActorUnavailableError)
-        end = time.monotonic() + (GRACE if is_sure else VERDICT)
+        end = time.monotonic() + (NODE_DEATH_DELAY_S if is_sure else NODE_DEATH_TIMEOUT_S)
         while not self._stopped.is_set():
             living = [found["NodeID"] for found in self._ray.nodes() if found["Alive"]]
             if node not in living:
                 return True
             if time.monotonic() > end:
                 return False
-            self._stopped.wait(LOOK)
+            self._stopped.wait(POLL_S)
         return False
 
     def _play(self, desktop: _Desktop, job: Job, attempt: int) -> ResultRecord:
         """Play an episode on a desktop and place its files in the folder of the run."""
-        arrival = Arrival(self._setup.folder)
+        arrival = ReceivedEpisode(self._setup.folder)
         end = EpisodeEnd(problem=ClusterError("the episode ended without a record"))
         played = desktop.actor.play.options(
-            num_returns="streaming", _generator_backpressure_num_objects=AHEAD
+            num_returns="streaming", _generator_backpressure_num_objects=MAX_FILES_AHEAD
         )
         try:
             for part in played.remote(job, attempt):

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Protocol
 
 from ..errors import CostLimitError
-from . import records
-from .costs import Budget
+from ..results import records
+from ..results.costs import Budget
+from ..results.records import ResultRecord
 from .jobs import Job
-from .records import ResultRecord
 
 
 class RunListener(Protocol):
@@ -129,7 +129,7 @@ class _Run:
             with self._one_at_a_time:
                 if self.stopped:
                     return "stopped"
-                record = records.kept(self._folder, record)
+                record = records.stored_record(self._folder, record)
                 records.append(self._folder, record)
                 if self._budget is not None:
                     self._budget.add(record)

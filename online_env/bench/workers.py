@@ -20,24 +20,26 @@ from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 from hijack_data.errors import HijackError
-from hijack_data.loading import file_of, load_reference
+from hijack_data.loading import find_loaded_file, load_reference
 
 from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
 from ..environment.stage import TaskStage
+from ..results.origin import available_memory, usable_cores
+from ..results.records import ResultRecord
 from ..tasks import TASKS
 from .config import Bench, is_from_data
-from .episodes import LiveEpisodes, lost
+from .episodes import LiveEpisodes, lost_record
 from .jobs import Job
 from .models import ModelOptions, prepare
-from .origin import available_memory, usable_cores
 from .providers import PROVIDERS
-from .records import ResultRecord
 
-CORES = 1  # cores that a desktop needs
-MEMORY = 1536 * 2**20  # bytes that a desktop with its standby and an office program may take
-ENDING = 20.0  # seconds for a process to end its desktop
+CORES_PER_DESKTOP = 1  # cores that a desktop needs
+BYTES_PER_DESKTOP = (
+    1536 * 2**20
+)  # bytes that a desktop with its standby and an office program may take
+SHUTDOWN_TIMEOUT_S = 20.0  # seconds for a process to end its desktop
 
 
 class ForeignEntry(NamedTuple):
@@ -73,7 +75,7 @@ def references(bench: Bench) -> tuple[ForeignEntry, ...]:
     """Return references to the agents, tasks and provider of a run from outside the library."""
     found: list[ForeignEntry] = []
     for registry, name, entry in bench.foreign():
-        file = file_of(entry)
+        file = find_loaded_file(entry)
         if isinstance(entry, FileAgentMaker):
             found.append(ForeignEntry(registry.kind, name, name))
         elif isinstance(entry, AgentReference):
@@ -99,7 +101,7 @@ def desktops_in(cores: float, memory: float) -> int:
         cores: Its processors.
         memory: The bytes of memory available for them.
     """
-    return math.floor(min(cores / CORES, memory / MEMORY))
+    return math.floor(min(cores / CORES_PER_DESKTOP, memory / BYTES_PER_DESKTOP))
 
 
 class LocalPool:
@@ -120,7 +122,7 @@ class LocalPool:
         serve: Callable[[Connection, WorkerSetup], None] | None = None,
     ) -> None:
         self.desktops = desktops
-        self.most = desktops
+        self.max_episodes = desktops
         self._setup = setup
         self._serve = serve or serve_episodes
         self._own = threading.local()
@@ -160,7 +162,7 @@ class LocalPool:
             worker.close()
             problem = f"the process that played the episode ended (exit code {worker.code})"
             problem = f"{problem}: {error}".rstrip(": ")
-            return lost(job, attempt, problem, start=start)
+            return lost_record(job, attempt, problem, start=start)
 
 
 class _Worker:
@@ -212,7 +214,7 @@ class _Worker:
             self._process.terminate()
         else:
             self._connection.close()
-        self._process.join(ENDING)
+        self._process.join(SHUTDOWN_TIMEOUT_S)
         if self._process.is_alive():
             self._process.kill()
             self._process.join()
@@ -230,7 +232,7 @@ def serve_episodes(connection: Connection, setup: WorkerSetup) -> None:
         _serve(connection, setup)
     except Exception as error:  # noqa: BLE001  (the runner is to raise it)
         with contextlib.suppress(OSError):  # the runner is gone
-            connection.send((None, portable(error)))
+            connection.send((None, picklable_error(error)))
 
 
 def _serve(connection: Connection, setup: WorkerSetup) -> None:
@@ -246,14 +248,14 @@ def live_episodes(setup: WorkerSetup) -> Generator[LiveEpisodes]:
     load_references(setup.references)
     prepare(setup.bench.agents, setup.models, setup.folder)
     with (
-        stage_of(setup.bench, setup.folder) as stage,
+        open_stage(setup.bench, setup.folder) as stage,
         LiveEpisodes(setup.bench, setup.folder, stage) as episodes,
     ):
         yield episodes
 
 
 @contextmanager
-def stage_of(bench: Bench, folder: Path) -> Generator[TaskStage]:
+def open_stage(bench: Bench, folder: Path) -> Generator[TaskStage]:
     """Start a desktop in this process, and yield it with the tasks of a benchmark.
 
     Args:
@@ -310,10 +312,10 @@ def answer(
     try:
         return episode(job, attempt), None
     except Exception as error:  # noqa: BLE001  (the runner raises what refuses the episode)
-        return None, portable(error)
+        return None, picklable_error(error)
 
 
-def portable(error: Exception) -> Exception:
+def picklable_error(error: Exception) -> Exception:
     """Return an exception that can be pickled: the same one, or another with its text."""
     try:
         pickle.loads(pickle.dumps(error))  # noqa: S301  (it was made right here)

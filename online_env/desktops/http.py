@@ -14,9 +14,9 @@ from hijack_data.types import Size, UInt8Array
 
 from ..errors import GuestError, MissingCapabilityError
 from ..extra import require
+from .capability_survey import is_container, survey
 from .connection import GuestConnection, GuestResponse
 from .protocol import Capability, RunResult, TaskConfig
-from .survey import is_container, survey
 
 # the code that OSWorld puts before an agent's code
 PREFIX = "import pyautogui; import time; pyautogui.FAILSAFE = False; "

@@ -15,8 +15,8 @@ from PIL import Image, UnidentifiedImageError
 from hijack_data.types import Size, UInt8Array
 
 from ..errors import DesktopError, GuestError, MissingCapabilityError
+from .capability_survey import survey
 from .protocol import Capability, RunResult, TaskConfig
-from .survey import survey
 
 # An argument of a command has at most 128 KiB on Linux, and base64 turns three bytes into four.
 CHUNK = 64 * 1024

@@ -18,9 +18,9 @@ from hijack_data.types import Box, UInt8Array, as_boxes
 from ..desktops.protocol import Capability
 from .app_minimization import FIXED
 from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
+from .descriptions import short
 from .elements import LAUNCHERS, Element, live_elements, window_at
 from .guest import Guest
-from .words import short
 
 ATTEMPTS = 5
 CHANGE = 2.0  # s within which a click must change the screen

@@ -16,8 +16,8 @@ from hijack_data.plan import Effect
 from hijack_data.registry import Registry
 from hijack_data.rng import Stream
 
+from ..desktops.capability_survey import lacks
 from ..desktops.protocol import Capability, Desktop
-from ..desktops.survey import lacks
 from ..errors import DesktopError, MissingCapabilityError
 from .guest import Guest
 

@@ -5,8 +5,8 @@ from dataclasses import asdict, dataclass
 from itertools import groupby
 from typing import Any
 
-from hijack_data.elements.nodes import AccessibleNode, nodes_from_tree
-from hijack_data.elements.tree import interactive_elements
+from hijack_data.elements.accessibility_nodes import AccessibleNode, nodes_from_tree
+from hijack_data.elements.interactive_nodes import interactive_elements
 from hijack_data.errors import ElementsError
 from hijack_data.types import Box, Point, Size
 

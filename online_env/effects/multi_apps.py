@@ -14,8 +14,8 @@ from ..errors import MissingCapabilityError
 from .app_minimization import on_screen
 from .apps import COMMANDS, FALLBACKS, Command
 from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
+from .descriptions import short
 from .guest import Guest
-from .words import short
 
 LAUNCH = 60.0  # s for a window to appear (GIMP's first one takes long)
 DRAW = 20.0  # s for the window to be drawn

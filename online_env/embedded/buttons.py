@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from hijack_data._apply import apply
-from hijack_data.corruption import Corruption, get, names
+from hijack_data.corruption import Corruption, corruption_names, make_corruption
 from hijack_data.errors import HijackError
 from hijack_data.plan import Plan
 from hijack_data.types import UInt8Array
@@ -58,7 +58,7 @@ class Buttons:
         self._seed = seed
         self._lock = threading.Lock()
         self._plans: dict[str, Plan] = {}
-        self._buttons = {name: Button(name, _about(name)) for name in names()}
+        self._buttons = {name: Button(name, _about(name)) for name in corruption_names()}
 
     def all(self) -> list[Button]:
         """Return all buttons in the order of the paper, with what is on the desktop now."""
@@ -88,7 +88,7 @@ class Buttons:
                 if self._button(name).on:
                     ok, message = self._take_back(name)
                 else:
-                    ok, message = self._corrupt(get(name))
+                    ok, message = self._corrupt(make_corruption(name))
             except HijackError as error:
                 ok = False
                 message = str(error)
@@ -132,7 +132,7 @@ class Buttons:
         return corruption.ok, corruption.saw
 
     def _take_back(self, name: str) -> tuple[bool, str]:
-        from ..effects.words import undone_in_words
+        from ..effects.descriptions import undone_in_words
 
         if self._plans.pop(name, None) is not None:
             return True, "no longer drawn into the picture; the machine was never changed"
@@ -145,5 +145,5 @@ class Buttons:
 
 
 def _about(name: str) -> str:
-    lines = (get(name).__doc__ or "").strip().splitlines()
+    lines = (make_corruption(name).__doc__ or "").strip().splitlines()
     return lines[0] if lines else ""

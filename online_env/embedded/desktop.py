@@ -228,7 +228,7 @@ class EmbeddedDesktop:
             record["guest"],
             token,
             size=(height, width),
-            patience=RESTART_TIMEOUT_S,
+            restart_timeout=RESTART_TIMEOUT_S,
             door=record["door"],
         )
         self._frames = FrameReader(record)

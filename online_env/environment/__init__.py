@@ -15,7 +15,7 @@ try:
     from .settle import Settle
     from .stage import OsworldStage, Setting, SmallTasks, Stage
 except ModuleNotFoundError as error:
-    raise extra.explained(error, "the live environment") from None
+    raise extra.import_error(error, "the live environment") from None
 
 __all__ = [
     "EMBEDDED_ID",

@@ -137,13 +137,13 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         episode = self._runner.episode
         return None if episode is None else copy.deepcopy(episode.record)
 
-    def hear(self, said: str) -> None:
+    def record_message(self, said: str) -> None:
         """Log the agent's words for its next action."""
         episode = self._runner.episode
         if episode is not None:
-            episode.hear(said)
+            episode.record_message(said)
 
-    def account(self, usage: dict[str, Any]) -> None:
+    def record_usage(self, usage: dict[str, Any]) -> None:
         """Store the usage that the agent has reported so far, such as tokens, for the record.
 
         Raises:
@@ -155,9 +155,9 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
             raise ParameterError(f"usage must be JSON data, for the record: {error}") from None
         episode = self._runner.episode
         if episode is not None:
-            episode.account(usage)
+            episode.record_usage(usage)
 
-    def give(self, what: Sequence[str]) -> None:
+    def declare_privileged_inputs(self, what: Sequence[str]) -> None:
         """Store for the record what the agent is given in addition to instruction and pictures.
 
         Without this call, the record states that this is unknown.
@@ -173,7 +173,7 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
                 raise ParameterError(f"given is one of {', '.join(GIVEN_KINDS)}, got {kind!r:.100}")
         episode = self._runner.episode
         if episode is not None:
-            episode.give([kind for kind in GIVEN_KINDS if kind in what])
+            episode.declare_privileged_inputs([kind for kind in GIVEN_KINDS if kind in what])
 
     def truncate(self) -> None:
         """Judge the episode as it stands, if a limit outside this environment ended it.

@@ -13,9 +13,9 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from hijack_data.actions import count_points
-from hijack_data.actions.allowed import Request, read_action
+from hijack_data.actions.agent_actions import Request, read_action
 from hijack_data.errors import ActionError
-from hijack_data.runs.run_log import CUT, MAX_TEXT, slug_of
+from hijack_data.runs.run_log import CUT, MAX_TEXT, episode_slug
 from hijack_data.types import Size
 
 from ..desktops.protocol import RunResult
@@ -140,7 +140,7 @@ class Episode:
             self.end(End(status="error", problem=f"{type(error).__name__}: {error}"))
             raise
 
-    def hear(self, said: str) -> None:
+    def record_message(self, said: str) -> None:
         """Log what the agent says with the action that it takes next."""
         self._counts.said = said[:KEPT]
         if self.record is None and self.view is not None:
@@ -148,11 +148,11 @@ class Episode:
             if len(said) > MAX_TEXT:
                 self.view.line[CUT] = ["said"]
 
-    def account(self, usage: dict[str, Any]) -> None:
+    def record_usage(self, usage: dict[str, Any]) -> None:
         """Store the usage that the agent has reported so far."""
         self._counts.usage = usage
 
-    def give(self, what: Sequence[str]) -> None:
+    def declare_privileged_inputs(self, what: Sequence[str]) -> None:
         """Store what the agent is given in addition to instruction and pictures."""
         self._counts.given = list(what)
 
@@ -212,7 +212,7 @@ class Episode:
             self._counts.attempt = free_attempt(folder, *names)
         else:
             self._counts.attempt = request.attempt
-        return EpisodeLog(folder, slug_of(*names, self._counts.attempt))
+        return EpisodeLog(folder, episode_slug(*names, self._counts.attempt))
 
     def _act(self, text: object, observer: Observer, view: EpisodeView) -> tuple[float, bool, bool]:
         start = time.monotonic()

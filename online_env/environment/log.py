@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import ParameterError
-from hijack_data.files import sha256_of, unwritable, write_atomic
+from hijack_data.file_io import pixel_sha256, unwritable, write_atomic
 from hijack_data.locking import Lock, LockedError, lock
 from hijack_data.png import encode
-from hijack_data.runs.run_log import EPISODE, EPISODES, FRAMES, STEPS, digest_of, slug_of
+from hijack_data.runs.run_log import EPISODE, EPISODES, FRAMES, STEPS, digest_of, episode_slug
 from hijack_data.types import UInt8Array
 
 
@@ -34,7 +34,7 @@ class EpisodeLog:
 
     Args:
         runs: The folder of the run, which is created if it is missing.
-        slug: The name of the episode's folder, see `slug_of`.
+        slug: The name of the episode's folder, see `episode_slug`.
 
     Raises:
         ParameterError: A complete episode is there already, or another process is writing it.
@@ -73,7 +73,7 @@ class EpisodeLog:
         if seen is not clean:
             pictures[f"{FRAMES}/{step:04d}.seen.png"] = seen
         jobs = [self._pool.submit(self._write, name, picture) for name, picture in pictures.items()]
-        digests = [sha256_of(picture) for picture in pictures.values()]
+        digests = [pixel_sha256(picture) for picture in pictures.values()]
         for job in jobs:
             job.result()
         names = list(pictures)
@@ -138,7 +138,7 @@ class EpisodeLog:
 def free_attempt(runs: Path, task: str, label: str, seed: int, agent: str) -> int:
     """Return the number of the first attempt at an episode that has no folder yet."""
     attempt = 0
-    while (runs / EPISODES / slug_of(task, label, seed, agent, attempt)).exists():
+    while (runs / EPISODES / episode_slug(task, label, seed, agent, attempt)).exists():
         attempt += 1
     return attempt
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hijack_data import apply
-from hijack_data.elements.tree import boxes_from_tree
+from hijack_data.elements.interactive_nodes import boxes_from_tree
 from hijack_data.errors import ElementsError
 from hijack_data.plan import Effect, Plan
 from hijack_data.types import BoxArray, UInt8Array, as_boxes

@@ -8,8 +8,8 @@ from typing import Any, Literal, SupportsFloat, TypeAlias
 
 from hijack_data.errors import HijackError
 from hijack_data.planner import Planner
-from hijack_data.runs.run_log import GIVEN, VERSION, slug_of
-from hijack_data.runs.run_planners import params_of, written
+from hijack_data.runs.run_log import GIVEN, VERSION, episode_slug
+from hijack_data.runs.run_planners import dump_planner, planner_params
 
 from ..desktops.protocol import Desktop
 from ..errors import DesktopError
@@ -105,7 +105,7 @@ def make_record(
     setting = counts.setting
     record: EpisodeRecord = {
         "version": VERSION,
-        "id": slug_of(setting.id, request.label, request.seed, settings.agent, counts.attempt),
+        "id": episode_slug(setting.id, request.label, request.seed, settings.agent, counts.attempt),
         "agent": settings.agent,
         "task": setting.id,
         "task_seed": setting.seed,
@@ -113,8 +113,8 @@ def make_record(
         "apps": list(setting.apps),
         "infeasible": setting.infeasible,
         "corruption": request.label,
-        "params": params_of(request.planner),
-        "planner": written(request.planner),
+        "params": planner_params(request.planner),
+        "planner": dump_planner(request.planner),
         "seed": request.seed,
         "sample": setting.id,
         "attempt": counts.attempt,

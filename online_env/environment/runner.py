@@ -13,7 +13,7 @@ from hijack_data.errors import (
     suggest,
 )
 from hijack_data.planner import Planner
-from hijack_data.runs.run_planners import label_of
+from hijack_data.runs.run_planners import get_label
 from hijack_data.types import Size
 
 from ..embedded.runtime import hidden_folders
@@ -63,7 +63,7 @@ class EpisodeRunner:
             planner = planner_of(options.corruption)
         request = EpisodeRequest(
             planner=planner,
-            label=options.label or label_of(planner),
+            label=options.label or get_label(planner),
             task=options.task,
             seed=seed,
             attempt=options.attempt,

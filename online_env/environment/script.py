@@ -2,16 +2,16 @@
 
 from dataclasses import dataclass
 
-from hijack_data.corruption import get
+from hijack_data.corruption import make_corruption
 from hijack_data.errors import HijackError, ParameterError
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner, as_planner
 from hijack_data.rng import Stream
-from hijack_data.runs.run_planners import label_of
+from hijack_data.runs.run_planners import get_label
 from hijack_data.types import BoxArray, Scene, Size, as_boxes
 
+from ..desktops.capability_survey import lacks
 from ..desktops.protocol import Capability, Desktop
-from ..desktops.survey import lacks
 from ..effects import find
 from ..errors import MissingCapabilityError
 
@@ -27,7 +27,7 @@ def planner_of(value: object) -> Planner | None:
     if value is None or value == CLEAN:
         return None
     if isinstance(value, str):
-        return get(value)
+        return make_corruption(value)
     return as_planner(value, "a corruption is a name or an object such as Subtitle()")
 
 
@@ -96,7 +96,7 @@ class Script:
         sizes = {plan.out_size for plan in plans[1:]}
         if len(sizes) > 1:
             raise ParameterError(
-                f"{label_of(self.planner)} gives pictures of {len(sizes)} sizes (height, width) in"
+                f"{get_label(self.planner)} gives pictures of {len(sizes)} sizes (height, width) in"
                 f" one episode, {sorted(sizes)}; an environment has one: use"
                 " Resolution(restore=True)"
             )
@@ -108,7 +108,7 @@ class Script:
         missing = sorted(needed - desktop.capabilities)
         if missing:
             raise MissingCapabilityError(
-                f"{label_of(self.planner)} needs {', '.join(missing)}, {lacks(desktop, missing)}"
+                f"{get_label(self.planner)} needs {', '.join(missing)}, {lacks(desktop, missing)}"
             )
 
 

@@ -24,7 +24,7 @@ _FAIL = re.compile(rf"{FAIL}(?![\w-])", re.IGNORECASE)
 CORRUPTION = "corruption"  # the metadata by which scores are grouped
 
 
-async def score_of(session: Session, state: TaskState) -> Score:
+async def score_sample(session: Session, state: TaskState) -> Score:
     """End the episode if the model has not, and return its score.
 
     Raises:
@@ -50,7 +50,7 @@ async def score_of(session: Session, state: TaskState) -> Score:
 
 
 def _end(session: Session, said: str, cut_off: bool) -> None:
-    session.hear(said)
+    session.record_message(said)
     if cut_off:
         session.cut_off("a limit of Inspect's ended the episode before the agent took an action")
     else:

@@ -14,13 +14,12 @@ import anyio.to_thread
 import numpy as np
 from PIL import Image
 
-from hijack_data.actions.allowed import WORDS
+from hijack_data.actions.agent_actions import ACTION_WORDS
 from hijack_data.coords import CoordMap
 from hijack_data.errors import HijackError
 from hijack_data.png import encode
 from hijack_data.types import Size, UInt8Array
 
-from ..agents.adapters.reading import unreadable
 from ..bench.config import Bench
 from ..bench.providers import PROVIDERS
 from ..environment import CorruptedEnv, EvalSettings, SmallTasks
@@ -88,16 +87,16 @@ class Session:
         except DesktopError:
             if env.record is None:
                 raise
-        env.give(())  # a model of Inspect's sees instruction and pictures
+        env.declare_privileged_inputs(())  # a model of Inspect's sees instruction and pictures
 
     def act(self, code: str) -> None:
         """Take an action, in pixels of the picture that the model sees; one step."""
         env = self._begun()
         self._obs, *_ = env.step(self._mapped(code))
 
-    def hear(self, said: str) -> None:
+    def record_message(self, said: str) -> None:
         """Log the model's words with its next action."""
-        self._begun().hear(said)
+        self._begun().record_message(said)
 
     def cut_off(self, why: str) -> None:
         """End an episode that a limit of Inspect's ended; it is judged as it stands."""
@@ -133,12 +132,12 @@ class Session:
         """Return code in pixels of the observation; what cannot be mapped, as what is refused."""
         height, width = self._obs["screenshot"].shape[:2]
         coords = CoordMap(self.size, (height, width))
-        if coords.is_identity or code in WORDS:
+        if coords.is_identity or code in ACTION_WORDS:
             return code
         try:
             return coords.code_to_screen(code)
         except HijackError as error:
-            return unreadable(error)
+            return unreadable_action(error)
 
 
 def _resized(picture: UInt8Array, size: Size) -> UInt8Array:

@@ -18,9 +18,9 @@ from hijack_data.errors import ParameterError
 
 from ..bench.config import Bench, load_bench, override
 from ..tasks import get
-from .scoring import CORRUPTION, SUBMIT, score_of
+from .scoring import CORRUPTION, SUBMIT, score_sample
 from .sessions import Session, Sessions
-from .tool import computer_tool, display_of
+from .tool import computer_tool, native_display_size
 
 PACKAGE = "agenthijack"
 ABOUT = (
@@ -90,10 +90,10 @@ def bench(
     known = Path(config).expanduser()
     loaded = load_bench(known.resolve() if known.exists() else config)
     chosen = override(loaded, task=_joined(tasks), corruption=_joined(corruptions), seeds=seeds)
-    return task_of(chosen, max_steps=max_steps, desktops=desktops, keep=keep)
+    return inspect_task(chosen, max_steps=max_steps, desktops=desktops, keep=keep)
 
 
-def task_of(
+def inspect_task(
     benchmark: Bench, *, max_steps: int | None = None, desktops: int = 1, keep: int = 3
 ) -> Task:
     """Return a benchmark as a task.
@@ -154,7 +154,7 @@ def desktop(benchmark: Bench, sessions: Sessions) -> Any:
     async def solve(state: TaskState, generate: Generate) -> TaskState:
         model = get_model()
         given = state.metadata
-        session = Session(benchmark, str(model), display_of(model.api, model.name))
+        session = Session(benchmark, str(model), native_display_size(model.api, model.name))
         store().set(_KEY, state.uuid)
 
         def begin() -> None:
@@ -194,6 +194,6 @@ def task_score(sessions: Sessions) -> Any:
     """Score an episode as the benchmark does."""
 
     async def score(state: TaskState, target: Target) -> Score:
-        return await score_of(sessions[state.uuid], state)
+        return await score_sample(sessions[state.uuid], state)
 
     return score

@@ -14,7 +14,7 @@ from inspect_ai.tool import Tool, ToolResult, tool
 from hijack_data.errors import HijackError
 from hijack_data.types import Size
 
-from ..agents.adapters.reading import codes_of
+from ..agents.adapters.action_codes import read_action_codes
 from .sessions import Session, in_thread
 
 OVER = "The episode is over: no more actions count. Submit your answer."
@@ -29,7 +29,7 @@ FWXGA: Size = (768, 1366)
 _GOOGLE = ("gemini-2.5-computer-use-preview", "gemini-3-flash-preview")
 
 
-def display_of(api: Any, name: str) -> Size | None:
+def native_display_size(api: Any, name: str) -> Size | None:
     """Return the (height, width) that Inspect tells a model, or `None` if it tells it nothing.
 
     Such a model is to be shown pictures of that size. Anthropic's toolset and OpenAI's tool take
@@ -133,7 +133,7 @@ def _codes(session: Session, call: dict[str, Any], notes: list[str]) -> list[str
     name = call.get("action")
     if name in _SIDE_BUTTONS:
         return [_SIDE_BUTTONS[name]]
-    codes, problem = codes_of(call, "anthropic", session.size)
+    codes, problem = read_action_codes(call, "anthropic", session.size)
     if problem:
         notes.append(f"This action was not understood: {problem}")
     return codes

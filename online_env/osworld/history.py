@@ -7,7 +7,7 @@ by the guest's browser has the schema that this browser expects.
 from collections.abc import Iterable
 from pathlib import Path
 
-from hijack_data.files import make_folder, write_atomic
+from hijack_data.file_io import make_folder, write_atomic
 
 from .env import OsworldEnv
 from .errors import OsworldError

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from hijack_data.errors import ConfigError, ParameterError, ParameterTypeError, some_of
-from hijack_data.files import read_regular
+from hijack_data.file_io import read_regular
 from hijack_data.types import Size
 
 from .. import tasks

@@ -6,7 +6,7 @@ Everything goes through OSWorld's `step`, as an agent's actions do.
 import time
 from typing import Any, Protocol
 
-from hijack_data.elements.nodes import AccessibleNode, nodes_from_tree
+from hijack_data.elements.accessibility_nodes import AccessibleNode, nodes_from_tree
 from hijack_data.types import Point
 
 from .errors import OsworldError

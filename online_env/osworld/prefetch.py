@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import ConfigError, HijackError
-from hijack_data.files import make_folder, replace_atomic, write_atomic
+from hijack_data.file_io import make_folder, replace_atomic, write_atomic
 from hijack_data.locking import Lock, LockedError, lock
 
 from .. import extra
@@ -29,7 +29,7 @@ from .wanted import Wanted
 try:
     import httpx
 except ModuleNotFoundError as _error:
-    raise extra.explained(_error, "fetching files") from None
+    raise extra.import_error(_error, "fetching files") from None
 
 MANIFEST = "manifest.json"
 PARTS = ".parts"

@@ -124,7 +124,7 @@ def _oracle(folder: Path, options: RecordOptions) -> int:
 
 def _person(folder: Path, options: RecordOptions) -> int:
     from .. import tasks
-    from .person import record_person
+    from .person_recorder import record_person
     from .trajectory import EpisodeRecording, kept, prepare
 
     if bool(options.task) == bool(options.instruction):

@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image
 
 from hijack_data.errors import HijackError
-from hijack_data.files import sha256_of, write_atomic
+from hijack_data.file_io import pixel_sha256, write_atomic
 from hijack_data.pack import FORMAT, INDEX, VERSION, picture_kinds
 from hijack_data.types import Size, UInt8Array
 
@@ -80,7 +80,7 @@ class Pack:
         Returns:
             Its entry, or `None` if the pack has the same pixels of that kind already.
         """
-        digest = sha256_of(picture.pixels)
+        digest = pixel_sha256(picture.pixels)
         for entry in self.entries:
             if entry["sha256"] == digest and entry["kind"] == picture.kind:
                 return None

@@ -11,14 +11,14 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hijack_data.elements.roles import INTERACTIVE_ENDINGS, INTERACTIVE_ROLES
+from hijack_data.elements.interactive_roles import INTERACTIVE_ENDINGS, INTERACTIVE_ROLES
 from hijack_data.errors import HijackError
-from hijack_data.files import encode_png, write_atomic
+from hijack_data.file_io import encode_png, write_atomic
 from hijack_data.platforms import OURS
 from hijack_data.types import Action, Box, Size, UInt8Array
 
 from ..effects.elements import LAUNCHERS
-from ..tasks.tree import TreeNode, nodes
+from ..tasks.tree_nodes import TreeNode, read_tree
 from .stage import RecordingStage, Top, at_point
 
 RECORDS = "trajectories.jsonl"
@@ -51,7 +51,7 @@ def visible_boxes(stage: RecordingStage, xml: str) -> tuple[Box, ...]:
         xml: Its accessibility tree.
     """
     tops = stage.tops()
-    found = nodes(xml)
+    found = read_tree(xml)
     # Other applications do not report which of their elements are enabled.
     reporting = {node.app for node in found if ENABLED in node.states}
     boxes: dict[Box, None] = {}

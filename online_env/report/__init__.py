@@ -6,7 +6,7 @@
 
 from .build import build_report, load_report
 from .model import AgentSummary, Cell, ReportError, RunIdentity, RunReport
-from .named import scores_by_name
+from .named_scores import scores_by_name
 
 __all__ = [
     "AgentSummary",

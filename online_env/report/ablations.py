@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from hijack_data.plan import CLEAN
 
-from . import words
+from . import formatting
 from .model import Cell, RunReport
 
 # Agents by the module that they lack; the paper's "necessity of each module".
@@ -46,7 +46,7 @@ class Ablation:
     series: tuple[tuple[str, str], ...]
 
 
-def ablations_of(report: RunReport) -> tuple[Ablation, ...]:
+def find_ablations(report: RunReport) -> tuple[Ablation, ...]:
     """Return the ablations that a report holds; none if no corruption has several levels."""
     return (*_of_parameters(report), *_of_modules(report))
 
@@ -80,7 +80,7 @@ def level_table(report: RunReport, ablation: Ablation) -> tuple[Texts, list[Text
 def _shown(cell: Cell | None, with_early: bool) -> list[str]:
     if cell is None:
         return [""] * (3 if with_early else 2)
-    shown = [words.percent(cell.success), words.interval(cell.ci_low, cell.ci_high)]
+    shown = [formatting.percent(cell.success), formatting.interval(cell.ci_low, cell.ci_high)]
     if with_early:
         disturbed = "" if cell.corruption == CLEAN else f"{cell.n - cell.early} of {cell.n}"
         shown.append(disturbed)

@@ -8,14 +8,14 @@ from hijack_data.errors import UnknownNameError, suggest
 from hijack_data.runs.run_log import FORMAT as RUN_FORMAT
 from hijack_data.runs.run_log import RUN
 
-from ..bench import reading, scores
-from ..bench.reading import Run
-from .by_app import app_successes
-from .cells import cells_of, feasible_and_not
-from .identity import identity_of
+from ..results import reading, scores
+from ..results.reading import Run
+from .app_success import app_successes
+from .cells import compute_cells, feasible_and_not
+from .identity import run_identity
 from .model import ReportError, RunReport, from_data
-from .notes import fraction_note, notes_of, recovery_note
-from .summaries import summaries_of
+from .notes import fraction_note, recovery_note, report_notes
+from .summaries import summarise_agents
 
 
 def load_report(path: Path, reference: str = "") -> RunReport:
@@ -47,7 +47,7 @@ def read_report(path: Path) -> RunReport:
     Raises:
         ReportError: the file is not a report, or is of a newer version.
     """
-    from hijack_data.files import read_versioned_json
+    from hijack_data.file_io import read_versioned_json
 
     from .model import FORMAT, VERSION
 
@@ -76,9 +76,9 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
     """
     if not run.records:
         raise ReportError(f"{run.folder}: holds no episodes yet; {_how_to_go_on(run)}")
-    identity = identity_of(run)
-    groups = scores.grouped(run.records)
-    cells = cells_of(run, groups)
+    identity = run_identity(run)
+    groups = scores.group_records(run.records)
+    cells = compute_cells(run, groups)
     agents = list(dict.fromkeys(cell.agent for cell in cells))
     if reference and reference not in agents:
         raise UnknownNameError(
@@ -88,7 +88,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
     report = RunReport(
         run=identity,
         cells=tuple(cells),
-        summaries=tuple(summaries_of(identity, cells, groups, reference)),
+        summaries=tuple(summarise_agents(identity, cells, groups, reference)),
         feasible=tuple(feasible),
         infeasible=tuple(infeasible),
         applications=tuple(app_successes(groups)),
@@ -98,7 +98,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
     notes = (
         *recovery_note(run),
         *fraction_note(run),
-        *notes_of(report, scores.partial(run.records)),
+        *report_notes(report, scores.count_partial(run.records)),
     )
     return RunReport(**{**vars(report), "notes": notes})
 
@@ -106,7 +106,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
 def _parts(run: Run) -> list[Mapping[str, Any]]:
     if not run.is_scored:
         return []
-    from ..scoring.parts import part_rows
+    from ..results.parts import part_rows
 
     return list(part_rows(run.records))
 

@@ -4,20 +4,20 @@ from collections.abc import Hashable, Mapping, Sequence
 
 from hijack_data.plan import CLEAN
 
-from ..bench import scores
-from ..bench.reading import ResultRecord, Run
-from . import used
-from .identity import agents_of, conditions_of
+from ..results import scores
+from ..results.reading import ResultRecord, Run
+from . import usage
+from .identity import agent_names, corruptions_by_label
 from .model import Cell
 
 CEILING = "recovering"  # the agent that acts like a careful user
 
 
-def cells_of(run: Run, groups: scores.GroupedRecords) -> list[Cell]:
+def compute_cells(run: Run, groups: scores.GroupedRecords) -> list[Cell]:
     """Return a cell for each agent and condition in the records of a run, or in some of them."""
-    names = {} if run.is_scored else conditions_of(run.config)
-    order = agents_of(run.config), list(conditions_of(run.config))
-    rows = scores.grouped_rows(groups, *order)
+    names = {} if run.is_scored else corruptions_by_label(run.config)
+    order = agent_names(run.config), list(corruptions_by_label(run.config))
+    rows = scores.rows_by_group(groups, *order)
     top = {row["corruption"]: row["success"] for row in rows if row["agent"] == CEILING}
     inferred = _inferred(rows, groups)
     found: list[Cell] = []
@@ -29,11 +29,11 @@ def cells_of(run: Run, groups: scores.GroupedRecords) -> list[Cell]:
             Cell(
                 **row,
                 **inferred.get(key, {}),
-                **used.means(last, groups.attempts[key]),
+                **usage.means(last, groups.attempts[key]),
                 tasks=len(set(scores.task_names(scored))),
                 pass_hat=_pass_hat(run, scored),
                 ceiling=top.get(row["corruption"]),
-                early=scores.unreached(last, names),
+                early=scores.count_unreached(last, names),
             )
         )
     return found
@@ -47,7 +47,9 @@ def feasible_and_not(run: Run) -> tuple[list[Cell], list[Cell]]:
     feasible, infeasible = apart
     if not infeasible:
         return [], []
-    return cells_of(run, scores.grouped(feasible)), cells_of(run, scores.grouped(infeasible))
+    return compute_cells(run, scores.group_records(feasible)), compute_cells(
+        run, scores.group_records(infeasible)
+    )
 
 
 def _with_clean(key: scores.CellKey, groups: scores.GroupedRecords) -> scores.PairedCases:
@@ -61,7 +63,7 @@ def _inferred(
     keys = [(row["agent"], row["corruption"]) for row in rows if row["delta"] is not None]
     if not keys or not scores.can_infer():
         return {}
-    from ..bench import statistics
+    from ..results import statistics
 
     found: dict[scores.CellKey, dict[str, float | None]] = {}
     for key in keys:
@@ -82,7 +84,7 @@ def _pass_hat(run: Run, scored: Mapping[scores.PairKey, float]) -> tuple[float, 
     """
     if run.is_scored or not scored or not scores.can_infer():
         return ()
-    from ..bench.statistics import pass_hat_k
+    from ..results.statistics import pass_hat_k
 
     solved: dict[Hashable, list[bool]] = {}
     for name, score in zip(scores.task_names(scored), scored.values(), strict=True):

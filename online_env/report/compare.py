@@ -4,12 +4,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..bench import scores
-from ..bench.reading import Run
-from ..bench.records import difference
 from ..extra import require
-from . import words
-from .identity import identity_of
+from ..results import scores
+from ..results.reading import Run
+from ..results.records import difference
+from . import formatting
+from .identity import run_identity
 from .model import ReportError, RunIdentity
 from .notes import partial_note
 
@@ -90,8 +90,8 @@ def compare(before: Run, after: Run, pairs: Mapping[str, str] | None = None) -> 
     for run in (before, after):
         if not run.records:
             raise ReportError(f"{run.folder}: holds no episodes yet, so there is nothing to pair")
-    there = scores.grouped(before.records).scored
-    here = scores.grouped(after.records).scored
+    there = scores.group_records(before.records).scored
+    here = scores.group_records(after.records).scored
     chosen = _chosen(before, after, _agents(before), _agents(after), pairs)
     rows = [row for names in chosen.items() for row in _rows(names, there, here)]
     if not any(row.n for row in rows):
@@ -100,8 +100,8 @@ def compare(before: Run, after: Run, pairs: Mapping[str, str] | None = None) -> 
             " both with the same --tasks, --corruptions and --seeds"
         )
     return RunComparison(
-        before=identity_of(before),
-        after=identity_of(after),
+        before=run_identity(before),
+        after=run_identity(after),
         cells=tuple(rows),
         notes=tuple(_notes(before, after, rows, chosen)),
     )
@@ -144,7 +144,7 @@ def _rows(
     names: tuple[str, str], there: scores.ScoreByCell, here: scores.ScoreByCell
 ) -> list[ComparedCell]:
     """Return the conditions of two agents, in the order of the first run."""
-    from ..bench import statistics
+    from ..results import statistics
 
     first, second = names
     labels = [label for agent, label in there if agent == first]
@@ -165,7 +165,7 @@ def _rows(
 
 
 def _row(old: scores.ScoreByCase, new: scores.ScoreByCase) -> dict[str, Any]:
-    from ..bench import statistics
+    from ..results import statistics
 
     before, after, tasks = scores.pairs(old, new)
     row: dict[str, Any] = {
@@ -208,8 +208,10 @@ def _notes(
         differing = [key for key in {**settings[0], **settings[1]} if _differs(key, *settings)]
         listed = ", ".join(differing)
         yield f"The runs differ in their settings, too ({listed}), first in this: {other}."
-    yield from partial_note(scores.partial(before.records) + scores.partial(after.records))
-    versions = [identity_of(run).versions.get(PACKAGE, "unknown") for run in (before, after)]
+    yield from partial_note(
+        scores.count_partial(before.records) + scores.count_partial(after.records)
+    )
+    versions = [run_identity(run).versions.get(PACKAGE, "unknown") for run in (before, after)]
     if versions[0] != versions[1]:
         yield (
             f"{names[0]} was made with {PACKAGE} {versions[0]}, {names[1]} with {versions[1]}:"
@@ -238,7 +240,7 @@ def _unseen(rows: Sequence[ComparedCell]) -> Iterator[str]:
     hidden: dict[tuple[str, str], list[str]] = {}
     has_size: set[tuple[str, str]] = set()
     for row in rows:
-        if row.p is None or row.p < words.SHOWN:
+        if row.p is None or row.p < formatting.SIGNIFICANT_P:
             continue
         names = row.before, row.after
         points = ""

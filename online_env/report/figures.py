@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from hijack_data.plan import CLEAN
 
-from ..bench.scores import worst_labels
-from . import words
+from ..results.scores import worst_labels
+from . import formatting
 from .model import Cell, RunReport
 
 LEFT = 146.0  # width for the names of the conditions: 22 characters
@@ -123,9 +123,9 @@ def _panel(
 
 
 def _success_bar(cell: Cell, kind: str, y: float, end: float) -> BarMark:
-    said = [f"{cell.corruption}: {words.percent(cell.success)} %"]
+    said = [f"{cell.corruption}: {formatting.percent(cell.success)} %"]
     if cell.ci_low is not None:
-        said.append(f"95 % {words.interval(cell.ci_low, cell.ci_high)}")
+        said.append(f"95 % {formatting.interval(cell.ci_low, cell.ci_high)}")
     said.append(f"{cell.n} episodes of {cell.tasks} tasks")
     return BarMark(
         label=cell.corruption,
@@ -135,14 +135,14 @@ def _success_bar(cell: Cell, kind: str, y: float, end: float) -> BarMark:
         low=_maybe(cell.ci_low, end),
         high=_maybe(cell.ci_high, end),
         mark=_maybe(cell.ceiling, end),
-        value=words.percent(cell.success),
+        value=formatting.percent(cell.success),
         title=", ".join(said),
     )
 
 
 def _retention_bar(cell: Cell, kind: str, y: float, end: float) -> BarMark:
-    said = f"{cell.corruption}: keeps {words.percent(cell.retention)} % of its clean success"
-    between = words.kept(cell.retention_low, cell.retention_high)
+    said = f"{cell.corruption}: keeps {formatting.percent(cell.retention)} % of its clean success"
+    between = formatting.retention_interval(cell.retention_low, cell.retention_high)
     unbounded = cell.retention_low is not None and cell.retention_high is None
     return BarMark(
         label=cell.corruption,
@@ -152,7 +152,7 @@ def _retention_bar(cell: Cell, kind: str, y: float, end: float) -> BarMark:
         low=_maybe(cell.retention_low, end),
         high=WIDTH if unbounded else _maybe(cell.retention_high, end),
         mark=None,
-        value=words.percent(cell.retention),
+        value=formatting.percent(cell.retention),
         title=f"{said}, 95 % {between}" if between else said,
     )
 

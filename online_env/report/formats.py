@@ -39,7 +39,7 @@ SUFFIXES: Mapping[str, str] = MappingProxyType(
 )
 
 # Formats that have a place for what an option asks for.
-SHOWING: Mapping[str, tuple[str, ...]] = MappingProxyType(
+FORMATS_BY_OPTION: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "--compare": (TERMINAL, "json", "csv", "markdown", "html"),
         "--reference": (TERMINAL, "json", "markdown", "html"),
@@ -54,12 +54,12 @@ def check_shown(option: str, format: str) -> None:
     Raises:
         ReportError: it does not.
     """
-    if format not in SHOWING[option]:
-        known = ", ".join(SHOWING[option])
+    if format not in FORMATS_BY_OPTION[option]:
+        known = ", ".join(FORMATS_BY_OPTION[option])
         raise ReportError(f"{option} is not shown by the format {format}; give one of {known}")
 
 
-def format_of(named: str | None, out: Path | None) -> str:
+def choose_format(named: str | None, out: Path | None) -> str:
     """Return the format with a name, or the format for the suffix of a file.
 
     Raises:

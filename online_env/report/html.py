@@ -13,12 +13,12 @@ from hijack_data.gallery.markup import source
 from hijack_data.plan import CLEAN
 
 from ..extra import require
-from . import words
-from .ablations import ablations_of, level_table
+from . import formatting
+from .ablations import find_ablations, level_table
 from .document import ReportDocument
 from .figures import LEFT, RIGHT, WIDTH, retention_panels, success_panels
-from .grouped import grouped_panel
 from .identity import RunIdentity
+from .level_figure import grouped_panel
 from .model import RunReport
 from .tables import (
     app_table,
@@ -27,7 +27,7 @@ from .tables import (
     paper_rows,
     parts_table,
     summary_table,
-    trimmed,
+    without_empty_columns,
 )
 
 PAGE = Path(__file__).parent / "page"
@@ -48,15 +48,15 @@ def as_html(document: ReportDocument) -> str:
         matrix=_matrix(report),
         ablations=[
             (ablation, grouped_panel(report, ablation), level_table(report, ablation))
-            for ablation in ablations_of(report)
+            for ablation in find_ablations(report)
         ],
-        summary=trimmed(*summary_table(report)),
-        cells=trimmed(*cell_table(report.cells)),
-        feasible=trimmed(*cell_table(report.feasible)),
-        infeasible=trimmed(*cell_table(report.infeasible)),
-        parts_found=trimmed(*parts_table(report.parts)),
+        summary=without_empty_columns(*summary_table(report)),
+        cells=without_empty_columns(*cell_table(report.cells)),
+        feasible=without_empty_columns(*cell_table(report.feasible)),
+        infeasible=without_empty_columns(*cell_table(report.infeasible)),
+        parts_found=without_empty_columns(*parts_table(report.parts)),
         applications=app_table(report) if report.applications else None,
-        compared=trimmed(*compared_table(compared.cells)) if compared else None,
+        compared=without_empty_columns(*compared_table(compared.cells)) if compared else None,
         paper=paper_rows(document.paper) if document.paper else None,
         has_ceiling=any(cell.ceiling is not None for cell in report.cells),
     )
@@ -81,7 +81,7 @@ def _templates() -> Any:
         lstrip_blocks=True,
     )
     env.filters.update(
-        percent=words.percent,
+        percent=formatting.percent,
         spaced=lambda label: str(label).replace("_", " "),
         short=lambda number: f"{number:.2f}".rstrip("0").rstrip("."),
     )
@@ -107,13 +107,13 @@ def _shown(report: RunReport, agent: str, label: str) -> Mapping[str, Any]:
             "lost": False,
             "title": f"{agent}, {label}: no episode that counts",
         }
-    between = words.interval(cell.ci_low, cell.ci_high)
+    between = formatting.interval(cell.ci_low, cell.ci_high)
     return {
-        "value": words.percent(cell.success),
-        "delta": words.percent(cell.delta, "+") if label != CLEAN else "",
+        "value": formatting.percent(cell.success),
+        "delta": formatting.percent(cell.delta, "+") if label != CLEAN else "",
         "share": round(100 * cell.success),
-        "lost": cell.p is not None and cell.p < words.SHOWN,
-        "title": f"{agent}, {label}: {words.percent(cell.success)} % {between}, n {cell.n}",
+        "lost": cell.p is not None and cell.p < formatting.SIGNIFICANT_P,
+        "title": f"{agent}, {label}: {formatting.percent(cell.success)} % {between}, n {cell.n}",
     }
 
 

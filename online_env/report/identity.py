@@ -7,13 +7,13 @@ from contextlib import suppress
 from typing import Any
 
 from hijack_data.config.files import available
-from hijack_data.corruption import get
+from hijack_data.corruption import make_corruption
 from hijack_data.errors import HijackError
 from hijack_data.runs.amounts import is_amount
 from hijack_data.runs.run_log import RUN, SCORE_RUN, digest_of
 
-from ..bench import scores
-from ..bench.reading import Run, read_head
+from ..results import scores
+from ..results.reading import Run, read_head
 from .model import YEAR_10000, RunIdentity
 
 # The paper's corruptions, in the order of the columns of its main table.
@@ -46,11 +46,11 @@ _SETTING = (
 )
 
 
-def identity_of(run: Run) -> RunIdentity:
+def run_identity(run: Run) -> RunIdentity:
     """Return the identity of a run."""
     head = _head(run)
     config = run.config
-    names = conditions_of(config)
+    names = corruptions_by_label(config)
     final = list(scores.latest(run.records).values())
     desktop = config.get("desktop")
     created = head.get("created")
@@ -68,22 +68,22 @@ def identity_of(run: Run) -> RunIdentity:
         seeds=tuple(sorted({record["seed"] for record in final})),
         tasks=len(set(scores.task_names(map(_case_of, final)))),
         corruptions=names,
-        settings=settings_of(config),
+        settings=changed_parameters(config),
         changed=tuple(_changed(config)),
         planned=run.planned,
         missing=run.missing,
         damaged=len(run.damaged),
-        early=0 if run.is_scored else scores.unreached(final, names),
+        early=0 if run.is_scored else scores.count_unreached(final, names),
         left_out=run.left_out,
     )
 
 
-def conditions_of(config: Mapping[str, Any]) -> dict[str, str]:
+def corruptions_by_label(config: Mapping[str, Any]) -> dict[str, str]:
     """Return the name of the corruption of each label, in the order of a configuration."""
     return {label: name for label, name, _ in _entries(config.get("corruptions"))}
 
 
-def agents_of(config: Mapping[str, Any]) -> list[str]:
+def agent_names(config: Mapping[str, Any]) -> list[str]:
     """Return the agents of a configuration, in its order."""
     return [label for label, _, _ in _entries(config.get("agents"))]
 
@@ -107,7 +107,7 @@ def _entries(listed: Any) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
         yield str(known.get(_AS, name)), str(name), known
 
 
-def settings_of(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def changed_parameters(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Return the parameters of each label that are not the corruption's defaults.
 
     Labels of corruptions that are not installed here are left out.
@@ -115,7 +115,7 @@ def settings_of(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     for label, name, settings in _entries(config.get("corruptions")):
         with suppress(HijackError):
-            default = get(name).params()
+            default = make_corruption(name).params()
             own = {key: value for key, value in settings.items() if key != _AS}
             found[label] = {key: own[key] for key in own if default.get(key) != own[key]}
     return found
@@ -123,7 +123,7 @@ def settings_of(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
 def _changed(config: Mapping[str, Any]) -> Iterator[str]:
     """Yield the labels of the nine whose parameters are not the paper's defaults."""
-    settings = settings_of(config)
+    settings = changed_parameters(config)
     for label, name, _ in _entries(config.get("corruptions")):
         if label in NINE and name == label and settings.get(label):
             yield label
@@ -165,7 +165,7 @@ def _code_of_others(config: Mapping[str, Any]) -> dict[str, Any]:
     listed = config.get("code")
     if not isinstance(listed, dict):
         return {}
-    agents = agents_of(config)
+    agents = agent_names(config)
     files = {name: file for name, file in listed.items() if name not in agents}
     return {
         name: file.get("sha256") if isinstance(file, dict) else file for name, file in files.items()

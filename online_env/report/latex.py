@@ -5,7 +5,7 @@ An agent has a row, a condition a column, and the best of each column is bold.
 
 from collections.abc import Sequence
 
-from . import words
+from . import formatting
 from .document import ReportDocument
 from .model import AgentSummary, RunReport
 from .paper import PaperRow, PaperTable
@@ -59,7 +59,7 @@ def _own(report: RunReport, row: AgentSummary) -> _Row:
 
 def _named(row: AgentSummary) -> str:
     """Return the name of an agent, with what it was given that others are not."""
-    more = words.given(row.given)
+    more = formatting.privileged_inputs(row.given)
     return f"{row.agent} (given {more})" if more else row.agent
 
 

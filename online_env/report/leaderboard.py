@@ -13,19 +13,19 @@ from pathlib import Path
 from hijack_data.errors import HijackError, counted
 from hijack_data.runs.run_log import EPISODES, RUN
 
-from . import words
+from . import formatting
 from .build import load_report
 from .compare import PACKAGE
 from .html import render
 from .model import AgentSummary, ReportError, RunIdentity, RunReport
-from .named import YARDSTICKS
+from .named_scores import YARDSTICKS
 
 _SKIPPED = (EPISODES, "requests", ".git")
 _SUFFIX = "report.json"
 
 
 @dataclass(frozen=True, kw_only=True)
-class FoundReports:
+class ReportFolder:
     """The reports in a folder.
 
     Attributes:
@@ -79,7 +79,7 @@ class Ranking:
     lines: tuple[Standing, ...]
 
 
-def read_all(folder: Path) -> FoundReports:
+def read_reports(folder: Path) -> ReportFolder:
     """Read all runs below a folder, and files named `report.json` or `*.report.json`.
 
     Symbolic links are followed. A run counts once, however many links or reports of it there are.
@@ -107,10 +107,10 @@ def read_all(folder: Path) -> FoundReports:
             f"{folder}: holds no run with episodes{said}; give the folder that --out folders of"
             " hijack bench are in"
         )
-    return FoundReports(folder=folder, reports=tuple(reports), problems=tuple(problems))
+    return ReportFolder(folder=folder, reports=tuple(reports), problems=tuple(problems))
 
 
-def rankings_of(found: FoundReports) -> list[Ranking]:
+def rank_agents(found: ReportFolder) -> list[Ranking]:
     """Return one ranking for each setting, the one with the most agents first."""
     groups: dict[str, list[tuple[str, RunReport]]] = {}
     for place, report in found.reports:
@@ -119,15 +119,15 @@ def rankings_of(found: FoundReports) -> list[Ranking]:
     return sorted(made, key=lambda board: -len(board.lines))
 
 
-def leaderboard(found: FoundReports) -> str:
+def leaderboard(found: ReportFolder) -> str:
     """Return the page."""
     return render(
         "leaderboard.html",
         title="AgentHijack leaderboard",
-        boards=rankings_of(found),
+        boards=rank_agents(found),
         problems=found.problems,
         runs=len(found.reports),
-        interval=words.interval,
+        interval=formatting.interval,
     )
 
 
@@ -236,8 +236,8 @@ def _board(group: Sequence[tuple[str, RunReport]]) -> Ranking:
                 place=place,
                 run=report.run,
                 row=row,
-                worst=", ".join(report.worst_of(row.agent)),
-                values=tuple(words.percent(value) for value in success),
+                worst=", ".join(report.worst_corruptions(row.agent)),
+                values=tuple(formatting.percent(value) for value in success),
                 shares=tuple(round(100 * (value or 0.0)) for value in success),
             )
         )
@@ -260,7 +260,7 @@ def _unranked(report: RunReport, row: AgentSummary) -> str:
     if not report.run.head_sha256:
         return "a log without run.json, so its setting is not known"
     if row.given:
-        return f"given {words.given(row.given)}"
+        return f"given {formatting.privileged_inputs(row.given)}"
     if row.agent in YARDSTICKS:
         return "reference agent"
     if report.run.missing:

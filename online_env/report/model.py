@@ -11,11 +11,11 @@ from types import UnionType
 from typing import Any, TypeVar, cast, get_args, get_type_hints
 
 from hijack_data.errors import HijackError, shown
-from hijack_data.files import check_versioned
-from hijack_data.runs.amounts import MOST
+from hijack_data.file_io import check_versioned
+from hijack_data.runs.amounts import MAX_AMOUNT
 from hijack_data.runs.run_log import GIVEN_KINDS
 
-from ..bench.scores import worst_labels
+from ..results.scores import worst_labels
 
 FORMAT = "agenthijack-report"
 # Version 1 lacked what agents were given, and how conditions differ; version 2 `early` of cells;
@@ -173,7 +173,7 @@ class AgentSummary:
         retention: share of its clean success that it keeps, over all cases that have both.
         retention_low: lower end of its interval.
         retention_high: upper end; `None`, too, if it is unbounded.
-        worst: the first label under which it does worst (`RunReport.worst_of` has all); `None` if
+        worst: the first label under which it does worst (`RunReport.worst_corruptions` has all); `None` if
             no corruption is worse than another.
         worst_success: the least success under a corruption.
         nine: mean success over the paper's nine; `None` unless all nine are there.
@@ -284,7 +284,7 @@ class RunReport:
                 return cell
         return None
 
-    def worst_of(self, agent: str) -> tuple[str, ...]:
+    def worst_corruptions(self, agent: str) -> tuple[str, ...]:
         """The labels under which an agent does worst; none if none is worse than another."""
         own = [cell for cell in self.cells if cell.agent == agent]
         success = {cell.corruption: cell.success for cell in own if cell.success is not None}
@@ -343,7 +343,7 @@ def _check_range(key: str, value: object, where: str) -> None:
     problem = ""
     if isinstance(value, int | float):
         low = -1 if key in _CHANGES else 0
-        high = 1 if key in _CHANGES | _SHARES else MOST
+        high = 1 if key in _CHANGES | _SHARES else MAX_AMOUNT
         if key == "created":
             high = YEAR_10000 - 1
         if not low - _ROUNDED <= value <= high + _ROUNDED:
@@ -374,7 +374,7 @@ def _value(hint: Any, value: object, where: str) -> Any:
         return _made(hint, value, where)  # type: ignore[arg-type]
     expected = getattr(hint, "__origin__", hint)
     if expected is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(max(-2 * MOST, min(value, 2 * MOST)))  # out of range stays so
+        return float(max(-2 * MAX_AMOUNT, min(value, 2 * MAX_AMOUNT)))  # out of range stays so
     if isinstance(value, bool) or not isinstance(value, expected):
         name = getattr(expected, "__name__", expected)
         raise ReportError(f"{where}: must be {name}, got {shown(value)}; make the report again")

@@ -13,7 +13,7 @@ from hijack_data.plan import CLEAN
 
 from .document import ReportDocument
 from .model import AgentSummary, Cell, ReportError, RunReport
-from .named import YARDSTICKS
+from .named_scores import YARDSTICKS
 
 TASK = {"type": "computer-use", "name": "Computer use"}
 DATASET = "agenthijack"

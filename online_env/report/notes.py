@@ -5,14 +5,14 @@ from collections.abc import Iterator
 
 from hijack_data.errors import counted
 from hijack_data.plan import CLEAN
-from hijack_data.runs.given import given_words
+from hijack_data.runs.privileged_inputs import describe_privileged_inputs
 
-from ..bench import scores
-from ..bench.reading import Run
+from ..results import scores
+from ..results.reading import Run
 from .model import RunReport
 
 
-def notes_of(report: RunReport, partial: int = 0) -> tuple[str, ...]:
+def report_notes(report: RunReport, partial: int = 0) -> tuple[str, ...]:
     """Return the notes on a report, of whose scores `partial` are neither 0 nor 1."""
     return tuple(_notes(report, partial))
 
@@ -159,7 +159,7 @@ def _on_what_is_given(report: RunReport) -> Iterator[str]:
         listed = ", ".join(agents)
         verb = "was" if len(agents) == 1 else "were"
         if given:
-            what = given_words(given)
+            what = describe_privileged_inputs(given)
             yield f"{listed} {verb} given {what}, which agents that are compared do not get."
         elif given is None:
             yield f"What {listed} {verb} given beside instruction and pictures is not recorded."

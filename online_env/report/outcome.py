@@ -1,7 +1,7 @@
 """Whether a run is complete: its exit code, and a line about missing episodes."""
 
-from ..bench import scores
-from ..bench.reading import Run
+from ..results import scores
+from ..results.reading import Run
 
 
 def exit_code(run: Run) -> int:

@@ -74,7 +74,7 @@ def paper_table() -> PaperTable:
     )
 
 
-def beside_paper(report: RunReport) -> PaperTable:
+def compare_with_paper(report: RunReport) -> PaperTable:
     """Return the paper's table with the agents of a report below it.
 
     Raises:

@@ -5,17 +5,17 @@ from statistics import fmean
 from typing import Any
 
 from hijack_data.plan import CLEAN
-from hijack_data.runs.given import given_to
+from hijack_data.runs.privileged_inputs import collect_privileged_inputs
 from hijack_data.runs.run_log import GIVEN_KINDS
 
-from ..bench import scores
-from ..bench.reading import ResultRecord
-from . import used
+from ..results import scores
+from ..results.reading import ResultRecord
+from . import usage
 from .identity import NINE, has_all_nine
 from .model import AgentSummary, Cell, RunIdentity
 
 
-def summaries_of(
+def summarise_agents(
     identity: RunIdentity, cells: Sequence[Cell], groups: scores.GroupedRecords, reference: str
 ) -> list[AgentSummary]:
     """Return a summary for each agent of a report.
@@ -51,11 +51,11 @@ def _used(agent: str, labels: Iterable[str], groups: scores.GroupedRecords) -> d
     keys = [(agent, label) for label in labels]
     attempts = [record for key in keys for record in groups.attempts[key]]
     last = [record for key in keys for record in groups.last[key].values()]
-    return {"given": _given(attempts), **used.means(last, attempts)}
+    return {"given": _given(attempts), **usage.means(last, attempts)}
 
 
 def _given(attempts: Sequence[ResultRecord]) -> tuple[str, ...] | None:
-    found = given_to(attempts)
+    found = collect_privileged_inputs(attempts)
     there = {kind for given in found for kind in given}
     return tuple(kind for kind in GIVEN_KINDS if kind in there) if found else None
 
@@ -78,12 +78,12 @@ def _means(own: Mapping[str, Cell], identity: RunIdentity) -> dict[str, Any]:
 
 def _retained(agent: str, groups: scores.GroupedRecords) -> dict[str, float | None]:
     """Return the share of its clean success that an agent keeps over all its corruptions."""
-    there, here, tasks = scores.pairs_of(agent, groups.scored)
+    there, here, tasks = scores.pairs_with_clean(agent, groups.scored)
     if not sum(there):
         return {}
     found: dict[str, float | None] = {"retention": sum(here) / sum(there)}
     if scores.can_infer():
-        from ..bench.statistics import retention_interval
+        from ..results.statistics import retention_interval
 
         kept = retention_interval(there, here, tasks)
         found["retention_low"] = kept.low if kept else None
@@ -96,7 +96,7 @@ def _interval(cells: Sequence[scores.ScoreByCase]) -> dict[str, float]:
     there = [cell for cell in cells if cell]
     if not there or not scores.can_infer():
         return {}
-    from ..bench.statistics import grand_mean_interval
+    from ..results.statistics import grand_mean_interval
 
     pairs = [(list(cell.values()), scores.task_names(cell)) for cell in there]
     interval = grand_mean_interval(pairs)
@@ -113,7 +113,7 @@ def _mce(here: Mapping[str, float], there: Mapping[str, float]) -> float | None:
     shared = [label for label in here if label in there]
     if not shared or not scores.can_infer():
         return None
-    from ..bench.statistics import mean_corruption_error
+    from ..results.statistics import mean_corruption_error
 
     return mean_corruption_error(
         {label: here[label] for label in shared}, {label: there[label] for label in shared}

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any
 
-from . import words
-from .ablations import ablations_of, level_table
+from . import formatting
+from .ablations import find_ablations, level_table
 from .compare import ComparedCell, RunComparison
 from .document import ReportDocument
 from .model import AppSuccess, Cell, RunReport
@@ -97,7 +97,7 @@ def as_markdown(document: ReportDocument) -> str:
         parts += ["Infeasible tasks:", markdown_table(*cell_table(report.infeasible))]
     if report.applications:
         parts += ["By application, clean → corrupted:", markdown_table(*app_table(report))]
-    for ablation in ablations_of(report):
+    for ablation in find_ablations(report):
         table = markdown_table(*level_table(report, ablation))
         parts += [f"### {_safe(ablation.title)}", table]
     if report.parts:
@@ -116,9 +116,9 @@ def cell_table(cells: Sequence[Cell]) -> tuple[Texts, list[Texts]]:
             cell.agent,
             cell.corruption,
             *main_figures(cell),
-            words.percent(cell.ceiling),
-            words.percent(cell.malformed),
-            words.number(cell.steps),
+            formatting.percent(cell.ceiling),
+            formatting.percent(cell.malformed),
+            formatting.number(cell.steps),
             str(cell.errors),
             str(cell.invalid),
         )
@@ -130,12 +130,12 @@ def main_figures(cell: Cell) -> list[str]:
     """Return n, success, the difference to clean with its p, and retention; with intervals."""
     return [
         str(cell.n),
-        words.percent(cell.success),
-        words.interval(cell.ci_low, cell.ci_high),
-        words.percent(cell.delta, "+"),
-        words.interval(cell.delta_low, cell.delta_high, "+"),
-        words.p_value(cell.p),
-        words.percent(cell.retention),
+        formatting.percent(cell.success),
+        formatting.interval(cell.ci_low, cell.ci_high),
+        formatting.percent(cell.delta, "+"),
+        formatting.interval(cell.delta_low, cell.delta_high, "+"),
+        formatting.p_value(cell.p),
+        formatting.percent(cell.retention),
     ]
 
 
@@ -144,17 +144,17 @@ def summary_table(report: RunReport) -> tuple[Texts, list[Texts]]:
     return SUMMARY_HEADINGS, [
         (
             row.agent,
-            words.given(row.given),
-            words.percent(row.clean),
-            words.percent(row.corrupted),
-            words.interval(row.corrupted_low, row.corrupted_high),
-            words.percent(row.retention),
-            words.kept(row.retention_low, row.retention_high),
-            words.worst(report.worst_of(row.agent), row.worst_success),
-            words.percent(row.nine),
-            words.percent(row.paper_average),
-            words.percent(row.mce),
-            words.percent(row.ceiling),
+            formatting.privileged_inputs(row.given),
+            formatting.percent(row.clean),
+            formatting.percent(row.corrupted),
+            formatting.interval(row.corrupted_low, row.corrupted_high),
+            formatting.percent(row.retention),
+            formatting.retention_interval(row.retention_low, row.retention_high),
+            formatting.worst(report.worst_corruptions(row.agent), row.worst_success),
+            formatting.percent(row.nine),
+            formatting.percent(row.paper_average),
+            formatting.percent(row.mce),
+            formatting.percent(row.ceiling),
         )
         for row in report.summaries
     ]
@@ -179,8 +179,8 @@ def _both(row: AppSuccess | None) -> str:
     if row is None:
         return ""
     if row.corrupted is None:
-        return words.percent(row.clean)
-    return f"{words.percent(row.clean) or '–'} → {words.percent(row.corrupted)}"
+        return formatting.percent(row.clean)
+    return f"{formatting.percent(row.clean) or '–'} → {formatting.percent(row.corrupted)}"
 
 
 def parts_table(rows: Sequence[Mapping[str, Any]]) -> tuple[Texts, list[Texts]]:
@@ -206,12 +206,12 @@ def compared_table(cells: Sequence[ComparedCell]) -> tuple[Texts, list[Texts]]:
             cell.after if cell.before == cell.after else f"{cell.before} → {cell.after}",
             cell.corruption,
             str(cell.n),
-            words.percent(cell.success_before),
-            words.percent(cell.success_after),
-            words.percent(cell.difference, "+"),
-            words.interval(cell.low, cell.high, "+"),
-            words.p_value(cell.p),
-            words.percent(cell.detectable),
+            formatting.percent(cell.success_before),
+            formatting.percent(cell.success_after),
+            formatting.percent(cell.difference, "+"),
+            formatting.interval(cell.low, cell.high, "+"),
+            formatting.p_value(cell.p),
+            formatting.percent(cell.detectable),
         )
         for cell in cells
     ]
@@ -231,13 +231,13 @@ def paper_rows(paper: PaperTable) -> tuple[Texts, list[Texts]]:
 
 def markdown_table(headings: Texts, rows: Sequence[Texts]) -> str:
     """Return a Markdown table; columns without a value are left out."""
-    names, lines = trimmed(headings, rows)
+    names, lines = without_empty_columns(headings, rows)
     numbers = [all(_is_number(row[place]) for row in lines) for place in range(len(names))]
     rule = " | ".join("---:" if number else "---" for number in numbers)
     return "\n".join([_line(names), f"| {rule} |", *map(_line, lines)])
 
 
-def trimmed(headings: Texts, rows: Sequence[Texts]) -> tuple[Texts, list[Texts]]:
+def without_empty_columns(headings: Texts, rows: Sequence[Texts]) -> tuple[Texts, list[Texts]]:
     """Return a table without the columns in which no row has a value."""
     kept = [place for place in range(len(headings)) if any(row[place] for row in rows)]
     lines: list[Texts] = [[row[place] for place in kept] for row in rows]
@@ -269,7 +269,7 @@ def _safe(text: str) -> str:
 def _part(key: str, value: float | None) -> str:
     if value is None:
         return ""
-    return str(value) if key in _COUNTED else words.percent(value)
+    return str(value) if key in _COUNTED else formatting.percent(value)
 
 
 def _is_number(text: str) -> bool:

@@ -8,16 +8,16 @@ from typing import Any
 from rich.console import Console
 
 from hijack_data.cli import console
-from hijack_data.cli.tables import FigureTable, grouped
+from hijack_data.cli.figure_table import FigureTable, grouped
 
-from ..bench import costs, scores
 from ..bench.progress import shorten
-from ..bench.reading import ResultRecord, Run
-from . import words
+from ..results import costs, scores
+from ..results.reading import ResultRecord, Run
+from . import formatting
 from .build import build_report
 from .compare import RunComparison
 from .document import ReportDocument
-from .identity import agents_of, conditions_of
+from .identity import agent_names, corruptions_by_label
 from .model import AgentSummary, Cell, RunReport
 from .outcome import missing_line
 from .paper import PaperTable
@@ -36,7 +36,7 @@ _BESIDE = (
 
 def score_rows(run: Run, chosen: Sequence[ResultRecord]) -> list[scores.ScoreRow]:
     """Return the rows of the report's table, in the order of the configuration."""
-    return scores.rows(chosen, agents_of(run.config), list(conditions_of(run.config)))
+    return scores.rows(chosen, agent_names(run.config), list(corruptions_by_label(run.config)))
 
 
 def show(run: Run, reference: str = "") -> None:
@@ -55,7 +55,7 @@ def show(run: Run, reference: str = "") -> None:
     show_report(report, screen)
     final = list(scores.latest(run.records).values())
     if run.is_scored:
-        importlib.import_module("online_env.scoring.tables").show_parts(run, screen)
+        importlib.import_module("online_env.report.parts_table").show_parts(run, screen)
     used = costs.usage_line(run.records)
     if used:
         screen.print(used, soft_wrap=True)
@@ -76,30 +76,30 @@ def show_report(report: RunReport, screen: Any) -> None:
     screen.print("", _beside(report.cells), "", sep="\n")
     for row in report.summaries:
         if row.corrupted is not None:
-            worst = report.worst_of(row.agent)
+            worst = report.worst_corruptions(row.agent)
             line = summary_line(row, report.reference, worst)
             screen.print(line, markup=False, soft_wrap=True)
 
 
 def summary_line(row: AgentSummary, reference: str = "", worst: Sequence[str] = ()) -> str:
     """Return an agent over all its conditions, in words; `worst` are its worst labels."""
-    between = words.interval(row.corrupted_low, row.corrupted_high)
-    more = words.given(row.given)
+    between = formatting.interval(row.corrupted_low, row.corrupted_high)
+    more = formatting.privileged_inputs(row.given)
     named = f"{row.agent} (given {more})" if more else row.agent
     said = [
-        f"{named}: corrupted {words.percent(row.corrupted)}",
-        f"worst {words.worst(worst, row.worst_success)}",
+        f"{named}: corrupted {formatting.percent(row.corrupted)}",
+        f"worst {formatting.worst(worst, row.worst_success)}",
     ]
     if between:
         said.append(f"95 % of corrupted {between}")
     if row.retention is not None:
-        said.append(f"retention {words.percent(row.retention)}")
+        said.append(f"retention {formatting.percent(row.retention)}")
     if row.nine is not None:
-        said.append(f"mean over the nine {words.percent(row.nine)}")
+        said.append(f"mean over the nine {formatting.percent(row.nine)}")
     if row.paper_average is not None:
-        said.append(f"average with clean, as in the paper {words.percent(row.paper_average)}")
+        said.append(f"average with clean, as in the paper {formatting.percent(row.paper_average)}")
     if row.mce is not None:
-        said.append(f"mCE {words.percent(row.mce)} (against {reference})")
+        said.append(f"mCE {formatting.percent(row.mce)} (against {reference})")
     return ", ".join(said)
 
 
@@ -121,15 +121,15 @@ def _beside(cells: Sequence[Cell]) -> FigureTable:
 def _beside_row(cell: Cell) -> list[str]:
     seeds = len(cell.pass_hat)
     return [
-        words.percent(cell.ceiling),
-        f"{words.percent(cell.pass_hat[-1])} (k={seeds})" if seeds > 1 else "",
-        words.percent(cell.detectable),
-        words.percent(cell.malformed),
-        words.number(cell.steps),
-        words.number(cell.seconds),
-        words.count(cell.input_tokens),
-        words.count(cell.output_tokens),
-        words.money(cell.usd),
+        formatting.percent(cell.ceiling),
+        f"{formatting.percent(cell.pass_hat[-1])} (k={seeds})" if seeds > 1 else "",
+        formatting.percent(cell.detectable),
+        formatting.percent(cell.malformed),
+        formatting.number(cell.steps),
+        formatting.number(cell.seconds),
+        formatting.count(cell.input_tokens),
+        formatting.count(cell.output_tokens),
+        formatting.money(cell.usd),
     ]
 
 

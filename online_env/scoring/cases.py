@@ -8,9 +8,9 @@ from typing import Literal, TypeAlias
 
 from hijack_data.errors import ParameterError, suggest
 from hijack_data.plan import CLEAN
-from hijack_data.runs.run_log import row_slug_of
+from hijack_data.runs.run_log import row_slug
 
-from .feed import DatasetRows, ExportedRows, RowData, RowFeed, is_export
+from .dataset_rows import DatasetRows, ExportedRows, RowData, RowFeed, is_export
 from .onlookers import is_reminder
 from .rules import UNSCORED
 
@@ -49,7 +49,7 @@ class Case:
 
     def id(self, agent: str) -> str:
         """The id of its record."""
-        return row_slug_of(self.task, self.variant, self.corruption, self.seed, agent)
+        return row_slug(self.task, self.variant, self.corruption, self.seed, agent)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +83,7 @@ class CaseList:
     labels: tuple[str, ...] = field(default=())
 
 
-def question_of(folder: Path, asked: str | None) -> Question:
+def choose_question(folder: Path, asked: str | None) -> Question:
     """Return what a dataset is asked about: what the user says, or what it is made for.
 
     Raises:
@@ -114,7 +114,7 @@ def open_feed(folder: Path, question: Question) -> RowFeed:
     return DatasetRows(folder)
 
 
-def cases_of(feed: RowFeed, question: Question, chosen: Selection) -> CaseList:
+def select_cases(feed: RowFeed, question: Question, chosen: Selection) -> CaseList:
     """Return the cases of a dataset.
 
     Raises:

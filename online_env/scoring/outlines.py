@@ -15,7 +15,7 @@ KEY = "target_polygon"
 Outline = tuple[tuple[float, float], ...]
 
 
-def outline_of(extra: str | None, scale: tuple[float, float]) -> Outline:
+def target_outline(extra: str | None, scale: tuple[float, float]) -> Outline:
     """Return the outline in a row's picture; empty if the row has none.
 
     Args:

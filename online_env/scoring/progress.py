@@ -7,9 +7,9 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from ..bench.reading import ResultRecord
+from ..results.reading import ResultRecord
 
-EVERY = 5.0  # s between two lines
+LINE_PERIOD_S = 5.0  # s between two lines
 
 
 class ScoreDisplay:
@@ -54,7 +54,7 @@ class ScoreDisplay:
             self._say(" ".join(problem.split())[:300])
         if self._bar is not None:
             self._bar.update(self._task, completed=self._done, description=agent)
-        elif time.monotonic() - self._told > EVERY:
+        elif time.monotonic() - self._told > LINE_PERIOD_S:
             self._told = time.monotonic()
             rate = self._done / (self._told - self._begun)
             left = (self._total - self._done) / rate

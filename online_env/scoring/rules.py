@@ -10,7 +10,7 @@ import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from hijack_data.actions.dialects.fields import key_names
+from hijack_data.actions.dialects.field_checks import key_names
 from hijack_data.errors import ParameterError
 from hijack_data.types import AIMING, Action, Box, Point, Size, in_box
 
@@ -76,7 +76,7 @@ NEAR = Distance()
 
 
 @dataclass(frozen=True, kw_only=True)
-class WantedStep:
+class ExpectedStep:
     """What a row asks for, in pixels of its picture.
 
     Args:
@@ -117,7 +117,7 @@ class StepVerdict:
         return bool(self.parts) and all(self.parts.values())
 
 
-def compare(wanted: WantedStep, got: Action, near: Distance = NEAR) -> StepVerdict:
+def compare(wanted: ExpectedStep, got: Action, near: Distance = NEAR) -> StepVerdict:
     """Compare an agent's action with the recorded one.
 
     Args:
@@ -134,7 +134,7 @@ def compare(wanted: WantedStep, got: Action, near: Distance = NEAR) -> StepVerdi
     return StepVerdict(parts, _reason(parts, want, got), _off(want.point, got.point))
 
 
-def unanswered(wanted: WantedStep, reason: str) -> StepVerdict:
+def unanswered(wanted: ExpectedStep, reason: str) -> StepVerdict:
     """Return the verdict on an answer that holds no action: all parts are wrong."""
     names = ("type", *_counted(wanted))
     return StepVerdict(dict.fromkeys(names, False), reason)
@@ -174,13 +174,13 @@ def inside(polygon: Sequence[tuple[float, float]], point: Point) -> bool:
     return within
 
 
-def _same_type(wanted: WantedStep, got: Action) -> bool:
+def _same_type(wanted: ExpectedStep, got: Action) -> bool:
     if wanted.helpless and got.type == HELP:
         return True
     return got.type == wanted.action.type
 
 
-def _counted(wanted: WantedStep) -> list[str]:
+def _counted(wanted: ExpectedStep) -> list[str]:
     """Return the parts beside the type that the recorded action has.
 
     Text and keys have no place, whatever box stands beside them.
@@ -200,7 +200,7 @@ def _counted(wanted: WantedStep) -> list[str]:
     return names
 
 
-def _details(wanted: WantedStep, got: Action, near: Distance) -> dict[str, bool]:
+def _details(wanted: ExpectedStep, got: Action, near: Distance) -> dict[str, bool]:
     want = wanted.action
     parts: dict[str, bool] = {}
     for name in _counted(wanted):
@@ -219,7 +219,7 @@ def _details(wanted: WantedStep, got: Action, near: Distance) -> dict[str, bool]
     return parts
 
 
-def _in_place(wanted: WantedStep, point: Point | None, near: Distance) -> bool:
+def _in_place(wanted: ExpectedStep, point: Point | None, near: Distance) -> bool:
     if point is None:
         return False
     if wanted.polygon:
@@ -229,7 +229,7 @@ def _in_place(wanted: WantedStep, point: Point | None, near: Distance) -> bool:
     return in_box(wanted.box, point)
 
 
-def _is_near(wanted: WantedStep, one: Point | None, other: Point | None, near: Distance) -> bool:
+def _is_near(wanted: ExpectedStep, one: Point | None, other: Point | None, near: Distance) -> bool:
     if one is None or other is None:
         return False
     return near.reaches(one, other, wanted.scale, wanted.size)

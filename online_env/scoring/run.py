@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import ParameterError
-from hijack_data.loading import source_of
+from hijack_data.loading import find_source
 from hijack_data.locking import Lock
 from hijack_data.registry import is_ours
 from hijack_data.runs.run_log import SCORE_RUN
@@ -15,16 +15,16 @@ from hijack_data.runs.run_log import SCORE_RUN
 from ..agents.agent_calls import method_names
 from ..agents.references import AgentReference, is_user_code
 from ..agents.registry import AGENTS
-from ..bench import records
-from ..bench.reading import ResultRecord
-from .asking import Asking
-from .cases import Case, CaseKey, CaseList, Question, Selection, cases_of, open_feed
+from ..results import records
+from ..results.reading import ResultRecord
+from .cases import Case, CaseKey, CaseList, Question, Selection, open_feed, select_cases
+from .row_asker import AskSettings
 from .rules import NEAR, Distance
 from .workers import Listener, WorkerPool
 
-WRITTEN_AFTER = 1.0  # s until answered rows are written at the latest
-MOST_HELD = 32  # rows that are held until then
-TIMEOUT = 120.0  # s that an agent has for a row
+WRITE_PERIOD_S = 1.0  # s until answered rows are written at the latest
+MAX_UNWRITTEN_ROWS = 32  # rows that are held until then
+ROW_TIMEOUT_S = 120.0  # s that an agent has for a row
 _METHODS: Mapping[Question, str] = {
     "steps": "predict",
     "reminders": "check",
@@ -55,16 +55,16 @@ class ScoreSettings:
     question: Question = "steps"
     chosen: Selection = field(default_factory=Selection)
     near: Distance = NEAR
-    timeout: float = TIMEOUT
+    timeout: float = ROW_TIMEOUT_S
     workers: int = 1
     batch: int = 8
     in_process: bool = False
     agent_memory: float = 0.0
 
-    def asking(self, agent: str) -> Asking:
+    def asking(self, agent: str) -> AskSettings:
         """How rows are put to one of the agents."""
         in_runner = self.in_process and is_user_code(AGENTS.get(agent))
-        return Asking(
+        return AskSettings(
             agent=agent,
             question=self.question,
             near=self.near,
@@ -88,7 +88,7 @@ class ScoreRun:
         self.settings = settings
         feed = open_feed(settings.dataset, settings.question)
         self._content = feed.content
-        self.cases: CaseList = cases_of(feed, settings.question, settings.chosen)
+        self.cases: CaseList = select_cases(feed, settings.question, settings.chosen)
         for agent in settings.agents:
             _check_agent(agent, settings.question)
         found = map(_code_of, settings.agents)
@@ -189,8 +189,8 @@ def _write(
         for record in found:
             held.append(record)
             tick(record)
-            due = time.monotonic() - written > WRITTEN_AFTER
-            if due or len(held) >= MOST_HELD:
+            due = time.monotonic() - written > WRITE_PERIOD_S
+            if due or len(held) >= MAX_UNWRITTEN_ROWS:
                 # Nothing is held any more if Ctrl-C comes while it is written: a record that was
                 # appended twice would damage the run.
                 batch = held
@@ -226,7 +226,7 @@ def _code_of(agent: str) -> tuple[str, dict[str, Any]]:
         settings = {} if maker.settings is None else {"settings": dict(maker.settings)}
         return agent, {**maker.source, **settings}
     found: dict[str, Any] = {}
-    source = None if is_ours(maker) else source_of(maker)
+    source = None if is_ours(maker) else find_source(maker)
     if source is not None:
         found.update(source)
     settings = getattr(maker, "settings", None)

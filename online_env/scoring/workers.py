@@ -14,12 +14,12 @@ from typing import TypeAlias
 
 from ..agents.agent_calls import AgentError, RunningAgent
 from ..agents.agent_process import AgentProcess
-from ..agents.apart import Apart
+from ..agents.agent_thread import AgentThread
 from ..agents.references import is_user_code, reference_to
 from ..agents.registry import AGENTS, make
-from ..bench.reading import ResultRecord
-from .asking import Asker, Asking
+from ..results.reading import ResultRecord
 from .cases import Case, open_feed
+from .row_asker import AskSettings, RowAsker
 
 CHUNK = 16  # rows that a thread takes at a time: as many as a row group of a dataset
 JOIN_TIMEOUT_S = 10.0  # seconds for a thread to notice that the run is over
@@ -42,7 +42,7 @@ class WorkerPool:
     def __init__(
         self,
         folder: Path,
-        asking: Asking,
+        asking: AskSettings,
         *,
         count: int,
         timeout: float,
@@ -95,7 +95,9 @@ class WorkerPool:
     def _work(self) -> None:
         """Put shares of rows to an agent of this thread until none is left."""
         try:
-            asker = Asker(self._asking, open_feed(self._folder, self._asking.question), self._start)
+            asker = RowAsker(
+                self._asking, open_feed(self._folder, self._asking.question), self._start
+            )
             try:
                 while not self._stopped:
                     try:
@@ -117,7 +119,7 @@ class WorkerPool:
         asking = self._asking
         entry = AGENTS.get(asking.agent)
         if asking.in_process or not is_user_code(entry):
-            return Apart(partial(make, asking.agent), self._timeout)
+            return AgentThread(partial(make, asking.agent), self._timeout)
         reference = reference_to(entry, asking.agent)
         agent = AgentProcess(reference, self._timeout, memory=self._memory)
         with self._lock:
@@ -129,19 +131,19 @@ class WorkerPool:
             raise
         return agent
 
-    def _put(self, asker: Asker, share: Sequence[Case]) -> None:
+    def _put(self, asker: RowAsker, share: Sequence[Case]) -> None:
         for start in range(0, len(share), asker.batch):
             part = share[start : start + asker.batch]
             if len(part) > 1:
                 try:
-                    self._tell_all(part, asker.several(part))
+                    self._tell_all(part, asker.ask_rows(part))
                     continue
                 except AgentError as error:
                     self._tell(f"predict_batch fails, so its rows are asked one by one: {error}")
             for case in part:
                 if self._stopped:
                     return
-                self._tell_all([case], [asker.one(case)])
+                self._tell_all([case], [asker.ask_row(case)])
 
     def _tell_all(self, cases: Sequence[Case], records: Sequence[ResultRecord]) -> None:
         for judged in zip(cases, records, strict=True):

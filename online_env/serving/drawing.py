@@ -18,7 +18,7 @@ from hijack_data.planner import Planner
 from hijack_data.rng import Stream
 
 from ..environment.runner import checked_seed
-from ..tasks import sets
+from ..tasks import task_sets
 from .errors import HeldOutTaskError
 
 GROUPS = 10_000  # number of groups whose rollouts are counted
@@ -183,7 +183,7 @@ class EpisodeDraws:
 
 def sides(tasks: Iterable[str]) -> dict[str, tuple[str, ...]]:
     """Return tasks by their side of the split; tasks of your own count as training."""
-    held_out = set(sets.members(HELD_OUT))
+    held_out = set(task_sets.members(HELD_OUT))
     names = tuple(tasks)
     return {
         TRAINING: tuple(name for name in names if name not in held_out),

@@ -11,7 +11,7 @@ from hijack_data import __version__
 from hijack_data.errors import ParameterError, UnknownNameError, some_of, suggest
 from hijack_data.png import encode
 
-from ..agents.adapters.reading import PYAUTOGUI
+from ..agents.adapters.action_codes import PYAUTOGUI
 from .drawing import HELD_OUT, TRAINING
 from .service import DesktopService
 from .sessions import DesktopSession, SessionView

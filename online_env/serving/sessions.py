@@ -10,7 +10,7 @@ from typing import Any
 from hijack_data.errors import HijackError
 from hijack_data.types import Size, UInt8Array
 
-from ..agents.adapters.reading import PYAUTOGUI, codes_of
+from ..agents.adapters.action_codes import PYAUTOGUI, read_action_codes
 from ..environment import CorruptedEnv
 from ..errors import DesktopError, MissingCapabilityError
 from .drawing import EpisodeChoice
@@ -187,7 +187,7 @@ class DesktopSession:
         env = lease.env
         if env is None:
             raise HijackError("no episode is under way: call reset first")
-        codes, _ = codes_of(action, dialect, view.size)
+        codes, _ = read_action_codes(action, dialect, view.size)
         try:
             for code in codes:
                 if env.record is not None:

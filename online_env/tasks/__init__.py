@@ -23,7 +23,7 @@ try:
     from .hand import Hand
     from .machine import Machine
 except ModuleNotFoundError as error:
-    raise extra.explained(error, "a live task") from None
+    raise extra.import_error(error, "a live task") from None
 
 __all__ = ["TASKS", "Hand", "Machine", "Task", "Verdict", "get", "names", "register"]
 
@@ -67,7 +67,9 @@ class TaskRegistry(Registry[type[Task]]):
         return text.endswith(OSWORLD_SUFFIX) or super().is_reference(text)
 
 
-TASKS = TaskRegistry("task", "tasks", builtin=suite.listed(), own_name="name", problems=_problems)
+TASKS = TaskRegistry(
+    "task", "tasks", builtin=suite.class_references(), own_name="name", problems=_problems
+)
 
 
 def register(cls: type[T]) -> type[T]:

@@ -33,8 +33,8 @@ class Verdict:
 class Task(ABC):
     """A task with its seed; another seed gives the same task with other words, names and numbers.
 
-    A subclass gives the class variables, and `draw`, `prepare`, `opens`, `problems`, `oracle`,
-    `wrong` and `right` as far as it needs them. All that a seed decides comes from `draw`, so
+    A subclass gives the class variables, and `draw`, `prepare`, `initial_app`, `problems`, `oracle`,
+    `wrong_results` and `right_result` as far as it needs them. All that a seed decides comes from `draw`, so
     instruction, preparation and judgement cannot disagree. Paths are relative to the home folder
     of the desktop's user. All methods raise `DesktopError` (or a subclass) if the desktop fails.
 
@@ -42,7 +42,7 @@ class Task(ABC):
         name: The name, in snake_case.
         domain: The kind of work, such as `files`; the folder of a task of the suite.
         apps: The applications that the task uses, as `kit.apps.APPS` names them. The first one is
-            open at the start, unless `opens` says otherwise.
+            open at the start, unless `initial_app` says otherwise.
         phrasings: The instruction in several wordings, of which the seed chooses one. `{key}` is
             replaced by what `draw` returns.
         infeasible: Why the task cannot be done, so that `FAIL` is the right answer; "" if it can.
@@ -69,10 +69,10 @@ class Task(ABC):
         """What the agent is asked to do."""
         stream = Stream(self.seed, f"task-{self.name}-phrasing")
         phrasing = stream.choice(self.phrasings)
-        return phrasing.format(**vars(self.drawn))
+        return phrasing.format(**vars(self.values))
 
     @cached_property
-    def drawn(self) -> SimpleNamespace:
+    def values(self) -> SimpleNamespace:
         """What the seed decides, by the keys of `draw`."""
         return SimpleNamespace(**self.draw(self.stream()))
 
@@ -88,7 +88,7 @@ class Task(ABC):
         """Put files and stored state in place, behind the screen; nothing by default."""
         return None
 
-    def opens(self, machine: Machine) -> Sequence[str]:
+    def initial_app(self, machine: Machine) -> Sequence[str]:
         """Return the application that is open at the start, and its arguments; () for none.
 
         A careful user who loses the window starts the same again.
@@ -100,7 +100,7 @@ class Task(ABC):
         """Yield what is wrong with the result; nothing if the task is done.
 
         Judge by files and by what applications and sites stored, never by pixels, and change
-        nothing. Begin with `yield from machine.untouched(...)`, so that collateral damage counts.
+        nothing. Begin with `yield from machine.unexpected_changes(...)`, so that collateral damage counts.
         """
         ...
 
@@ -108,7 +108,7 @@ class Task(ABC):
     def oracle(self, hand: Hand) -> None:
         """Do the task as a person would, with pointer and keyboard.
 
-        It begins where `opens` ends, and may be begun once more after something went wrong. The
+        It begins where `initial_app` ends, and may be begun once more after something went wrong. The
         oracle of an infeasible task looks where a person would look, and gives up.
         """
         ...
@@ -116,19 +116,19 @@ class Task(ABC):
     def plan(self) -> Sequence[str]:
         """Return how a person would be told to do the task, step by step; () for nothing.
 
-        `plan_words` has the grammar. The plan begins where `opens` ends, holds the values that the
+        `plan_words` has the grammar. The plan begins where `initial_app` ends, holds the values that the
         seed drew, and only what can be read on the screen. Only agents with `uses_plan` get it.
         """
         return ()
 
-    def wrong(self) -> Mapping[str, Outcome]:
+    def wrong_results(self) -> Mapping[str, Outcome]:
         """Return wrong results by what is wrong: functions that bring them about by files.
 
         Each of them, after `prepare`, must be judged 0.
         """
         return {}
 
-    def right(self, machine: Machine) -> object:
+    def right_result(self, machine: Machine) -> object:
         """Bring a right result about by files, and not byte for byte as the oracle does.
 
         It must be judged 1.
@@ -143,7 +143,7 @@ class Task(ABC):
         machine.begin()
         self.prepare(machine)
         machine.remember()
-        opened = self.opens(machine)
+        opened = self.initial_app(machine)
         if opened:
             machine.open(*opened)
 
@@ -167,7 +167,7 @@ class Task(ABC):
             )
         machine.wait_until_idle(self.apps)
         found = list(self.problems(machine))
-        found += machine.untouched_sites(but=self.sites)
+        found += machine.unexpected_site_changes(but=self.sites)
         if found:
             return Verdict(0.0, "; ".join(found))
         return Verdict(1.0, "FAIL was right" if self.infeasible else "done as asked")

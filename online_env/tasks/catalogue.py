@@ -5,9 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 from typing import Any
 
-from hijack_data.corruption import names as corruption_names
+from hijack_data.corruption import corruption_names
 
-from . import get, sets
+from . import get, task_sets
 from .base import Task
 from .suite import listed
 
@@ -43,8 +43,8 @@ def rows(names: Iterable[str] | None = None) -> list[dict[str, Any]]:
     Args:
         names: Which tasks; all of the suite if omitted.
     """
-    known = sets.measured()
-    held_out = set(sets.members("held_out"))
+    known = task_sets.read_measurements()
+    held_out = set(task_sets.members("held_out"))
     found: list[dict[str, Any]] = []
     for name in listed() if names is None else names:
         task = get(name)
@@ -57,7 +57,7 @@ def rows(names: Iterable[str] | None = None) -> list[dict[str, Any]]:
                 "instruction": task.instruction,
                 "what": summary(task),
                 "infeasible": task.infeasible,
-                "wrong": list(task.wrong()),
+                "wrong": list(task.wrong_results()),
                 "actions": measured.actions if measured else None,
                 "seconds": measured.seconds if measured else None,
                 "unsolvable": dict(task.unsolvable),
@@ -84,10 +84,10 @@ def page(found: Sequence[Mapping[str, Any]], pictures: str = "") -> str:
     head = _HEAD.format(
         count=len(found),
         domains=len(domains),
-        small=len(sets.members("small")),
-        core=len(sets.members("core")),
-        minutes=round(sum(found.seconds for found in sets.measured().values()) / 60),
-        sample=", ".join(f"`{name}`" for name in sets.members("sample")),
+        small=len(task_sets.members("small")),
+        core=len(task_sets.members("core")),
+        minutes=round(sum(found.seconds for found in task_sets.read_measurements().values()) / 60),
+        sample=", ".join(f"`{name}`" for name in task_sets.members("sample")),
     )
     parts = [head, _table(found, domains)]
     for domain in sorted(domains):

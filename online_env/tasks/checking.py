@@ -20,7 +20,7 @@ from ..embedded.sites.state import SiteState
 from ..errors import DesktopError, MissingPackageError
 from . import TASKS
 from .base import Outcome, Task
-from .folder import FolderDesktop
+from .folder_desktop import FolderDesktop
 from .hand import GiveUpError, Hand
 from .kit.apps import APPS
 from .machine import Machine
@@ -35,7 +35,7 @@ SEEDS = 3  # variants that are checked
 _BYSTANDER = "Documents/bystander.txt"
 
 
-def tasks_of(file: LoadedFile) -> list[str]:
+def task_names(file: LoadedFile) -> list[str]:
     """Return the names of the tasks in a loaded file: those it registers, and its own classes."""
     named = list(file.names.get("task", ()))
     known = [TASKS.get(name) for name in named]
@@ -158,7 +158,7 @@ def unchecked(task: Task) -> Iterator[str]:
 def _is_judged_alike(other: Task, task: Task) -> bool:
     """Return whether a task with another value takes the right result of the first for right."""
     try:
-        return any(_judged(other, task, (task.right,), "DONE", 0.0, ""))
+        return any(_judged(other, task, (task.right_result,), "DONE", 0.0, ""))
     except Exception:  # noqa: BLE001  (values that two seeds drew need not go together)
         return False
 
@@ -166,10 +166,10 @@ def _is_judged_alike(other: Task, task: Task) -> bool:
 def _with_another(task: Task, key: str) -> Task | None:
     """Return the task with the value of one key from another variant, if one has another."""
     for seed in range(1, 12):
-        value = getattr(task.variant(seed).drawn, key)
-        if value != getattr(task.drawn, key):
+        value = getattr(task.variant(seed).values, key)
+        if value != getattr(task.values, key):
             other = task.variant(task.seed)
-            setattr(other.drawn, key, value)
+            setattr(other.values, key, value)
             return other
     return None
 
@@ -190,8 +190,8 @@ def shortcomings(task: Task) -> Iterator[str]:
     """Yield what a task of the suite must have, and others should."""
     if len(task.phrasings) < PHRASINGS:
         yield f"it has {len(task.phrasings)} phrasings, not {PHRASINGS}"
-    if len(task.wrong()) < WRONG_RESULTS and not task.infeasible:
-        yield f"it has {len(task.wrong())} wrong results, not {WRONG_RESULTS}"
+    if len(task.wrong_results()) < WRONG_RESULTS and not task.infeasible:
+        yield f"it has {len(task.wrong_results())} wrong results, not {WRONG_RESULTS}"
     if len({task.variant(seed).instruction for seed in range(12)}) < PHRASINGS:
         yield "its instruction hardly varies with the seed"
     for app in task.apps:
@@ -201,7 +201,7 @@ def shortcomings(task: Task) -> Iterator[str]:
 
 def _words(task: Task) -> Iterator[str]:
     """Yield what is wrong with the instruction."""
-    keys = set(vars(task.drawn))
+    keys = set(vars(task.values))
     for phrasing in task.phrasings:
         try:
             used = {name for _, name, _, _ in string.Formatter().parse(phrasing)} - {None}
@@ -227,11 +227,13 @@ def _results(task: Task) -> Iterator[str]:
     if task.infeasible:
         yield from _judged(task, task, (), "FAIL", 1.0, "FAIL")
     else:
-        yield from _judged(task, task, (task.right,), bad_answer, 0.0, "a right result, and FAIL")
-        yield from _judged(task, task, (task.right,), good_answer, 1.0, "the right result")
-    for label, wrong in task.wrong().items():
+        yield from _judged(
+            task, task, (task.right_result,), bad_answer, 0.0, "a right result, and FAIL"
+        )
+        yield from _judged(task, task, (task.right_result,), good_answer, 1.0, "the right result")
+    for label, wrong in task.wrong_results().items():
         yield from _judged(task, task, (wrong,), good_answer, 0.0, f"the wrong result {label!r}")
-    done = () if task.infeasible else (task.right,)
+    done = () if task.infeasible else (task.right_result,)
     for label, damage in _DAMAGES.items():
         yield from _judged(task, task, (*done, damage), good_answer, 0.0, label)
 

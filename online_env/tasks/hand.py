@@ -10,9 +10,9 @@ from typing import TypeAlias, TypeVar
 from ..desktops.commands import home
 from ..desktops.protocol import Desktop
 from ..errors import DesktopError, DesktopTimeoutError
-from .tree import TreeNode, nodes
+from .tree_nodes import TreeNode, read_tree
 
-PATIENCE = 20.0
+TIMEOUT_S = 20.0
 PAUSE = 0.1  # s between two looks, at first
 LONGEST_PAUSE = 0.5  # s; looking costs the machine time that what is waited for needs
 BUTTONS = ("push-button", "button")
@@ -32,16 +32,16 @@ class Hand:
 
     Args:
         desktop: Where to act.
-        patience: Seconds to wait for something before `DesktopTimeoutError`.
+        timeout: Seconds to wait for something before `DesktopTimeoutError`.
     """
 
-    def __init__(self, desktop: Desktop, patience: float = PATIENCE) -> None:
+    def __init__(self, desktop: Desktop, timeout: float = TIMEOUT_S) -> None:
         self._desktop = desktop
-        self._patience = patience
+        self._patience = timeout
 
     def look(self) -> list[TreeNode]:
         """Return the nodes of the accessibility tree as it is now."""
-        return nodes(self.tree())
+        return read_tree(self.tree())
 
     def tree(self) -> str:
         """Return the accessibility tree as it is now, as XML."""
@@ -116,7 +116,9 @@ class Hand:
         test = fits(roles, name, app, state)
         return next((node for node in self.look() if test(node)), None)
 
-    def gone(self, roles: Roles, name: Name = None, app: str = "", state: str = "") -> None:
+    def wait_until_gone(
+        self, roles: Roles, name: Name = None, app: str = "", state: str = ""
+    ) -> None:
         """Wait until no such node shows; the arguments are `find`'s.
 
         Raises:
@@ -131,7 +133,7 @@ class Hand:
             time.sleep(pause)
             pause = _longer(pause)
 
-    def at_rest(self, what: str, read: Callable[[], T | None]) -> T:
+    def wait_until_stable(self, what: str, read: Callable[[], T | None]) -> T:
         """Read a part of the screen again and again, until it is there and stays as it is.
 
         Args:
@@ -264,7 +266,7 @@ class Hand:
         # Until the button can be pressed, its key opens the dialog's search.
         self.find(BUTTONS, button, app, "sensitive")
         self.press("enter")
-        self.gone("file-chooser", app=app)
+        self.wait_until_gone("file-chooser", app=app)
 
     # What a person knows
 
@@ -325,11 +327,11 @@ def _words(roles: Roles, name: Name, app: str, state: str) -> str:
     return f"{what} of {app or 'any application'}"
 
 
-def _missing(what: str, patience: float, seen: list[TreeNode]) -> str:
+def _missing(what: str, timeout: float, seen: list[TreeNode]) -> str:
     """Return what was looked for in vain, and what was there instead."""
     shown = sorted({f"{node.role} {node.name!r}" for node in seen if node.box and node.name})
     apps = ", ".join(sorted({node.app for node in seen})) or "none"
     return (
-        f"no {what} came up within {patience:g} s; applications: {apps}; "
+        f"no {what} came up within {timeout:g} s; applications: {apps}; "
         f"{len(shown)} named elements show: {', '.join(shown[:30])}"
     )

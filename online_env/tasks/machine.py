@@ -166,7 +166,7 @@ class Machine:
 
     def _start(self, known: TaskApp, arguments: Sequence[str]) -> None:
         commands.launch(self.desktop, *known.argv, *arguments)
-        hand = Hand(self.desktop, patience=known.patience)
+        hand = Hand(self.desktop, timeout=known.timeout)
         for role in known.ready:
             hand.find(role, app=known.tree)
         if any(argument.startswith("http://") for argument in arguments):
@@ -244,7 +244,7 @@ class Machine:
                 files[path] += f" {digest}"
         return Snapshot(files=files, sites=self._stored())
 
-    def untouched(self, *but: str) -> Iterator[str]:
+    def unexpected_changes(self, *but: str) -> Iterator[str]:
         """Yield what was added, removed or changed in the home folder and should not have been.
 
         Hidden files are not looked at. Folders that had to be made for what is allowed are fine.
@@ -264,7 +264,7 @@ class Machine:
             else:
                 yield f"{path} was added"
 
-    def untouched_sites(self, but: Iterable[str] = ()) -> Iterator[str]:
+    def unexpected_site_changes(self, but: Iterable[str] = ()) -> Iterator[str]:
         """Yield the local sites whose stored state differs from before, but for some.
 
         Whether a mail was read does not count, nor a cart that is empty again.

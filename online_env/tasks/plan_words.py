@@ -46,7 +46,7 @@ class PlanWordsError(HijackError, ValueError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ToldStep:
+class PlanStep:
     """One step of a plan in words.
 
     Args:
@@ -75,13 +75,13 @@ def quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
 
 
-def read_plan(lines: Iterable[str]) -> tuple[ToldStep, ...]:
+def read_plan(lines: Iterable[str]) -> tuple[PlanStep, ...]:
     """Return the steps of a plan in words.
 
     Raises:
         PlanWordsError: Steps cannot be read; the message has all of them, with number and remedy.
     """
-    steps: list[ToldStep] = []
+    steps: list[PlanStep] = []
     problems: list[str] = []
     for number, line in enumerate(lines, 1):
         try:
@@ -100,7 +100,7 @@ class _StepReader:
         self._line = line
         self._rest = line.strip()
 
-    def read(self) -> ToldStep:
+    def read(self) -> PlanStep:
         verb = self._taken(_VERB)
         if verb is None:
             first = self._rest.split(" ")[0]
@@ -110,7 +110,7 @@ class _StepReader:
             raise PlanWordsError(f"{self._rest!r} is too much; a step is one thing to do")
         return step
 
-    def _of(self, verb: str) -> ToldStep:
+    def _of(self, verb: str) -> PlanStep:
         match verb:
             case "press":
                 return self._press()
@@ -119,13 +119,13 @@ class _StepReader:
             case "wait":
                 return self._wait()
             case "window" | "type" | "give up":
-                return ToldStep(line=self._line, verb=verb, text=self._text(verb))
+                return PlanStep(line=self._line, verb=verb, text=self._text(verb))
             case _:
                 return self._pointer(verb)
 
-    def _pointer(self, verb: str) -> ToldStep:
+    def _pointer(self, verb: str) -> PlanStep:
         side = self._taken(_SIDE)
-        return ToldStep(
+        return PlanStep(
             line=self._line,
             verb=verb,
             side=side.group() if side else "",
@@ -133,13 +133,13 @@ class _StepReader:
             near=self._near(),
         )
 
-    def _wait(self) -> ToldStep:
+    def _wait(self) -> PlanStep:
         if self._taken(re.compile("for")) is None:
-            return ToldStep(line=self._line, verb="wait")
+            return PlanStep(line=self._line, verb="wait")
         text = self._text("wait for")
-        return ToldStep(line=self._line, verb="wait", text=text, near=self._near())
+        return PlanStep(line=self._line, verb="wait", text=text, near=self._near())
 
-    def _press(self) -> ToldStep:
+    def _press(self) -> PlanStep:
         found = self._taken(_KEYS)
         if found is None:
             raise PlanWordsError("press takes keys, such as: press ctrl+s, or: press tab 3 times")
@@ -147,13 +147,13 @@ class _StepReader:
         for key in keys:
             if len(key) > 1 and key not in _NAMED_KEYS:
                 raise PlanWordsError(f"there is no key {key!r}{suggest(key, _NAMED_KEYS)}")
-        return ToldStep(line=self._line, verb="press", keys=keys, count=_count(found["count"]))
+        return PlanStep(line=self._line, verb="press", keys=keys, count=_count(found["count"]))
 
-    def _scroll(self) -> ToldStep:
+    def _scroll(self) -> PlanStep:
         found = self._taken(_SCROLL)
         if found is None:
             raise PlanWordsError('scroll takes a way: scroll down 3, or: scroll down to "Send"')
-        return ToldStep(
+        return PlanStep(
             line=self._line,
             verb="scroll",
             way=found["way"],

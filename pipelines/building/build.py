@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Unpack
 
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 from hijack_data.paths import PathLike
 
 from ..dataset.columns import pyarrow
@@ -16,22 +16,22 @@ from ..dataset.shard import ShardRecord
 from ..engines import Engine, get_engine
 from ..errors import BuildError
 from ..readers import Rejected
-from ..readers.choices import ReaderOptions
-from ..readers.files import is_utf8
+from ..readers.reader_options import ReaderOptions
+from ..readers.safe_files import is_utf8
 from ..sources import SourceItem, Sources
-from .card import CARD, CONFIG, make_card
-from .folder import OutFolder, parameters_in
-from .loaded import require
-from .options import BuildKeywords, BuildOptions, Progress, with_options
+from .build_options import BuildKeywords, BuildOptions, Progress, with_options
+from .build_report import BuildReport, transparency_note
+from .dataset_card import CARD, CONFIG, make_card
+from .dry_run import run_dry
+from .item_buffer import read_items
+from .loaded_files import check_loaded
+from .output_folder import OutFolder, parameters_in
 from .quarantine import Quarantine
-from .reading import read_items
-from .replacing import replaced
-from .report import BuildReport, transparency_note
-from .rows import RowSettings
-from .settings import config_of, in_order, parameters_of, settings_of
+from .replacement import replacement_folder
+from .row_settings import build_config, in_order, make_settings, manifest_parameters
 from .shards import ShardTask, shard_tasks
 from .splits import Splits, choose_splits
-from .trial import tried
+from .step_rows import RowSettings
 
 
 @with_options
@@ -72,7 +72,7 @@ def build(
     engine = get_engine(asked.engine, asked.ray_address)
     asked.check()
     if asked.resume:
-        require(parameters_in(Path(out)), os.fspath(out))
+        check_loaded(parameters_in(Path(out)), os.fspath(out))
     plan = _planned(source, Path(out), asked)
     items, steps = read_items(plan.sources, asked.limit, count=asked.progress is not None)
     meter = _Meter(asked.progress, plan.settings.variants, steps)
@@ -84,9 +84,9 @@ def build(
 def _planned(source: PathLike | Sequence[PathLike], out: Path, asked: BuildOptions) -> "_BuildPlan":
     """Open the sources and check everything that can be checked before records are read."""
     choices = ReaderOptions(asked.coordinates, asked.boxes, asked.episode_key)
-    sources = Sources.of(source, asked.format, choices, apps=asked.apps, platform=asked.platform)
+    sources = Sources.open(source, asked.format, choices, apps=asked.apps, platform=asked.platform)
     options = asked.resolved()
-    settings, notes = settings_of(options)
+    settings, notes = make_settings(options)
     splits = choose_splits(options.splits)
     for path in sources.paths:
         _check_apart(out, path)
@@ -131,9 +131,9 @@ class _BuildPlan:
         per_shard = self.options.rows_per_shard
         return shard_tasks(items, per_shard, self.settings.variants, reject, self.splits)
 
-    def tried(self, items: Iterator[SourceItem], meter: _Meter) -> BuildReport:
+    def run_dry(self, items: Iterator[SourceItem], meter: _Meter) -> BuildReport:
         """Make all rows, write nothing, and return the report."""
-        report = tried(
+        report = run_dry(
             lambda reject: self.tasks(items, reject),
             self.settings,
             strict=self.options.strict,
@@ -145,8 +145,8 @@ class _BuildPlan:
     def built(self, items: Iterator[SourceItem], meter: _Meter, engine: Engine) -> BuildReport:
         """Write the dataset and return the report."""
         options = self.options
-        parameters = parameters_of(self.settings, options, self.sources, self.splits)
-        with replaced(self.out, options.overwrite) as place:
+        parameters = manifest_parameters(self.settings, options, self.sources, self.splits)
+        with replacement_folder(self.out, options.overwrite) as place:
             folder = OutFolder(place)
             with folder.opened(parameters, options.resume):
                 quarantine = Quarantine(folder.state, options.strict)
@@ -183,9 +183,9 @@ class _Job:
         out = self.folder.path
         shards = [self.shards[index] for index in sorted(self.shards)]
         self.quarantine.write(out, shards)
-        config = config_of(plan.settings, plan.splits)
+        config = build_config(plan.settings, plan.splits)
         rejected = self.quarantine.by_field
-        manifest = make_manifest(parameters, config, plan.sources.given, shards, rejected)
+        manifest = make_manifest(parameters, config, plan.sources.names, shards, rejected)
         rows = in_order(manifest["counts"]["rows"], plan.settings)
         manifest["counts"]["rows"] = rows
         if config is None:

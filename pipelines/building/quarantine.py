@@ -6,12 +6,12 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import IO
 
-from hijack_data.files import replace_atomic
+from hijack_data.file_io import replace_atomic
 
 from ..dataset.shard import ShardRecord
 from ..errors import SourceError
 from ..readers import Rejected
-from .report import SHOWN
+from .build_report import MAX_SHOWN_INPUTS
 
 QUARANTINE = "quarantine.jsonl"
 _INCOMING = "rejected.jsonl"
@@ -71,7 +71,7 @@ class Quarantine:
         if self._strict:
             raise SourceError(_strictly(record))
         self.by_field[record.field or "(record)"] += 1
-        if len(self.examples) < SHOWN:
+        if len(self.examples) < MAX_SHOWN_INPUTS:
             self.examples.append(str(record))
 
 

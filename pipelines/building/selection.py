@@ -5,14 +5,14 @@ from typing import Any
 
 import hijack_data as hj
 from hijack_data.config import dump
-from hijack_data.corruption import find
+from hijack_data.corruption import find_corruption
 from hijack_data.errors import ParameterTypeError
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner, advice_for, leaves
 
 from ..edits import EDITS
 from ..errors import BuildError
-from . import inline
+from . import inline_corruptions
 
 ALL = "all"
 VISUAL = "all-visual"
@@ -66,11 +66,15 @@ def config_text(planners: Mapping[str, Planner], options: Mapping[str, Any]) -> 
 def _named(text: str) -> dict[str, Planner]:
     match text.strip():
         case _ if text.strip() == ALL:
-            return {name: hj.get(name) for name in hj.names()}
+            return {name: hj.make_corruption(name) for name in hj.corruption_names()}
         case "all-visual":
-            return {name: hj.get(name) for name in hj.names() if find(name).scope == SCOPE}
+            return {
+                name: hj.make_corruption(name)
+                for name in hj.corruption_names()
+                if find_corruption(name).scope == SCOPE
+            }
         case _:
-            return inline.parse(text).planners
+            return inline_corruptions.parse(text).planners
 
 
 def _check_label(label: object) -> None:
@@ -99,7 +103,11 @@ def _check_effects(planner: Planner) -> None:
     for leaf in leaves(planner):
         unknown = _unshown(leaf.effects)
         if unknown:
-            possible = [name for name in hj.names() if not _unshown(find(name).effects)]
+            possible = [
+                name
+                for name in hj.corruption_names()
+                if not _unshown(find_corruption(name).effects)
+            ]
             raise BuildError(
                 f"corruptions: {leaf.label} does {', '.join(unknown)} to the machine, and what that"
                 f" looks like in a recording is not known; leave it out: {','.join(possible)}"

@@ -13,17 +13,17 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import ImageError
-from hijack_data.files import replace_atomic
+from hijack_data.file_io import replace_atomic
 from hijack_data.types import Step, Trajectory
 
 from ..dataset.manifest import TRANSPARENT
 from ..dataset.shard import ShardRecord, file_sha256
 from ..readers import Rejected
-from ..readers.pictures import picture_file, picture_name, read_picture
+from ..readers.recorded_pictures import picture_file, picture_name, read_picture
 from ..sources import SourceItem
-from .rows import RowCounts, RowSettings, rows_of
+from .parquet_writer import write_parquet
 from .splits import TRAIN, Splits
-from .writers import write_parquet
+from .step_rows import RowCounts, RowSettings, make_rows
 
 DATA = "data"
 
@@ -153,7 +153,7 @@ def build_shard(
     made: list[tuple[int, int, str]] = []
 
     def write(path: Path) -> None:
-        rows = write_parquet(path, rows_in(task, settings, tally, inputs, tick), settings.lazy)
+        rows = write_parquet(path, shard_rows(task, settings, tally, inputs, tick), settings.lazy)
         made.append((rows, path.stat().st_size, file_sha256(path)))
 
     replace_atomic(out / task.file, write)
@@ -189,7 +189,7 @@ def _sample_keys(task: ShardTask) -> dict[str, str]:
     return keys
 
 
-def inputs_of(task: ShardTask) -> str:
+def inputs_hash(task: ShardTask) -> str:
     """Return the current hash of a shard's records and screenshots, as in `ShardRecord.inputs`.
 
     Every screenshot is read and none is decoded.
@@ -204,7 +204,7 @@ def inputs_of(task: ShardTask) -> str:
     return inputs.hexdigest()
 
 
-def rows_in(
+def shard_rows(
     task: ShardTask,
     settings: RowSettings,
     tally: RowCounts,
@@ -227,7 +227,7 @@ def rows_in(
             try:
                 data = read_picture(step.image, where)
                 inputs.update(hashlib.sha256(data).digest())
-                yield from rows_of(trajectory, step, data, where, settings, tally)
+                yield from make_rows(trajectory, step, data, where, settings, tally)
             except ImageError as error:
                 tally.reject(where, f"{trajectory.id}, step {step.index}", "image", error)
             if tick is not None:

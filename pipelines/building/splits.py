@@ -13,7 +13,7 @@ from hijack_data.errors import ParameterError, suggest
 from hijack_data.types import Trajectory
 
 from ..errors import BuildError
-from ..readers.screens import episode_id
+from ..readers.recording_facts import episode_id
 
 TRAIN = "train"
 # The names under which `load_dataset` finds files by itself.

@@ -105,7 +105,7 @@ def pyarrow() -> Any:
     return pa
 
 
-def stored(lazy: bool = False) -> dict[str, tuple[Kind, str]]:
+def stored_columns(lazy: bool = False) -> dict[str, tuple[Kind, str]]:
     """Return the columns as stored in the files."""
     if not lazy:
         return COLUMNS
@@ -118,10 +118,10 @@ def stored(lazy: bool = False) -> dict[str, tuple[Kind, str]]:
 @cache
 def schema(lazy: bool = False) -> Any:
     """Return the Arrow schema, whose metadata lets `datasets.load_dataset` decode the pictures."""
-    return schema_of({name: kind for name, (kind, _) in stored(lazy).items()})
+    return arrow_schema({name: kind for name, (kind, _) in stored_columns(lazy).items()})
 
 
-def schema_of(kinds: Mapping[str, Kind]) -> Any:
+def arrow_schema(kinds: Mapping[str, Kind]) -> Any:
     """Return the Arrow schema of columns, with their features for `datasets`."""
     pa = pyarrow()
     features = {name: _feature(kind) for name, kind in kinds.items()}
@@ -129,10 +129,10 @@ def schema_of(kinds: Mapping[str, Kind]) -> Any:
     return pa.schema([(name, _arrow(kind)) for name, kind in kinds.items()], metadata=metadata)
 
 
-def leaves(lazy: bool = False) -> list[str]:
+def parquet_paths(lazy: bool = False) -> list[str]:
     """Return the Parquet paths of all columns."""
     names: list[str] = []
-    for name, (kind, _) in stored(lazy).items():
+    for name, (kind, _) in stored_columns(lazy).items():
         parts = {"path": "string", "bytes": "binary"} if kind in IMAGES else kind
         inner = parts.items() if isinstance(parts, dict) else [("", parts)]
         for key, part in inner:

@@ -10,7 +10,7 @@ from typing import Any
 
 from PIL import features
 
-from hijack_data.files import read_versioned_json, write_atomic
+from hijack_data.file_io import read_versioned_json, write_atomic
 
 from ..errors import RESUME, DatasetError
 from .shard import ShardRecord, file_sha256
@@ -70,7 +70,7 @@ def make_manifest(
     """Return the manifest as JSON data.
 
     Args:
-        parameters: see `building.settings.parameters_of`; a resumed build must have the same.
+        parameters: see `building.settings.manifest_parameters`; a resumed build must have the same.
         config: YAML of the same build, if a file can hold it.
         source: the sources as they are published, none of them an absolute path.
         shards: records in order.
@@ -101,11 +101,11 @@ def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> None:
     """
     files = {name: file_sha256(folder / name) for name in FILES if (folder / name).is_file()}
     whole = {**manifest, FILE_HASHES: files}
-    whole[DIGEST] = digest_of(whole)
+    whole[DIGEST] = manifest_digest(whole)
     write_atomic(folder / MANIFEST, json.dumps(whole, indent=1, ensure_ascii=False) + "\n")
 
 
-def digest_of(manifest: Mapping[str, Any]) -> str:
+def manifest_digest(manifest: Mapping[str, Any]) -> str:
     """Return the SHA-256 of the content of a manifest, excluding the digest itself."""
     said = {key: value for key, value in manifest.items() if key != DIGEST}
     text = json.dumps(said, sort_keys=True, separators=(",", ":"))

@@ -11,10 +11,10 @@ from PIL import Image
 from hijack_data.types import UInt8Array
 
 from ..errors import DatasetError
-from .access import RowReader
 from .columns import BASE, pyarrow
-from .lazy import decoded, draw, finished, picture_bytes
+from .lazy_rows import decode_column, draw_row, materialised_row, picture_bytes
 from .manifest import is_lazy, read_manifest
+from .row_reader import RowReader
 
 # Rows read at a time: with pictures, and with a few columns only.
 BATCH = 8
@@ -58,7 +58,7 @@ class Dataset:
         Raises `IndexError` for a number out of range, and `DatasetError` for a damaged row.
         """
         row = self.reader[index]
-        return opened(row)
+        return open_row(row)
 
 
 def open_dataset(folder: str | os.PathLike[str]) -> Dataset:
@@ -100,16 +100,16 @@ def shard_pictures(file: Path) -> Iterator[tuple[dict[str, Any], UInt8Array]]:
     base: UInt8Array | None = None
     for row in shard_rows(file):
         if BASE not in row:
-            yield opened(row)
+            yield open_row(row)
             continue
         stored = picture_bytes(row[BASE])
         if base is None or stored != data:
             data = stored
-            base = decoded(row, BASE)
-        yield opened(row, base)
+            base = decode_column(row, BASE)
+        yield open_row(row, base)
 
 
-def opened(
+def open_row(
     row: dict[str, Any], base: UInt8Array | None = None
 ) -> tuple[dict[str, Any], UInt8Array]:
     """Return a stored row as a materialised one, and its screenshot, uint8 RGB `[H, W, 3]`.
@@ -119,6 +119,6 @@ def opened(
         base: its decoded picture before the corruption, if known.
     """
     if BASE not in row:
-        return row, decoded(row, "screenshot")
-    picture, plan = draw(row, base)
-    return finished(row, None, plan), picture
+        return row, decode_column(row, "screenshot")
+    picture, plan = draw_row(row, base)
+    return materialised_row(row, None, plan), picture

@@ -5,7 +5,7 @@ from functools import cached_property
 
 from hijack_data.types import Scene, Step, Trajectory, UInt8Array
 
-from .images import Base
+from .image_codec import BaseImage
 
 
 @dataclass(frozen=True)
@@ -14,7 +14,7 @@ class Sample:
 
     trajectory: Trajectory
     step: Step
-    base: Base
+    base: BaseImage
     scene: Scene
 
     @property
@@ -30,9 +30,9 @@ class Sample:
     @cached_property
     def position(self) -> int:
         """Number of steps of the recording before this one."""
-        return position_of(self.trajectory, self.step)
+        return step_position(self.trajectory, self.step)
 
 
-def position_of(trajectory: Trajectory, step: Step) -> int:
+def step_position(trajectory: Trajectory, step: Step) -> int:
     """Return the number of steps of `trajectory` before `step`."""
     return next(i for i, other in enumerate(trajectory) if other.index == step.index)

@@ -160,7 +160,7 @@ class Stats:
         """Return the figures for a terminal: text and `rich` tables."""
         from rich.markup import escape
 
-        from hijack_data.cli.tables import FigureTable
+        from hijack_data.cli.figure_table import FigureTable
 
         rows: list[list[str]] = []
         shown: list[list[str]] = []

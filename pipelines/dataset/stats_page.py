@@ -10,14 +10,14 @@ from string import Template
 from typing import Any
 
 from hijack_data.errors import counted
-from hijack_data.gallery.embed import embed, scale_for
+from hijack_data.gallery.data_uris import embed, scale_for
 from hijack_data.gallery.markup import Html, clean, join, wrap
 from hijack_data.gallery.markup import source as gallery_source
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.types import UInt8Array
 
 from .columns import BASE, VISIBLE
-from .lazy import decoded
+from .lazy_rows import decode_column
 from .opening import Dataset, open_dataset, shard_rows
 from .stats import BINS, LabelStats, Stats, changed_text
 
@@ -253,7 +253,7 @@ def _facts(row: Mapping[str, Any], resized: bool) -> list[str]:
 def _before(rows: Dataset, place: RowLinks) -> UInt8Array | None:
     stored = rows.reader[place.row]
     if BASE in stored:
-        return decoded(stored, BASE)
+        return decode_column(stored, BASE)
     if place.clean is None:
         return None
     return rows.pixels(place.clean)[1]

@@ -95,7 +95,7 @@ class TouchEdit(Edit):
         if asset.recover is None:  # guaranteed by `_is_shown`
             raise NotApplicable(f"how {asset.id} is closed was not recorded")
         x, y = _place(asset, element, frame.scene.size)
-        return self.made(
+        return self.make_step(
             ops=(Paste(asset.recipe(), ((x, y),)),),
             fidelity="composited",
             response=asset.recover.moved(x, y),

@@ -13,7 +13,7 @@ from hijack_data.pack import AssetPack
 from hijack_data.plan import Effect
 from hijack_data.rng import Stream
 
-from . import layout
+from . import screen_layout
 from .base import (
     NAME_APPS,
     Answer,
@@ -25,7 +25,7 @@ from .base import (
     name_programs,
     recorded_apps,
 )
-from .screens import whole_screen
+from .whole_screens import whole_screen
 
 
 class MinimiseEdit(Edit):
@@ -51,11 +51,11 @@ class MinimiseEdit(Edit):
             raise NotApplicable("no window is open on this screen that could be minimised")
         allowed = replace(frame, pack=_allowed(frame))
         what = "desktop with its windows minimised"
-        shown = whole_screen(allowed, "desktop", what, layout.desktop)
+        shown = whole_screen(allowed, "desktop", what, screen_layout.desktop)
         recover = shown.asset.recover
         if recover is None:
             raise NotApplicable(f"nothing was recorded that undoes {shown.asset.id}")
-        return self.made(
+        return self.make_step(
             ops=shown.ops,
             fidelity=shown.fidelity,
             response=shown.mapped(recover),

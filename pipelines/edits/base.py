@@ -28,14 +28,16 @@ from hijack_data.types import (
     UInt8Array,
 )
 
-from ..readers.screens import RecordingFacts, ScreenKind, read_facts
+from ..readers.recording_facts import RecordingFacts, ScreenKind, read_facts
 
 WAIT = RecordedAction(Action("wait"))
 NO_DESKTOP: dict[ScreenKind, str] = {
     "web page": "the pictures show a web page, not the screen around it",
     "phone": "the pictures show a phone, not the screen of a desktop",
 }
-SHOW_ANYWAY = "--foreign (in Python: foreign=True) shows Xfce on it anyway"
+SHOW_ANYWAY = (
+    "--allow-platform-mismatch (in Python: allow_platform_mismatch=True) shows Xfce on it anyway"
+)
 SAY_XFCE = "if it is one, say so with --platform linux-xfce"
 NO_PLATFORM = (
     "the recording does not say which desktop it shows, and the pictures are of an Xfce desktop; "
@@ -68,8 +70,8 @@ class Frame:
         image: the clean screenshot, uint8 RGB `[H, W, 3]`; not to be modified.
         pack: the recorded pictures.
         stream: the only source of random draws.
-        foreign: whether the pack's desktop may be shown on a recording of another or an unknown
-            platform.
+        allow_platform_mismatch: whether the pack's desktop may be shown on a recording of another
+            or an unknown platform.
         guess: whether the edit may guess what a click opens if that is not known. Always false for
             datasets.
     """
@@ -80,7 +82,7 @@ class Frame:
     image: UInt8Array
     pack: AssetPack
     stream: Stream
-    foreign: bool = False
+    allow_platform_mismatch: bool = False
     guess: bool = False
 
     @cached_property
@@ -112,7 +114,7 @@ class Frame:
         """Check that the recording shows a desktop like that of the pack.
 
         Pages, phones and pictures of unknown content are never accepted; other or unknown desktops
-        are with `foreign`.
+        are with `allow_platform_mismatch`.
 
         Raises:
             NotApplicable: it does not.
@@ -122,7 +124,7 @@ class Frame:
         other = NO_DESKTOP.get(self.facts.screen)
         if other is not None:
             raise NotApplicable(other)
-        if not self.is_foreign or self.foreign:
+        if not self.is_foreign or self.allow_platform_mismatch:
             return
         if self.platform is None:
             raise NotApplicable(NO_PLATFORM)
@@ -222,7 +224,7 @@ class Edit(ABC):
         """
         yield ()
 
-    def made(
+    def make_step(
         self,
         *,
         ops: Sequence[Op],

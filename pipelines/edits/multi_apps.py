@@ -83,7 +83,7 @@ class LaunchAppEdit(Edit):
     def _pasted(self, place: _Placement, notes: Iterator[str]) -> EditedStep:
         x, y = place.corner
         height, width = place.asset.size
-        return self.made(
+        return self.make_step(
             ops=(Paste(place.asset.recipe(), (place.corner,)),),
             fidelity="composited",
             boxes=((x, y, x + width, y + height),),

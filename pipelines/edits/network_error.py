@@ -14,8 +14,8 @@ from hijack_data.rng import Stream
 from hijack_data.types import Box, Point
 
 from .base import DASH, NAME_APPS, Answer, Edit, EditedStep, Frame, NotApplicable, window_buttons
-from .pages import error_page
-from .screens import page_view, whole_screen
+from .browser_pages import error_page
+from .whole_screens import page_view, whole_screen
 
 NO_BROWSER = (
     "the recording names no browser among its applications: a missing network would not show"
@@ -43,10 +43,10 @@ class FirewallEdit(Edit):
             _check_page(frame)
             page, asset = page_view(frame, "error_view", "error page")
             note = f"{asset.id} was cut or continued to the size of the page"
-            return self.made(ops=page, fidelity="composited", notes=(note,))
+            return self.make_step(ops=page, fidelity="composited", notes=(note,))
         _check_browser(frame)
         shown = whole_screen(frame, "error_page", "browser with an error page", error_page)
-        return self.made(
+        return self.make_step(
             ops=tuple(_with_panels(shown.ops, shown.asset, frame.pack)),
             fidelity=shown.fidelity,
             boxes=shown.boxes,

@@ -17,8 +17,8 @@ from hijack_data.types import Trajectory, as_boxes, as_target
 
 from ..dataset.sample import Sample
 from ..errors import BuildError
-from ..fidelity import fidelity_of
-from ..readers.dialects import RecordedStep
+from ..fidelity import row_fidelity
+from ..readers.recorded_actions import RecordedStep
 from . import EDITS
 from .base import EditedStep, Frame, NotApplicable
 
@@ -52,13 +52,13 @@ class VariantPlanner:
         seed: 0 to 2**64 - 1.
         label_policy: the treatment of a row whose target is hidden.
         pack: the recorded pictures; `None` if no planner acts on the machine.
-        foreign: whether they may be shown on recordings of other platforms.
+        allow_platform_mismatch: whether they may be shown on recordings of other platforms.
     """
 
     seed: int
     label_policy: str
     pack: AssetPack | None
-    foreign: bool = False
+    allow_platform_mismatch: bool = False
 
     def variants(self, sample: Sample, planner: Planner) -> Iterator[Variant | None]:
         """Yield the rows of a step under a planner; `None` for one that the label policy drops.
@@ -69,9 +69,9 @@ class VariantPlanner:
         picture cannot be corrupted) and `BuildError` (an effect that no edit shows).
         """
         numbers = step_numbers(sample.trajectory, sample.position, planner)
-        if not due(planner, numbers):
+        if not is_due(planner, numbers):
             return
-        if not acts(planner):
+        if not has_effects(planner):
             yield self._plain(sample, planner, numbers[-1])
             return
         first = self._first(sample, planner, numbers)
@@ -119,7 +119,7 @@ class VariantPlanner:
         if self.label_policy not in AVOIDING:
             return planner.plan(scene, seed=self.seed, sample=sample.key, step=number)
         end = sample.step.action.end
-        return hj.plan_avoiding(
+        return hj.plugin.plan_avoiding(
             planner, scene, seed=self.seed, sample=sample.key, step=number, end=end
         )
 
@@ -147,10 +147,10 @@ class VariantPlanner:
             image=sample.image,
             pack=self.pack,
             stream=stream,
-            foreign=self.foreign,
+            allow_platform_mismatch=self.allow_platform_mismatch,
         )
         made = edit.apply(frame, effect)
-        return replace(made, fidelity=fidelity_of(made.fidelity, is_foreign=frame.is_foreign))
+        return replace(made, fidelity=row_fidelity(made.fidelity, is_foreign=frame.is_foreign))
 
     def _edited(
         self, sample: Sample, planner: Planner, plan: Plan, edit: EditedStep, number: int
@@ -162,7 +162,7 @@ class VariantPlanner:
             over = self._plan(changed, planner, number)
         if over is None:
             return None
-        edit = replace(edit, fidelity=fidelity_of(edit.fidelity, is_drawn_over=bool(over.ops)))
+        edit = replace(edit, fidelity=row_fidelity(edit.fidelity, is_drawn_over=bool(over.ops)))
         notes = over.notes if plan.ops else plan.notes
         whole = replace(plan, ops=edit.ops + over.ops, notes=notes + edit.notes)
         hiding = whole if edit.response is None else replace(over, effects=())
@@ -175,7 +175,7 @@ def _check_declared(plan: Plan, planner: Planner) -> None:
     Raises:
         BuildError: the plan has an effect that the planner does not declare.
     """
-    if plan.effects and not acts(planner):
+    if plan.effects and not has_effects(planner):
         kinds = ", ".join(dict.fromkeys(effect.kind for effect in plan.effects))
         raise BuildError(
             f"{plan.corruption} gave a plan with effects on the machine ({kinds}), which"
@@ -210,12 +210,12 @@ def step_after(sample: Sample, edit: EditedStep) -> Sample:
     return replace(sample, step=changed, scene=scene)
 
 
-def acts(planner: Planner) -> bool:
+def has_effects(planner: Planner) -> bool:
     """Return whether a planner may have effects on the machine."""
     return bool(planner.effects)
 
 
-def due(planner: Planner, numbers: list[int]) -> bool:
+def is_due(planner: Planner, numbers: list[int]) -> bool:
     """Return whether a planner may act at any of these steps."""
     return any(planner.is_due(number) for number in numbers)
 
@@ -227,12 +227,12 @@ def step_numbers(trajectory: Trajectory, position: int, planner: Planner) -> lis
     recordings number their steps from 0 or 1, with gaps. Corruptions of the picture use the
     recorded number.
     """
-    if not acts(planner):
+    if not has_effects(planner):
         return [trajectory.steps[position].index]
     return [BEFORE, 0] if position == 0 else [position]
 
 
-def ever_due(trajectory: Trajectory, planner: Planner) -> bool:
+def is_ever_due(trajectory: Trajectory, planner: Planner) -> bool:
     """Return whether a planner may act at any step of a recording."""
     positions = range(len(trajectory.steps))
-    return any(due(planner, step_numbers(trajectory, k, planner)) for k in positions)
+    return any(is_due(planner, step_numbers(trajectory, k, planner)) for k in positions)

@@ -8,9 +8,9 @@ from typing import ClassVar
 
 from hijack_data.plan import Effect
 
-from . import layout
+from . import screen_layout
 from .base import Answer, Edit, EditedStep, Frame
-from .screens import whole_screen
+from .whole_screens import whole_screen
 
 
 class LockEdit(Edit):
@@ -26,7 +26,7 @@ class LockEdit(Edit):
 
     def apply(self, frame: Frame, effect: Effect) -> EditedStep:
         """Return the locked screen; see `Edit.apply`."""
-        shown = whole_screen(frame, "lock_screen", "lock screen", layout.lock_screen)
-        return self.made(
+        shown = whole_screen(frame, "lock_screen", "lock screen", screen_layout.lock_screen)
+        return self.make_step(
             ops=shown.ops, fidelity=shown.fidelity, boxes=shown.boxes, notes=shown.notes
         )

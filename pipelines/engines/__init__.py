@@ -7,8 +7,8 @@ from typing import Any, TypeAlias
 
 from hijack_data.registry import Registry
 
-from ..building.rows import RowSettings
 from ..building.shards import ShardTask
+from ..building.step_rows import RowSettings
 from ..dataset.shard import ShardRecord
 from ..errors import BuildError
 

@@ -14,14 +14,14 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from ..building.rows import RowSettings
 from ..building.shards import ONE_THREAD, ShardTask, build_shard
+from ..building.step_rows import RowSettings
 from ..dataset.shard import ShardRecord
 from ..errors import RESUME, BuildError
 
 # Tasks queued for each worker: enough that no worker idles, few enough that the source is not read
 # into memory.
-QUEUED = 2
+QUEUED_TASKS_PER_WORKER = 2
 
 
 def run(
@@ -52,7 +52,7 @@ def run(
     with _make_pool(workers) as pool:
         try:
             submit = partial(pool.submit, partial(build_shard, settings=settings, out=out))
-            for task, record in _bounded(submit, iter(tasks), workers * QUEUED):
+            for task, record in _bounded(submit, iter(tasks), workers * QUEUED_TASKS_PER_WORKER):
                 tick(task.steps * settings.variants)
                 yield record
         except BrokenProcessPool:

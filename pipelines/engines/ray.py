@@ -2,7 +2,7 @@
 
 Ray Data needs all items before it starts, and a source may be larger than memory. So shards are
 processed in waves, and the next wave is read from the source while the present one is made. Waves
-grow from `FIRST` to `MOST` shards per worker, so that the idle time at the end of each wave does
+grow from `FIRST_WAVE_SHARDS` to `MAX_WAVE_SHARDS` shards per worker, so that the idle time at the end of each wave does
 not matter. Only tasks and records pass through Ray: a worker writes its file itself, into a folder
 that all machines share, and renames it when it is complete. So it is harmless if Ray makes a shard
 twice, as it does when a process or a machine dies.
@@ -18,21 +18,21 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import HijackError
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 from hijack_data.pack import VARIABLE
 
-from ..building.folder import STATE
-from ..building.rows import RowSettings
-from ..building.settings import assets_of
+from ..building.output_folder import STATE
+from ..building.row_settings import pack_identity
 from ..building.shards import ONE_THREAD, ShardTask
+from ..building.step_rows import RowSettings
 from ..dataset.manifest import libraries
 from ..dataset.shard import ShardRecord
 from ..errors import RESUME, BuildError
-from .ray_session import data_options, session, without_warnings
-from .remote import GUIDE, TOKEN, Errand, make, soon
+from .ray_data import data_options, session, without_warnings
+from .remote_worker import GUIDE, TOKEN, ShardJob, make, wait_until
 
-FIRST = 4
-MOST = 32
+FIRST_WAVE_SHARDS = 4
+MAX_WAVE_SHARDS = 32
 # How often a shard is retried after its process or machine died or ran out of memory.
 RETRIES = 4
 
@@ -61,17 +61,17 @@ def run(
             stopped here. If the caller has started Ray, that connection is used.
     """
     source = iter(tasks)
-    wave = list(islice(source, FIRST * workers))
+    wave = list(islice(source, FIRST_WAVE_SHARDS * workers))
     if not wave:
         return
-    errand = _errand(settings, Path(os.path.abspath(out)))
+    job = _make_job(settings, Path(os.path.abspath(out)))
     with session(workers, address) as ray:
         _check_sendable(ray, settings)
-        limit = FIRST * workers
+        limit = FIRST_WAVE_SHARDS * workers
         while wave:
-            limit = min(2 * limit, MOST * workers)
+            limit = min(2 * limit, MAX_WAVE_SHARDS * workers)
             following: list[ShardTask] = []
-            with closing(_made(ray, wave, errand, workers)) as records:
+            with closing(_made(ray, wave, job, workers)) as records:
                 for record in records:
                     tick(record.steps * settings.variants)
                     yield record
@@ -79,14 +79,14 @@ def run(
             wave = following
 
 
-def _errand(settings: RowSettings, out: Path) -> Errand:
+def _make_job(settings: RowSettings, out: Path) -> ShardJob:
     token = secrets.token_hex(16)
     write_atomic(out / STATE / TOKEN, token)
     environment = ONE_THREAD | {
         name: os.environ[name] for name in (VARIABLE,) if name in os.environ
     }
-    return Errand(
-        settings, out, token, libraries(settings.detect), assets_of(settings), environment
+    return ShardJob(
+        settings, out, token, libraries(settings.detect), pack_identity(settings), environment
     )
 
 
@@ -100,7 +100,7 @@ def _check_sendable(ray: Any, settings: RowSettings) -> None:
         ) from None
 
 
-def _made(ray: Any, wave: list[ShardTask], errand: Errand, workers: int) -> Generator[ShardRecord]:
+def _made(ray: Any, wave: list[ShardTask], job: ShardJob, workers: int) -> Generator[ShardRecord]:
     # makes the shards of a wave with Ray Data, and yields their records as they arrive
     with data_options(ray):
         items = ray.data.from_items(
@@ -108,14 +108,14 @@ def _made(ray: Any, wave: list[ShardTask], errand: Errand, workers: int) -> Gene
         )
         shards = items.map(
             make,
-            fn_kwargs={"errand": errand},
+            fn_kwargs={"job": job},
             compute=ray.data.TaskPoolStrategy(size=min(workers, len(wave))),
             num_cpus=1,
             max_retries=RETRIES,
         )
     try:
         for row in without_warnings(shards.iter_rows()):
-            yield _record(row["made"], row["node"], errand.out)
+            yield _record(row["made"], row["node"], job.out)
     except ray.exceptions.RayError as error:
         raise BuildError(_failure(ray, error)) from None
 
@@ -125,7 +125,7 @@ def _record(made: ShardRecord | HijackError, node: str, out: Path) -> ShardRecor
     if isinstance(made, HijackError):
         raise made
     file = out / made.file
-    if not soon(lambda: file.is_file() and file.stat().st_size == made.bytes):
+    if not wait_until(lambda: file.is_file() and file.stat().st_size == made.bytes):
         raise BuildError(
             f"{file}: the node {node} wrote this file, but it is not here; the output must lie in a"
             f" folder that all nodes share under one path ({GUIDE})"

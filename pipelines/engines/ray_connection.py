@@ -17,7 +17,7 @@ from hijack_data.errors import HijackError
 
 LOCAL = "local"
 # Seconds for the first answer of a cluster.
-TIMEOUT = 10.0
+CONNECT_TIMEOUT_S = 10.0
 # The objects in it are small, and Ray spills to disk what does not fit.
 STORE_BYTES = 200 * 2**20
 ENVIRONMENT = {
@@ -55,7 +55,7 @@ def session(
         if ray.is_initialized():
             yield ray
             return
-        place = address_of(address)
+        place = resolve_address(address)
         options: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.CRITICAL}
         if place == LOCAL:
             options |= {
@@ -73,7 +73,7 @@ def session(
             shutil.rmtree(logs, ignore_errors=True)  # the logs stay after a failure
 
 
-def address_of(address: str | None) -> str:
+def resolve_address(address: str | None) -> str:
     """Return the address to use: the given one, else that of `RAY_ADDRESS`, else `LOCAL`."""
     return address or os.environ.get("RAY_ADDRESS") or LOCAL
 
@@ -108,7 +108,7 @@ def _check_address(address: str) -> None:
         )
     host, _, port = address.rpartition(":")
     if host and port.isdecimal():
-        socket.create_connection((host, int(port)), TIMEOUT).close()
+        socket.create_connection((host, int(port)), CONNECT_TIMEOUT_S).close()
 
 
 @contextmanager

@@ -15,10 +15,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 
 from ..dataset.columns import ACTION
-from ..readers.atif import OURS, TOOL
+from ..readers.atif import EXPORT_KEY, TOOL
 from .example import Example, plain
 
 VERSION = "ATIF-v1.7"
@@ -84,7 +84,7 @@ class _Episode:
             "arguments": {name: value for name, value in arguments.items() if value is not None},
         }
         about = {**example.about, "inserted": row["inserted"], "dialect": example.dialect}
-        self._step("agent", example.answer, tool_calls=[call], extra={OURS: about})
+        self._step("agent", example.answer, tool_calls=[call], extra={EXPORT_KEY: about})
         return missing
 
     def write(self) -> None:
@@ -101,7 +101,7 @@ class _Episode:
             },
             "steps": self.steps,
             "notes": f"Recorded in the format {row['source']} and exported by AgentHijack.",
-            "extra": {OURS: {"domain": row["domain"], "corruption": row["corruption"]}},
+            "extra": {EXPORT_KEY: {"domain": row["domain"], "corruption": row["corruption"]}},
         }
         text = json.dumps(document, ensure_ascii=False, indent=1)
         write_atomic(self.folder / "trajectory.json", text + "\n")

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 
 from .example import Example
 

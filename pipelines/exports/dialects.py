@@ -15,9 +15,9 @@ from typing import Any
 
 from hijack_data.actions import Scaling
 from hijack_data.actions.dialects.pyautogui_code import calls_pyautogui
-from hijack_data.actions.dialects.pyautogui_write import cannot_say, write_pyautogui
+from hijack_data.actions.dialects.pyautogui_write import unsupported_action_error, write_pyautogui
 from hijack_data.errors import UnknownNameError, suggest
-from hijack_data.labels.actions import own_action
+from hijack_data.labels.action_formats import own_action
 from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Action, Size
 
@@ -49,7 +49,7 @@ def _pyautogui(row: Mapping[str, Any]) -> str:
     return write_pyautogui(own_action(row["action"]))
 
 
-def _ui_tars(row: Mapping[str, Any], scaling_of: Callable[[Size], Scaling], dialect: str) -> str:
+def _ui_tars(row: Mapping[str, Any], space_scaling: Callable[[Size], Scaling], dialect: str) -> str:
     action = own_action(row["action"])
     kind = action.type
     if kind in _UI_TARS_WORDS:
@@ -62,9 +62,9 @@ def _ui_tars(row: Mapping[str, Any], scaling_of: Callable[[Size], Scaling], dial
         keys = " ".join(_keys(action, dialect))
         return f"hotkey(key='{keys}')"
     if action.keys:
-        raise cannot_say(action, dialect)
+        raise unsupported_action_error(action, dialect)
     screen = (int(row["height"]), int(row["width"]))
-    return _ui_tars_pointing(action, scaling_of(screen), dialect)
+    return _ui_tars_pointing(action, space_scaling(screen), dialect)
 
 
 def _ui_tars_pointing(action: Action, scaling: Scaling, dialect: str) -> str:
@@ -79,7 +79,7 @@ def _ui_tars_pointing(action: Action, scaling: Scaling, dialect: str) -> str:
     if kind == "scroll" and start and action.amount:
         direction = "up" if action.amount > 0 else "down"
         return f"scroll(start_box='{start}', direction='{direction}')"
-    raise cannot_say(action, dialect)
+    raise unsupported_action_error(action, dialect)
 
 
 def _ui_tars_10(row: Mapping[str, Any]) -> str:
@@ -107,14 +107,14 @@ def _box(x: int | None, y: int | None, scaling: Scaling) -> str:
 
 def _text(action: Action, dialect: str) -> str:
     if action.text is None:
-        raise cannot_say(action, dialect)
+        raise unsupported_action_error(action, dialect)
     return action.text
 
 
 def _keys(action: Action, dialect: str) -> tuple[str, ...]:
     keys = action.keys or ()
     if not keys or not all(map(_is_plain_key, keys)):
-        raise cannot_say(action, dialect)
+        raise unsupported_action_error(action, dialect)
     return keys
 
 

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 from hijack_data.errors import ActionError, ParameterError
 from hijack_data.registry import Registry
 
-from ..building.options import Progress
+from ..building.build_options import Progress
 from ..dataset.manifest import is_lazy
 from ..dataset.opening import open_dataset
 from ..errors import BuildError
@@ -18,8 +18,8 @@ from ..prompts import PROMPTS
 from .dialects import action_text, check_dialect
 from .example import Example, Row, check_task, checked_answer, is_hidden
 from .onlooker import OnlookerReport, export_onlooker
-from .place import new_folder, write_report
-from .stored import stored_rows
+from .output_folder import new_folder, write_report
+from .stored_rows import stored_rows
 
 
 class Writer(Protocol):

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ..dataset.columns import Kind, pyarrow, schema_of
+from ..dataset.columns import Kind, arrow_schema, pyarrow
 from .example import Example, truth
 
 GROUP = 16
@@ -50,7 +50,7 @@ class VerlWriter:
     def shard(self, index: int, examples: Iterator[Example]) -> None:
         """Write the examples of one shard."""
         pa = pyarrow()
-        schema = schema_of(KINDS)
+        schema = arrow_schema(KINDS)
         path = self.folder / f"train-{index:05d}.parquet"
         with pa.parquet.ParquetWriter(path, schema, version="2.6") as writer:
             for group in _groups(examples):

@@ -16,10 +16,10 @@ from hijack_data.errors import counted
 from hijack_data.runs import seal
 from hijack_data.runs.run_log import CHAINED, EPISODE, EPISODES, RECORDS, RUN, SEAL, STEPS
 
-from ..building.report import Findings
+from ..building.build_report import Findings
 from ..errors import SourceError
-from .retrace.episode import Seen, check_episode
-from .retrace.journal import Journal, read_journal
+from .run_checks.episode import EpisodeReplay, check_episode
+from .run_checks.journal import Journal, read_journal
 
 
 @dataclass
@@ -136,7 +136,7 @@ def _episode(folder: Path, journal: Journal, report: RebuildReport) -> Iterator[
         report.unfinished += 1
         return
     report.episodes += 1
-    seen = Seen()
+    seen = EpisodeReplay()
     yield from check_episode(folder, journal, seen)
     report.steps += seen.steps
     report.disturbed += seen.disturbed

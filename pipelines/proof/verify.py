@@ -16,22 +16,29 @@ from hijack_data.pack import VARIABLE, AssetPack
 from hijack_data.paths import PathLike
 from hijack_data.plan import CLEAN
 
-from ..building.loaded import require
-from ..building.report import Findings
-from ..building.rows import RowSettings
-from ..building.settings import has_detector, settings_from
+from ..building.build_report import Findings
+from ..building.loaded_files import check_loaded
+from ..building.row_settings import has_detector, settings_from
 from ..building.shards import ShardTask, shard_tasks
 from ..building.splits import Splits
+from ..building.step_rows import RowSettings
 from ..dataset.manifest import read_manifest
 from ..dataset.opening import shard_rows
 from ..dataset.shard import ShardRecord
 from ..errors import DatasetError
 from ..readers.base import Rejected
 from ..sources import Sources
-from .manifest import beside, derived, library_notes, records_in, shard_problems, strays
-from .order import RowOrder, Tallied
-from .recorded import RecordedFacts, Recordings, damaged, from_rows, provable
-from .rows import StepProof
+from .manifest_checks import (
+    companion_files,
+    derived_fields,
+    library_notes,
+    shard_problems,
+    shard_records,
+    stray_files,
+)
+from .recorded_steps import RecordedFacts, Recordings, damaged_row, provable_settings, recorded_step
+from .row_checks import StepChecker
+from .row_order import RowOrder, ShardTally
 
 
 @dataclass
@@ -91,15 +98,15 @@ def verify(
     path = Path(folder)
     manifest = read_manifest(path)
     parameters = manifest["parameters"]
-    require(parameters, os.fspath(folder))
+    check_loaded(parameters, os.fspath(folder))
     report = VerifyReport(os.fspath(folder))
     settings = settings_from(parameters, os.fspath(folder))
-    records = records_in(manifest, path)
+    records = shard_records(manifest, path)
     report.notes += [*_pack_notes(parameters.get("assets")), *library_notes(parameters)]
-    report.problems += [*strays(path, records), *beside(path, manifest)]
+    report.problems += [*stray_files(path, records), *companion_files(path, manifest)]
     _Check(path, manifest, records, settings, report).run(source)
     if not report.problems:
-        report.problems += derived(path, manifest, records, settings)
+        report.problems += derived_fields(path, manifest, records, settings)
     return report
 
 
@@ -145,7 +152,9 @@ class _Check:
         self.without_source = RowSettings(
             (), self.seed, bool(parameters["clean"]), self.label_policy
         )
-        self.without_source = self.without_source if settings is None else provable(settings)
+        self.without_source = (
+            self.without_source if settings is None else provable_settings(settings)
+        )
         self.rejected = frozenset(
             entry["where"] for record in self.records for entry in record.rejected
         )
@@ -199,7 +208,7 @@ class _Check:
             raise extras.missing(
                 "finding the elements of the source's pictures needs opencv", "vision"
             )
-        sources = Sources.again(source, parameters)
+        sources = Sources.reopen(source, parameters)
         splits = Splits(parameters.get("splits"))
         rejected: list[Rejected] = []
         yield from shard_tasks(
@@ -225,7 +234,7 @@ class _Check:
             return
         self.report.shards += 1
         self.report.problems += shard_problems(file, record)
-        counted = Tallied()
+        counted = ShardTally()
         before = self.report.rows
         recordings = None
         if task is not None and self.settings is not None:
@@ -248,7 +257,7 @@ class _Check:
             self.report.problems += [f"{name}: {text}" for text in recordings.problems(record)]
 
     def _steps(
-        self, file: Path, record: ShardRecord, counted: Tallied, recordings: Recordings | None
+        self, file: Path, record: ShardRecord, counted: ShardTally, recordings: Recordings | None
     ) -> Iterator[str]:
         """Yield the problems of the rows of a file."""
         for key, group in groupby(
@@ -264,7 +273,7 @@ class _Check:
                 else:
                     yield from self._sourced(rows, key, recordings)
             except (AttributeError, KeyError, TypeError, ValueError) as error:
-                yield f"row {rows[0].get('id')}: {damaged(error)}"
+                yield f"row {rows[0].get('id')}: {damaged_row(error)}"
         if recordings is not None:
             for _, step in recordings.steps:
                 yield from self._proof([], step)
@@ -292,12 +301,12 @@ class _Check:
         """Return the recorded step of some rows; a damaged row is reported by its own check."""
         key = record.samples.get(rows[0]["trajectory_id"])
         try:
-            return from_rows(rows, key, self.without_source)
+            return recorded_step(rows, key, self.without_source)
         except HijackError:
             return None
 
     def _proof(self, rows: list[dict[str, Any]], known: RecordedFacts | None) -> Iterator[str]:
-        proof = StepProof(
+        proof = StepChecker(
             rows=rows,
             known=known,
             every=self.every,

@@ -7,9 +7,9 @@ points `agenthijack.readers`), or `--format my_reader.py:MyReader`. See `base.Re
 import importlib
 import pkgutil
 
-from .base import FileReader, Reader, Rejected, existing, get_reader, names, register
-from .files import Part
-from .screens import RecordedTrajectory
+from .base import FileReader, Reader, Rejected, check_path, get_reader, names, register
+from .recording_facts import RecordedTrajectory
+from .safe_files import Part
 from .survey import Survey, detect_format, survey
 
 __all__ = [
@@ -19,8 +19,8 @@ __all__ = [
     "RecordedTrajectory",
     "Rejected",
     "Survey",
+    "check_path",
     "detect_format",
-    "existing",
     "get_reader",
     "names",
     "register",

@@ -15,8 +15,17 @@ from hijack_data.types import Action, Box, Platform, Size, Step, Trajectory
 from . import fields
 from .base import FileReader, Rejected, files_below, register
 from .fields import FieldError, JsonObject
-from .files import Part, Source, inside, lines, parse_file, relative_name, root_of, size_of
-from .screens import RecordedTrajectory
+from .recording_facts import RecordedTrajectory
+from .safe_files import (
+    Part,
+    Source,
+    image_size,
+    inside,
+    lines,
+    parse_file,
+    relative_name,
+    source_root,
+)
 
 # Beside the file, and as the Hub has them: unpacked there, or into a folder of their own.
 IMAGES = ("images", "ubuntu_images", "win_mac_images")
@@ -46,7 +55,7 @@ class AgentNet(FileReader):
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, lines in order."""
-        root = root_of(path)
+        root = source_root(path)
         seen: set[str] = set()
         for file in files_below(path):
             if isinstance(file, Rejected):
@@ -74,7 +83,7 @@ class AgentNet(FileReader):
 
 def _is_read(file: Path, source: Source) -> bool:
     """Return whether a file may have records; of a folder, only those at its top may."""
-    at_top = isinstance(source, Part) or file.parent == root_of(source)
+    at_top = isinstance(source, Part) or file.parent == source_root(source)
     return at_top and file.suffix in (".json", ".jsonl")
 
 
@@ -155,7 +164,7 @@ def _bench_step(entry: JsonObject, root: Path) -> Step:
 def _image(entry: JsonObject, root: Path) -> tuple[Path, Size]:
     name = fields.text(entry, "image")
     image = inside(root, _place(name, root))
-    return image, size_of(image)
+    return image, image_size(image)
 
 
 def _place(name: str, root: Path) -> str:
@@ -192,7 +201,7 @@ def _action(code: str, size: Size, field: str) -> tuple[Action, str]:
         pixels = scale_normalized(code, size)
     except HijackError as error:
         raise FieldError(field, str(error)) from None
-    return fields.on_screen(action, size, field), pixels
+    return fields.check_on_screen(action, size, field), pixels
 
 
 def _target(ground_truth: object, size: Size) -> Box | None:

@@ -6,23 +6,23 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from hijack_data.actions import Scaling
-from hijack_data.actions.dialects.fields import at, number
+from hijack_data.actions.dialects.field_checks import action_at, number
 from hijack_data.types import Action, Size, Step, Trajectory
 
 from . import fields
 from .base import FileReader, Rejected, register
 from .fields import FieldError, JsonObject
-from .files import Source, parsed, relative_name, root_of
 from .json_rows import FOLDERS, JsonRow, json_rows, picture_at, read_tables
 from .mobile import phone_step
-from .screens import RecordedTrajectory
+from .recording_facts import RecordedTrajectory
+from .safe_files import Source, parse_embedded, relative_name, source_root
 
 # A gesture that is longer, in fractions of the screen, is a swipe; AITW's own threshold.
 _TAP = 0.04
 # Android in the Wild's numbers; the first two are CAGUI's.
 _LONG_PRESS, _NO_ACTION, _TYPE, _GESTURE = 0, 1, 3, 4
 _BACK, _HOME, _ENTER, _COMPLETE, _IMPOSSIBLE = 5, 6, 7, 10, 11
-_KEPT = ("result_action_type", "result_action_text", "result_touch_yx", "result_lift_yx")
+_EXTRA_FIELDS = ("result_action_type", "result_action_text", "result_touch_yx", "result_lift_yx")
 
 
 @register
@@ -46,7 +46,7 @@ class Aitz(FileReader):
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, episodes in order."""
-        root = root_of(path)
+        root = source_root(path)
         seen: set[str] = set()
         yield from read_tables(path, lambda file: _episodes(file, root, seen))
 
@@ -95,7 +95,7 @@ def _step(record: JsonObject, file: Path, root: Path) -> Step:
             image, size = picture_at(Path(value).name, file, root, "image_path", ("",))
         except FieldError:
             raise error from None
-    entry = {key: record[key] for key in _KEPT if key in record}
+    entry = {key: record[key] for key in _EXTRA_FIELDS if key in record}
     return phone_step(index, image, size, entry, lambda _, size: _action(record, size))
 
 
@@ -106,9 +106,9 @@ def _action(record: JsonObject, size: Size) -> Action:
         touch, lift = (_point(record, f"result_{end}_yx") for end in ("touch", "lift"))
         start, end = (Scaling.fractions(size).point(*place) for place in (touch, lift))
         if kind == _LONG_PRESS:
-            return at("other", end)
+            return action_at("other", end)
         if math.dist(touch, lift) <= _TAP:
-            return at("click", end)
+            return action_at("click", end)
         return Action("drag", *start, *end)
     if kind == _TYPE:
         return Action("type", text=fields.text(record, "result_action_text", default=""))
@@ -125,7 +125,7 @@ def _action(record: JsonObject, size: Size) -> Action:
 
 def _point(record: JsonObject, key: str) -> tuple[float, float]:
     """Return x and y of a point that is recorded as y, x, in JSON text or as a list."""
-    value = fields.items({key: parsed(record.get(key), key)}, key)
+    value = fields.items({key: parse_embedded(record.get(key), key)}, key)
     if len(value) != 2:
         raise FieldError(key, f"must be y and x, got {fields.shown(value)}")
     return number(value[1], key), number(value[0], key)

@@ -7,14 +7,14 @@ from hijack_data.types import Trajectory
 
 from . import fields
 from .base import FileReader, Rejected, register
-from .dialects import ANTHROPIC
+from .conversation_logs import Conversation, JsonPath, LogEntry, content_parts, read_logs
 from .fields import FieldError, FieldTypeError, JsonObject
-from .files import Source
-from .heads import FileHead
-from .logs import Conversation, JsonPath, LogEntry, parts_of, read_logs
+from .file_head import FileHead
+from .recorded_actions import ANTHROPIC
+from .safe_files import Source
 
 TOOL = "computer"
-_LOOKS = ("screenshot", "zoom", "cursor_position")
+_LOOKING_TOOLS = ("screenshot", "zoom", "cursor_position")
 
 
 @register
@@ -49,10 +49,10 @@ class Anthropic(FileReader):
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of the files."""
-        return read_logs(path, self.name, _Taker())
+        return read_logs(path, self.name, _EntryReader())
 
 
-class _Taker:
+class _EntryReader:
     """Takes in messages, and notes the uses of the tool that asked for a part of the screen."""
 
     def __init__(self) -> None:
@@ -63,7 +63,7 @@ class _Taker:
         if self.file != talk.file:
             self.file = talk.file
             self.zooms = set()
-        for pointer, part in parts_of(entry):
+        for pointer, part in content_parts(entry):
             try:
                 self._part(talk, entry, pointer, part)
             except FieldError as error:
@@ -90,7 +90,7 @@ class _Taker:
         kind = action.get("action")
         if kind == "zoom":
             self.zooms.add(str(part.get("id")))
-        if kind not in _LOOKS:
+        if kind not in _LOOKING_TOOLS:
             talk.act(action, ANTHROPIC, "input")
 
 

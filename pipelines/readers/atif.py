@@ -7,28 +7,35 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.actions import DIALECTS
-from hijack_data.actions.dialects.fields import at, click_type, key_names, number
+from hijack_data.actions.dialects.field_checks import action_at, click_type, key_names, number
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import ActionError
 from hijack_data.types import Action, Box, Size, Step, Trajectory
 
 from . import fields
 from .base import DocumentReader, Rejected, register
-from .dialects import ANTHROPIC, OPENAI, PYAUTOGUI, RecordedStep, code_of, first_action
 from .fields import FieldError, JsonObject
-from .files import inside, parse_file, relative_name, size_of
-from .heads import FileHead
+from .file_head import FileHead
+from .recorded_actions import (
+    ANTHROPIC,
+    OPENAI,
+    PYAUTOGUI,
+    RecordedStep,
+    first_action,
+    raw_action_text,
+)
+from .safe_files import image_size, inside, parse_file, relative_name
 
 PREFIX = "ATIF-v1."
 # The tool of our own export, and the key of its metadata in `extra`.
 TOOL = "desktop_action"
-OURS = "agenthijack"
+EXPORT_KEY = "agenthijack"
 REPORT = "export.json"
 COMPUTER = "computer"
 HARBOR = "computer_action"
 FINISHED = "mark_task_complete"
-_LOOKS = ("screenshot", "cursor_position", "zoom")
+_LOOKING_TOOLS = ("screenshot", "cursor_position", "zoom")
 _CROPPED = "zoom"
 # The action types of Harbor's agent computer-1 that are one of ours.
 _HARBOR = {
@@ -105,7 +112,7 @@ class _Document:
             record = parse_file(inside(self.root, name, ""))
             steps = fields.mappings(fields.items(record, "steps"), "steps")
             own = fields.text(record, "trajectory_id", default="") or os.path.splitext(name)[0]
-            domain = fields.text(_ours(record), "domain", default="")
+            domain = fields.text(_export_record(record), "domain", default="")
         except FieldError as error:
             yield Rejected(name, "", error.field, error.reason)
             return
@@ -172,14 +179,14 @@ class _Document:
                 raise FieldError("source.path", reason)
             folder = relative_name(self.file.parent, self.root)
             path = inside(self.root, os.path.join(folder, name), "source.path")
-            self.size = size_of(path, "source.path")
+            self.size = image_size(path, "source.path")
             self.image = os.fspath(path)
 
     def _act(self, step: JsonObject, call: JsonObject, index: int) -> bool:
         """Add the action of a call; return whether it is one, and not a look at the screen."""
         name = fields.text(call, "function_name", "tool_calls.function_name")
         arguments = _arguments(call)
-        if name in (COMPUTER, HARBOR) and _kind(arguments) in _LOOKS:
+        if name in (COMPUTER, HARBOR) and _kind(arguments) in _LOOKING_TOOLS:
             return False
         self.actions += 1
         image, why = self.image, self.why
@@ -188,7 +195,7 @@ class _Document:
             known = ", ".join(_TOOLS)
             reason = f"{name!r} does not say what its coordinates count; known tools: {known}"
             raise FieldError("tool_calls.function_name", reason)
-        ours = _ours(step)
+        ours = _export_record(step)
         if ours.get("corruption", "clean") != "clean":
             reason = f"{fields.shown(ours['corruption'])}: the picture is corrupted, not clean"
             raise FieldError("extra.corruption", reason)
@@ -207,21 +214,23 @@ def _step(
     if name == COMPUTER:
         dialect = ANTHROPIC if "action" in arguments else OPENAI
         action = first_action(arguments, dialect, size, place)
-        return RecordedStep(index, image, action, code_of(arguments, place), dialect=dialect)
+        return RecordedStep(
+            index, image, action, raw_action_text(arguments, place), dialect=dialect
+        )
     try:
         action = Action("done") if name == FINISHED else _harbor_action(arguments)
     except ActionError as error:
         raise FieldError(place, str(error)) from None
-    fields.on_screen(action, size, place)
+    fields.check_on_screen(action, size, place)
     if action.type != "other":
         return RecordedStep(index, image, action, write_pyautogui(action), dialect=PYAUTOGUI)
-    code = "" if action.point else code_of(arguments, place)
+    code = "" if action.point else raw_action_text(arguments, place)
     return RecordedStep(index, image, action, code, dialect=SIZELESS)
 
 
 def _exported(step: JsonObject, arguments: JsonObject, image: str, size: Size, index: int) -> Step:
     """Return a step of our own export, whose message is the action in its dialect."""
-    ours = _ours(step)
+    ours = _export_record(step)
     dialect = ours.get("dialect")
     code = fields.text(step, "message", default="") if dialect in DIALECTS else ""
     target: Box | None = None
@@ -244,12 +253,12 @@ def _harbor_action(arguments: JsonObject) -> Action:
     if arguments.get("x") is not None:
         place = round(number(arguments["x"], "x")), round(number(arguments.get("y"), "y"))
     if kind == "click":
-        return at(click_type(arguments.get("button") or "left", 1), place)
+        return action_at(click_type(arguments.get("button") or "left", 1), place)
     if kind == "drag":
         x2, y2 = (round(number(arguments.get(side), side)) for side in ("end_x", "end_y"))
-        return at("drag", place, x2=x2, y2=y2)
+        return action_at("drag", place, x2=x2, y2=y2)
     if kind in _HARBOR:
-        return at(_HARBOR[kind], place)
+        return action_at(_HARBOR[kind], place)
     if kind == "type":
         return Action("type", text=fields.text(arguments, "text"))
     if kind in _HARBOR_KEYS:
@@ -259,7 +268,7 @@ def _harbor_action(arguments: JsonObject) -> Action:
     if kind in _HARBOR_ENDS:
         return Action("done")
     if kind in _HARBOR_OTHERS:
-        return at("other", place)
+        return action_at("other", place)
     raise ActionError(f"{fields.shown(kind)} is not an action of {HARBOR}")
 
 
@@ -275,8 +284,8 @@ def _kind(arguments: JsonObject) -> object:
     return arguments.get("action", arguments.get("type"))
 
 
-def _ours(record: JsonObject) -> JsonObject:
+def _export_record(record: JsonObject) -> JsonObject:
     """Return what our own export says in `extra`; nothing for any other document."""
     extra: Any = record.get("extra")
-    ours = extra.get(OURS) if isinstance(extra, dict) else None
+    ours = extra.get(EXPORT_KEY) if isinstance(extra, dict) else None
     return ours if isinstance(ours, dict) else {}

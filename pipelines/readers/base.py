@@ -7,13 +7,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from hijack_data.loading import source_of
+from hijack_data.loading import find_source
 from hijack_data.registry import Registry, is_ours
 from hijack_data.types import Trajectory
 
 from ..errors import SourceError
-from .files import Part, Source, is_utf8, relative_name, root_of, walk
-from .heads import FileHead
+from .file_head import FileHead
+from .safe_files import Part, Source, is_utf8, relative_name, source_root, walk
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Reader(Protocol):
     `RecordedTrajectory`, which names what they show.
 
     A folder may hold several formats. Every record file is passed to `detect` by itself, and `read`
-    gets a `Part` of the files that it accepted: `root_of` and `files_below` take a `Part` as they
+    gets a `Part` of the files that it accepted: `source_root` and `files_below` take a `Part` as they
     take a folder. A reader may also have
 
     - what `FileReader` declares (`file_names`, `suffixes`, `keys`, `recognizes`), which spares it
@@ -113,7 +113,7 @@ class DocumentReader(FileReader, ABC):
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of the files."""
-        root = root_of(path)
+        root = source_root(path)
         for file in files_below(path):
             if isinstance(file, Rejected):
                 yield file
@@ -176,10 +176,10 @@ def get_reader(name: str) -> Reader:
     return READERS.get(READERS.find(name))
 
 
-def source_of_reader(name: str) -> dict[str, str]:
+def reader_source(name: str) -> dict[str, str]:
     """Return what names the file of a reader that is not ours, as parameters of a build."""
     reader = get_reader(name)
-    source = None if is_ours(reader) else source_of(type(reader))
+    source = None if is_ours(reader) else find_source(type(reader))
     return {} if source is None else {"format_sha256": source["sha256"]}
 
 
@@ -191,7 +191,7 @@ def files_below(source: Source) -> Iterator[Path | Rejected]:
     if isinstance(source, Part):
         yield from source.files
         return
-    root = root_of(source)
+    root = source_root(source)
     for item in walk(source):
         if isinstance(item, Path):
             yield item
@@ -199,7 +199,7 @@ def files_below(source: Source) -> Iterator[Path | Rejected]:
             yield Rejected(relative_name(item[0], root), "", "", item[1])
 
 
-def existing(path: str | os.PathLike[str]) -> Path:
+def check_path(path: str | os.PathLike[str]) -> Path:
     """Return `path` if it is a file or folder that exists.
 
     Raises:

@@ -5,24 +5,24 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from hijack_data.actions.dialects.fields import key_names, number
+from hijack_data.actions.dialects.field_checks import key_names, number
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import ActionError, HijackError
 from hijack_data.types import Action, Size, Step, Trajectory
 
 from . import fields
 from .base import DocumentReader, Rejected, register
-from .dialects import PYAUTOGUI, RecordedStep, code_of
 from .fields import FieldError, JsonObject
-from .files import inside, parse_file, relative_name, size_of
-from .heads import FileHead
-from .pictures import decoded, in_json
+from .file_head import FileHead
+from .recorded_actions import PYAUTOGUI, RecordedStep, raw_action_text
+from .recorded_pictures import decode_base64, in_json
+from .safe_files import image_size, inside, parse_file, relative_name
 
 TASK = "task.json"
 _SCREENSHOTS = ("", "screenshots")
 _PLACEHOLDER = (4, 4)  # what browser-use stores for an empty page
-_TYPED = ("input", "input_text")
+_TYPING_ACTIONS = ("input", "input_text")
 
 
 @register
@@ -119,10 +119,10 @@ def _screen(entry: JsonObject, index: int, file: Path, root: Path) -> tuple[str,
     state = fields.mapping(entry.get("state"), "state")
     if state.get("screenshot"):
         image = in_json(file, None, ("history", index, "state", "screenshot"))
-        size = size_of(decoded(state["screenshot"]), "state.screenshot")
+        size = image_size(decode_base64(state["screenshot"]), "state.screenshot")
     else:
         path = _file(fields.text(state, "screenshot_path", "state.screenshot_path"), file, root)
-        image, size = os.fspath(path), size_of(path, "state.screenshot_path")
+        image, size = os.fspath(path), image_size(path, "state.screenshot_path")
     if size == _PLACEHOLDER:
         raise FieldError("state.screenshot", "is a placeholder: no page was open")
     return image, size
@@ -142,7 +142,7 @@ def _file(value: str, file: Path, root: Path) -> Path:
 
 def _step(index: int, name: str, given: JsonObject, raw: object, image: str, size: Size) -> Step:
     try:
-        action = fields.on_screen(_action(name, given), size, name)
+        action = fields.check_on_screen(_action(name, given), size, name)
     except FieldError:
         raise
     except HijackError as error:
@@ -150,7 +150,7 @@ def _step(index: int, name: str, given: JsonObject, raw: object, image: str, siz
     try:
         return RecordedStep(index, image, action, write_pyautogui(action), dialect=PYAUTOGUI)
     except ActionError:
-        code = code_of(raw, "model_output.action")
+        code = raw_action_text(raw, "model_output.action")
         return RecordedStep(index, image, action, code, dialect=SIZELESS)
 
 
@@ -165,7 +165,7 @@ def _action(name: str, given: JsonObject) -> Action:
             return Action("wait", amount=None if seconds is None else number(seconds, "seconds"))
         case "send_keys":
             return Action("hotkey", keys=key_names(given.get("keys"), "keys", "+"))
-        case _ if name in _TYPED:
+        case _ if name in _TYPING_ACTIONS:
             return Action("other", text=fields.text(given, "text", default=""))
         case _:
             return Action("other")

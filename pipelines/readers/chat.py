@@ -10,22 +10,22 @@ from hijack_data.types import Size, Trajectory
 
 from . import fields
 from .base import FileReader, Rejected, register
-from .choices import NO_CHOICES, ReaderOptions
+from .chat_turns import ChatTurns, messages_in
 from .fields import FieldError, JsonObject
-from .files import Source, relative_name, root_of
-from .heads import FileHead
+from .file_head import FileHead
 from .json_rows import JsonRow, json_rows, picture_at, picture_inside, read_tables
-from .parquet_rows import platform_of
-from .screens import ROW_EPISODES, RecordedTrajectory, stated_episode
-from .talk import Talk, messages_in
+from .parquet_rows import screen_domain
+from .reader_options import NO_CHOICES, ReaderOptions
+from .recording_facts import ROW_EPISODES, RecordedTrajectory, stated_episode
+from .safe_files import Source, relative_name, source_root
 
 CLEAN = "clean"
 # A row has one of each.
 _MESSAGES = ("messages", "conversations")
 _PICTURES = ("images", "image")
 # A row of our own export has these; its picture may be corrupted.
-_OWN = ("corruption", "plan_digest", "image_sha256")
-_BESIDE = ("dataset_info.json", "export.json")
+_EXPORT_COLUMNS = ("corruption", "plan_digest", "image_sha256")
+_COMPANION_FILES = ("dataset_info.json", "export.json")
 
 
 def is_chat(head: FileHead) -> bool:
@@ -66,13 +66,13 @@ class Chat(FileReader):
 
     def beside(self, file: Path) -> bool:
         """Return whether a file describes the rows of LLaMA-Factory or of our own export."""
-        return file.name in _BESIDE
+        return file.name in _COMPANION_FILES
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, rows in order."""
-        root = root_of(path)
+        root = source_root(path)
         ids = fields.RowIds()
-        yield from read_tables(path, lambda file: self._file(file, root, ids), _BESIDE)
+        yield from read_tables(path, lambda file: self._file(file, root, ids), _COMPANION_FILES)
 
     def _file(self, file: Path, root: Path, ids: fields.RowIds) -> Iterator[Trajectory | Rejected]:
         name = relative_name(file, root)
@@ -126,7 +126,7 @@ class _Row:
         pictures = cast("list[Any]", given) if isinstance(given, list) else [given]
         if not pictures or given is None:
             raise FieldError(column, "names no picture")
-        talk = Talk(
+        talk = ChatTurns(
             lambda index: self.picture(pictures, column, index),
             len(pictures),
             self.choices.coordinates,
@@ -136,7 +136,7 @@ class _Row:
         if talk.steps:
             yield self._made(talk, record)
 
-    def _made(self, talk: Talk, record: JsonObject) -> Trajectory:
+    def _made(self, talk: ChatTurns, record: JsonObject) -> Trajectory:
         own = record.get("id")
         stem = os.path.splitext(relative_name(self.file, self.root))[0]
         name = (
@@ -144,7 +144,7 @@ class _Row:
         )
         steps = list(talk.steps)
         target: object = record.get("target_box")
-        if target is not None and all(key in record for key in _OWN):
+        if target is not None and all(key in record for key in _EXPORT_COLUMNS):
             size = (fields.step_number(record, "height"), fields.step_number(record, "width"))
             box = fields.boxes([target], size, "target_box")[0]
             steps = [replace(step, target_box=box) for step in steps]
@@ -154,14 +154,14 @@ class _Row:
             Chat.name,
             talk.instruction,
             tuple(steps),
-            platform_of(domain),
+            screen_domain(domain),
             episode=stated_episode(record, self.choices.episode_key),
         )
 
 
 def _check_clean(record: JsonObject) -> None:
     """Refuse a row of our own export whose picture is corrupted. Raises `FieldError`."""
-    if all(key in record for key in _OWN) and record["corruption"] != CLEAN:
+    if all(key in record for key in _EXPORT_COLUMNS) and record["corruption"] != CLEAN:
         raise FieldError(
             "corruption",
             f"{fields.shown(record['corruption'])} is in the picture already: only the clean rows"

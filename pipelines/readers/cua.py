@@ -12,18 +12,18 @@ from hijack_data.types import Step, Trajectory
 
 from . import fields
 from .base import Rejected, register
-from .dialects import OPENAI, RecordedStep, code_of, first_action
 from .fields import FieldError, JsonObject
-from .files import inside, parse_file, relative_name, size_of
-from .folders import FolderReader, folder_id
-from .heads import FileHead
+from .file_head import FileHead
+from .folder_reader import FolderReader, folder_id
+from .recorded_actions import OPENAI, RecordedStep, first_action, raw_action_text
+from .safe_files import image_size, inside, parse_file, relative_name
 
 METADATA = "metadata.json"
 _TURN = re.compile(r"turn_\d+")
 _ARTIFACT = re.compile(r"(\d+)_(\w+)\.(json|png)")
 _CALLS = ("computer_call_result", "function_call_result")
-_AFTER = "screenshot_after"
-_MARKED = "screenshot_action"
+_SCREENSHOT_AFTER = "screenshot_after"
+_MARKED_SCREENSHOT = "screenshot_action"
 
 
 @register
@@ -126,9 +126,9 @@ class _Run:
             self._call(parse_file(path), kind, before)
 
     def _look(self, file: Path, kind: str) -> None:
-        if kind == _AFTER:
+        if kind == _SCREENSHOT_AFTER:
             self.after = file
-        elif kind != _MARKED:
+        elif kind != _MARKED_SCREENSHOT:
             self.screen = file
 
     def _call(self, record: JsonObject, kind: str, screen: Path | None) -> None:
@@ -143,9 +143,9 @@ class _Run:
         if screen is None:
             raise FieldError("screenshot", "no screenshot was saved before this action")
         image = inside(self.root, relative_name(screen, self.root), "screenshot")
-        size = size_of(image, "screenshot")
+        size = image_size(image, "screenshot")
         said = first_action(action, OPENAI, size, "item.action")
-        code = code_of(action, "item.action")
+        code = raw_action_text(action, "item.action")
         self.steps.append(RecordedStep(self.actions, os.fspath(image), said, code, dialect=OPENAI))
 
 

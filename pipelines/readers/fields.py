@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias, cast
 
-from hijack_data.elements.labels import boxes_from_labels
+from hijack_data.elements.recorded_boxes import boxes_from_labels
 from hijack_data.errors import HijackError, suggest
 from hijack_data.platforms import as_platform
 from hijack_data.surrogates import has_half
@@ -26,10 +26,10 @@ from hijack_data.types import (
 )
 
 from ..errors import SourceError
-from .keys import key_problem
+from .key_names import key_problem
 
-HALF = "holds half of a surrogate pair, which is not text"
-MAX_TEXT = 1 << 20
+LONE_SURROGATE = "holds half of a surrogate pair, which is not text"
+MAX_TEXT_CHARS = 1 << 20
 MAX_STEP = 2**31 - 1
 MAX_PIXEL = 2**24
 MAX_AMOUNT = 1e15
@@ -232,14 +232,14 @@ def storable(value: str, field: str) -> str:
     Raises:
         FieldError: the text is too long, or contains half of a surrogate pair.
     """
-    if len(value) > MAX_TEXT:
-        raise FieldError(field, f"has {len(value)} characters; the limit is {MAX_TEXT}")
+    if len(value) > MAX_TEXT_CHARS:
+        raise FieldError(field, f"has {len(value)} characters; the limit is {MAX_TEXT_CHARS}")
     if has_half(value):
-        raise FieldError(field, HALF)
+        raise FieldError(field, LONE_SURROGATE)
     return value
 
 
-def on_screen(action: Action, size: Size, field: str) -> Action:
+def check_on_screen(action: Action, size: Size, field: str) -> Action:
     """Return an action whose points lie in a picture of `size`, (height, width).
 
     Raises:
@@ -268,7 +268,7 @@ def shown(value: object) -> str:
     return representation if len(representation) <= 60 else f"{representation[:57]}..."
 
 
-def qualified(name: str, place: str, taken: set[str]) -> str:
+def unique_id(name: str, place: str, taken: set[str]) -> str:
     """Return the id of a trajectory, after the name of its file or folder if the id is taken.
 
     Args:
@@ -317,7 +317,7 @@ class RowIds:
                     yield FieldError("id", f"{reason} anew, or leave the ids out")
                     return
                 self.own.add(item.id)
-                yield replace(item, id=qualified(item.id, self.place, self.taken))
+                yield replace(item, id=unique_id(item.id, self.place, self.taken))
         except FieldError as error:
             yield error
 

@@ -11,14 +11,14 @@ from hijack_data.types import Action, Box, Size, Step, Trajectory
 
 from . import fields
 from .base import FileReader, Rejected, register
-from .boxes import Form, box_in, form_of, middle_of
-from .choices import FRACTIONS, NO_CHOICES, PIXELS, XYWH, XYXY, ReaderOptions
+from .box_forms import Form, box_center, box_in, detect_form
 from .fields import FieldError, JsonObject
-from .files import Source, relative_name, root_of
-from .heads import FileHead
+from .file_head import FileHead
 from .json_rows import FOLDERS, JsonRow, json_rows, picture_at, read_tables
-from .parquet_rows import platform_of
-from .screens import PICTURE_EPISODES, RecordedTrajectory, stated_episode
+from .parquet_rows import screen_domain
+from .reader_options import FRACTIONS, NO_CHOICES, PIXELS, XYWH, XYXY, ReaderOptions
+from .recording_facts import PICTURE_EPISODES, RecordedTrajectory, stated_episode
+from .safe_files import Source, relative_name, source_root
 
 PICTURES = ("img_filename", "image_path", "img_path")
 BOXES = ("bbox", "box_coordinates")
@@ -61,7 +61,7 @@ class Grounding(FileReader):
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, rows in order."""
-        root = root_of(path)
+        root = source_root(path)
         yield from read_tables(path, lambda file: _Table(file, root, self.choices).read())
 
 
@@ -98,7 +98,7 @@ class _Table:
         if not entries:
             yield Rejected(self.name, "", "", "holds no row with a picture and a box")
             return
-        form = form_of(
+        form = detect_form(
             [entry.box for entry in entries],
             lambda index: self._size(entries[index]),
             self.choices,
@@ -117,7 +117,7 @@ class _Table:
         stem = os.path.splitext(self.name)[0]
         for row in json_rows(self.file):
             try:
-                found += _entries_of(row, f"{stem}/{row.number:06d}")
+                found += _row_entries(row, f"{stem}/{row.number:06d}")
             except FieldError as error:
                 broken.append(Rejected(self.name, row.where, error.field, error.reason))
         return found, broken
@@ -162,19 +162,19 @@ class _Table:
         record = entry.row.record
         image, size = self._picture(entry)
         box = box_in(form, entry.box, size, _key(entry.part, BOXES))
-        x, y = middle_of(box)
+        x, y = box_center(box)
         around = tuple(dict.fromkeys(elements[image]))
         if len(around) == 1:
             around = ()
         text = fields.text(entry.part, _key(entry.part, TEXTS))
         step = Step(0, image, Action("click", x, y), target_box=box, elements=around)
-        program, platform = machine_of(record)
+        program, platform = program_and_platform(record)
         return RecordedTrajectory(
             id=entry.name,
             source=Grounding.name,
             instruction=text,
             steps=(step,),
-            domain=platform_of(platform),
+            domain=screen_domain(platform),
             apps=fields.strings([program]),
             episode=self._episode(record, image),
         )
@@ -184,7 +184,7 @@ class _Table:
         return stated_episode(record, key) if key else relative_name(Path(image), self.root)
 
 
-def machine_of(record: JsonObject) -> tuple[object, object]:
+def program_and_platform(record: JsonObject) -> tuple[object, object]:
     """Return the program and the platform that a row names."""
     source = record.get("data_source")
     # UI-Vision and GroundCUA call the program a platform.
@@ -197,7 +197,7 @@ def machine_of(record: JsonObject) -> tuple[object, object]:
     return program, record.get("platform", source)
 
 
-def _entries_of(row: JsonRow, name: str) -> Iterator[_Entry]:
+def _row_entries(row: JsonRow, name: str) -> Iterator[_Entry]:
     """Yield the boxes of a row: its own, or those of its elements."""
     record = row.record
     _check_kind(record)

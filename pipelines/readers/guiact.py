@@ -7,22 +7,22 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.actions import Scaling
-from hijack_data.actions.dialects.fields import at, number
+from hijack_data.actions.dialects.computer_tools import PIXELS_PER_NOTCH
+from hijack_data.actions.dialects.field_checks import action_at, number
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
-from hijack_data.actions.dialects.tool_calls import PIXELS_PER_NOTCH
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import ActionError, HijackError
 from hijack_data.types import Action, Box, Size, Step, Trajectory
 
 from . import fields
 from .base import FileReader, Rejected, register
-from .boxes import box_in, middle_of
-from .choices import FRACTIONS, XYXY
-from .dialects import PYAUTOGUI, RecordedStep, code_of
+from .box_forms import box_center, box_in
 from .fields import FieldError, JsonObject
-from .files import Source, relative_name, root_of
 from .json_rows import FOLDERS, JsonRow, json_rows, picture_at, read_tables
-from .screens import RecordedTrajectory
+from .reader_options import FRACTIONS, XYXY
+from .recorded_actions import PYAUTOGUI, RecordedStep, raw_action_text
+from .recording_facts import RecordedTrajectory
+from .safe_files import Source, relative_name, source_root
 
 _UID = re.compile(r"uid_(record|episode)_(\d+)_step_(\d+)")
 _NUMBERS = re.compile(r"<(?:box|point)>([^<>]*)</(?:box|point)>")
@@ -33,7 +33,7 @@ _TABLE = (
     "the pictures are in the set's *_images.parquet: write them as images/<image_id>.png, for"
     " example with data_preprocess/convert_parquet_to_png.py of GUICourse"
 )
-_POINTED = {"click": "click", "tap": "click", "hover": "move", "select": "other"}
+_POINTER_ACTIONS = {"click": "click", "tap": "click", "hover": "move", "select": "other"}
 _ENDS = {"task_complete": "done", "task_impossible": "fail"}
 # What the smartphone part calls an answer is only these two.
 _VERDICTS = {"task complete": "done", "task impossible": "fail"}
@@ -63,7 +63,7 @@ class GuiAct(FileReader):
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, steps in order."""
-        root = root_of(path)
+        root = source_root(path)
         yield from read_tables(path, lambda file: _episodes(file, root))
 
 
@@ -120,14 +120,14 @@ def _step(row: JsonRow, file: Path, root: Path) -> Step:
     first = actions[0]
     try:
         box = _box(first.get("element"), record, size)
-        action = fields.on_screen(_action(first, record, size, box), size, "actions_label")
+        action = fields.check_on_screen(_action(first, record, size, box), size, "actions_label")
     except FieldError:
         raise
     except HijackError as error:
         raise FieldError("actions_label", str(error)) from None
     target = box if action.point else None
     index = int(found[3]) if found else 0
-    kept = "" if action.point else code_of(label, "actions_label")
+    kept = "" if action.point else raw_action_text(label, "actions_label")
     try:
         code = write_pyautogui(action)
     except ActionError:
@@ -152,8 +152,8 @@ def _action(first: JsonObject, record: JsonObject, size: Size, box: Box | None) 
     name = fields.text(first, "name").lower()
     text = fields.text(first, "text", default="")
     has_place = box is not None or first.get("point") is not None
-    if name in _POINTED or (name == "input" and has_place):
-        return at(_POINTED.get(name, "click"), _place(first, record, size, box))
+    if name in _POINTER_ACTIONS or (name == "input" and has_place):
+        return action_at(_POINTER_ACTIONS.get(name, "click"), _place(first, record, size, box))
     match name:
         case "input":
             return Action("type", text=text)
@@ -199,7 +199,7 @@ def _place(first: JsonObject, record: JsonObject, size: Size, box: Box | None) -
         return _point(fields.mapping(first["point"], "point"), record, size)
     if box is None:
         raise FieldError("actions_label.element", "is missing")
-    return middle_of(box)
+    return box_center(box)
 
 
 def _point(spaces: JsonObject, record: JsonObject, size: Size) -> tuple[int, int]:

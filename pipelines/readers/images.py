@@ -12,12 +12,24 @@ from hijack_data.types import Action, Platform, Size, Step, Trajectory
 
 from . import fields
 from .base import Rejected, register
-from .choices import NO_CHOICES, ReaderOptions
 from .fields import FieldError, JsonObject
-from .files import (
+from .plain_fields import (
+    FIELDS,
+    LineProblems,
+    check_agreement,
+    check_names,
+    extra_json,
+    read_action,
+    read_apps,
+    read_boxes,
+)
+from .reader_options import NO_CHOICES, ReaderOptions
+from .recording_facts import RecordedTrajectory, stated_episode
+from .safe_files import (
     Part,
     RecordLine,
     Source,
+    image_size,
     inside,
     is_picture,
     line_at,
@@ -25,21 +37,9 @@ from .files import (
     parse,
     parse_file,
     relative_name,
-    root_of,
-    size_of,
+    source_root,
     walk,
 )
-from .plain import (
-    FIELDS,
-    LineProblems,
-    action_of,
-    apps_of,
-    boxes_of,
-    check_agreement,
-    check_names,
-    extra_of,
-)
-from .screens import RecordedTrajectory, stated_episode
 
 METADATA = "metadata.jsonl"
 FILE_NAME = "file_name"
@@ -86,7 +86,7 @@ class Images:
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of the pictures' names."""
-        root = root_of(path)
+        root = source_root(path)
         known = _Metadata(root)
         for item in _files(path):
             if isinstance(item, Path) and item.name == METADATA:
@@ -174,18 +174,18 @@ def _picture(
 
 def _trajectory(name: str, file: Path, record: JsonObject, episode_key: str | None) -> Trajectory:
     problems = LineProblems()
-    size = problems.of(lambda: size_of(file))
+    size = problems.of(lambda: image_size(file))
     problems.check()
     check_names(record, problems, KNOWN)
-    target, elements = boxes_of(record, size, problems)
+    target, elements = read_boxes(record, size, problems)
     texts = {
         key: problems.of(lambda key=key: fields.text(record, key, default=""))
         for key in ("instruction", "domain", "action_code", "id")
     }
     action = problems.of(lambda: _action(record, texts["action_code"] or "", size, problems))
-    apps = problems.of(lambda: apps_of(record))
+    apps = problems.of(lambda: read_apps(record))
     platform = problems.of(lambda: fields.platform(record.get("platform"), "platform"))
-    extra = problems.of(lambda: extra_of(record, KNOWN))
+    extra = problems.of(lambda: extra_json(record, KNOWN))
     episode = None
     if episode_key is not None:
         episode = problems.of(lambda: stated_episode(record, episode_key))
@@ -215,7 +215,7 @@ def _action(record: JsonObject, code: str, size: Size | None, problems: LineProb
     if size is None:
         return Action("other")
     if record.get("action") is not None:
-        action = action_of(record["action"], size, problems) or Action("other")
+        action = read_action(record["action"], size, problems) or Action("other")
         check_agreement(action, code, size)
         return action
     check_agreement(Action("other"), code, size)  # fractions would be taken for pixels
@@ -225,4 +225,4 @@ def _action(record: JsonObject, code: str, size: Size | None, problems: LineProb
         said = parse_pyautogui(code, None)
     except HijackError:  # the effect of the code is known only when it runs
         return Action("other")
-    return fields.on_screen(said, size, "action_code")
+    return fields.check_on_screen(said, size, "action_code")

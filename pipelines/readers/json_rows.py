@@ -10,18 +10,18 @@ from hijack_data.types import Size, Trajectory
 from . import fields
 from .base import Rejected, files_below
 from .fields import FieldError, FieldTypeError, JsonObject
-from .files import (
-    MAX_RECORD,
+from .recorded_pictures import decode_base64, in_json
+from .safe_files import (
+    MAX_RECORD_BYTES,
     Source,
+    image_size,
     inside,
     lines,
     parse_any,
     refuse_array,
     relative_name,
-    root_of,
-    size_of,
+    source_root,
 )
-from .pictures import decoded, in_json
 
 SUFFIXES = (".json", ".jsonl")
 # Where recipes keep the pictures, seen from the file, and after that from the source.
@@ -74,8 +74,8 @@ def json_rows(file: Path) -> Iterator[JsonRow]:
                 values = error
             yield JsonRow(number, f"line {line.number}", values, line.offset)
         return
-    if file.stat().st_size > MAX_RECORD:
-        limit = MAX_RECORD // 2**20
+    if file.stat().st_size > MAX_RECORD_BYTES:
+        limit = MAX_RECORD_BYTES // 2**20
         raise FieldError("", f"larger than {limit} MiB: write it as .jsonl, a row a line")
     data = parse_any(file)
     is_list = isinstance(data, list)
@@ -103,7 +103,7 @@ def read_tables(
         read: yields the trajectories of one file, and everything rejected of it.
         left_out: names of files that are not read.
     """
-    root = root_of(path)
+    root = source_root(path)
     for file in files_below(path):
         if isinstance(file, Rejected):
             yield file
@@ -141,7 +141,7 @@ def picture_at(
     if value.startswith(("http:", "https:")):
         raise FieldError(field, "is on the web; only files in the folder are read")
     path = _found(value, file.parent, root, field, folders)
-    return os.fspath(path), size_of(path, field)
+    return os.fspath(path), image_size(path, field)
 
 
 def picture_inside(
@@ -149,7 +149,7 @@ def picture_inside(
 ) -> tuple[str, Size]:
     """Return the reference of a `data:` URL at `place` in a row, and its (height, width)."""
     reference = in_json(file, row.offset, (*row.pointer, *place))
-    return reference, size_of(decoded(value), field)
+    return reference, image_size(decode_base64(value), field)
 
 
 def _found(name: str, folder: Path, root: Path, field: str, folders: Iterable[str]) -> Path:

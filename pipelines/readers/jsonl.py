@@ -11,7 +11,9 @@ from hijack_data.types import Step, Trajectory
 from . import fields
 from .base import FileReader, Rejected, files_below, register
 from .fields import FieldError, JsonObject
-from .files import (
+from .file_head import FileHead
+from .plain_fields import LineProblems, read_apps, read_step
+from .safe_files import (
     Part,
     RecordLine,
     Source,
@@ -21,10 +23,8 @@ from .files import (
     parse,
     refuse_array,
     relative_name,
-    root_of,
+    source_root,
 )
-from .heads import FileHead
-from .plain import LineProblems, apps_of, step_of
 
 RECORDS = "trajectories.jsonl"
 _SIGNS = {"trajectory_id", "step"}
@@ -50,12 +50,12 @@ class _Index:
         if own and own in self.ids:
             problems.found.append(FieldError("id", f"{own!r} was used by an earlier line"))
         if problems.found or name is None or step is None:
-            step_of(record, self.root, self.folder, problems=problems)
+            read_step(record, self.root, self.folder, problems=problems)
             return
         self.ids.add(own or "")
         self.places.setdefault(name, array("q")).extend((step, line.offset, line.number))
 
-    def lines_of(self, name: str) -> list[tuple[int, int, int]]:
+    def step_lines(self, name: str) -> list[tuple[int, int, int]]:
         """Return the triples of one trajectory in the order of its steps."""
         flat = self.places[name]
         steps = flat[0::3]
@@ -95,7 +95,7 @@ class Jsonl(FileReader):
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, in the order in which they begin."""
-        root = root_of(path)
+        root = source_root(path)
         taken: set[str] = set()
         yield from (item for item in files_below(path) if isinstance(item, Rejected))
         for file in _record_files(path):
@@ -135,7 +135,7 @@ def _file(
 def _free(name: str, records: str, taken: set[str]) -> str:
     """Return the id of a trajectory: its name, after the file's folder if the name is taken."""
     folder = Path(records).parent.as_posix()
-    return fields.qualified(name, Path(records).stem if folder == "." else folder, taken)
+    return fields.unique_id(name, Path(records).stem if folder == "." else folder, taken)
 
 
 def _index(records: Path, shown: str, index: _Index) -> Iterator[Rejected]:
@@ -151,10 +151,10 @@ def _trajectory(
 ) -> Iterator[Trajectory | Rejected]:
     steps: list[Step] = []
     about: dict[str, Any] = {}
-    for _, offset, number in index.lines_of(name):
+    for _, offset, number in index.step_lines(name):
         try:
             record = fields.mapping(parse(line_at(file, offset)), "")
-            step = step_of(record, index.root, index.folder)
+            step = read_step(record, index.root, index.folder)
             if steps and steps[-1].index == step.index:
                 raise FieldError("step", f"step {step.index} of {name!r} was there before")
             _agree(about, record)
@@ -170,7 +170,7 @@ def _agree(about: dict[str, Any], record: JsonObject) -> None:
     own = {
         "instruction": fields.text(record, "instruction"),
         "domain": fields.text(record, "domain", default=""),
-        "apps": apps_of(record),
+        "apps": read_apps(record),
         "platform": fields.platform(record.get("platform"), "platform"),
     }
     for key, value in own.items():

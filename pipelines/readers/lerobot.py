@@ -8,13 +8,13 @@ from hijack_data.types import Step, Trajectory
 
 from . import fields
 from .base import Rejected, files_below, register
-from .dialects import PYAUTOGUI, RecordedStep, code_of, first_action
 from .fields import FieldError, JsonObject
-from .files import inside, parse_file, relative_name
-from .folders import FolderReader, folder_id
-from .heads import FileHead
+from .file_head import FileHead
+from .folder_reader import FolderReader, folder_id
 from .parquet_rows import ParquetRow
-from .pictures import GroupRows, open_parquet
+from .recorded_actions import PYAUTOGUI, RecordedStep, first_action, raw_action_text
+from .recorded_pictures import GroupRows, open_parquet
+from .safe_files import inside, parse_file, relative_name
 
 INFO = "info.json"
 META = "meta"
@@ -124,7 +124,7 @@ class _Set:
         image, size = row.picture(self.column)
         action = first_action(code, PYAUTOGUI, size, ACTION)
         index = fields.step_number(record, "frame_index")
-        self.steps.append(RecordedStep(index, image, action, code_of(code, ACTION)))
+        self.steps.append(RecordedStep(index, image, action, raw_action_text(code, ACTION)))
 
     def _ended(self) -> Iterator[Trajectory | Rejected]:
         steps, instruction = tuple(self.steps), self.instruction

@@ -6,13 +6,13 @@ from typing import Any
 from hijack_data.types import Action, Box, Size, Trajectory
 
 from . import fields
-from .boxes import box_in, middle_of
-from .choices import PIXELS, XYWH
-from .dialects import PYAUTOGUI, RecordedStep, first_action
+from .box_forms import box_center, box_in
 from .fields import FieldError, JsonObject
-from .files import parsed
 from .parquet_rows import SOURCE, ParquetRow
-from .screens import RecordedTrajectory, stated_episode
+from .reader_options import PIXELS, XYWH
+from .recorded_actions import PYAUTOGUI, RecordedStep, first_action
+from .recording_facts import RecordedTrajectory, stated_episode
+from .safe_files import parse_embedded
 
 COLUMNS = (
     "annotation_id",
@@ -45,7 +45,7 @@ def mind2web(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
         known = ", ".join(_OPERATIONS)
         raise FieldError("operation.op", f"{fields.shown(kind)} is not one of {known}")
     box = _target(fields.items(record, "pos_candidates"), size)
-    x, y = middle_of(box)
+    x, y = box_center(box)
     value = fields.text(operation, "value", "operation.value", default="")
     code = _code(kind, x, y, value)
     action = Action("other", x, y)
@@ -103,4 +103,4 @@ def _numbers(rect: str) -> list[float]:
 
 
 def _object(value: object, field: str) -> JsonObject:
-    return fields.mapping(parsed(value, field), field)
+    return fields.mapping(parse_embedded(value, field), field)

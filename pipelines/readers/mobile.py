@@ -7,20 +7,20 @@ from pathlib import Path
 from typing import Any, cast
 
 from hijack_data.actions import Scaling
-from hijack_data.actions.dialects.fields import at, number
-from hijack_data.actions.dialects.ui_tars import WAIT_SECONDS
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.dialects.field_checks import action_at, number
+from hijack_data.actions.dialects.ui_tars import WAIT_S
+from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import HijackError, counted
 from hijack_data.types import Action, Size, Step, Trajectory
 
 from . import fields
 from .base import FileReader, Rejected, files_below, register
-from .dialects import PYAUTOGUI, RecordedStep, code_of
 from .fields import FieldError, FieldTypeError, JsonObject
-from .files import Source, inside, parse_file, relative_name, root_of
-from .heads import FileHead
+from .file_head import FileHead
 from .json_rows import FOLDERS, picture_at
-from .screens import RecordedTrajectory
+from .recorded_actions import PYAUTOGUI, RecordedStep, raw_action_text
+from .recording_facts import RecordedTrajectory
+from .safe_files import Source, inside, parse_file, relative_name, source_root
 
 _FOLDERS = (*FOLDERS, "screenshots")
 _KEYS = ("KEY_HOME", "KEY_BACK", "KEY_APPSELECT")
@@ -41,7 +41,7 @@ class _Phone(FileReader, ABC):
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of the files."""
-        root = root_of(path)
+        root = source_root(path)
         seen: set[str] = set()
         for file in files_below(path):
             if isinstance(file, Rejected):
@@ -109,7 +109,7 @@ def phone_step(
         FieldError: the action is broken, or outside the picture.
     """
     try:
-        action = fields.on_screen(read(entry, size), size, "action")
+        action = fields.check_on_screen(read(entry, size), size, "action")
     except FieldError:
         raise
     except HijackError as error:
@@ -117,7 +117,7 @@ def phone_step(
     if action.point and action.type == "click":
         click = f"pyautogui.click({action.x}, {action.y})"
         return RecordedStep(index, image, action, click, dialect=PYAUTOGUI)
-    code = "" if action.point else code_of(dict(entry), "action")
+    code = "" if action.point else raw_action_text(dict(entry), "action")
     return RecordedStep(index, image, action, code, dialect=SIZELESS)
 
 
@@ -158,7 +158,7 @@ class GuiOdyssey(_Phone):
             case "CLICK" | "LONG_PRESS":
                 (place,) = _points(info, 1)
                 name = "click" if kind == "CLICK" else "other"
-                return at(name, scaling.point(*place))
+                return action_at(name, scaling.point(*place))
             case "SCROLL":
                 start, end = (scaling.point(*place) for place in _points(info, 2))
                 return Action("drag", *start, *end)
@@ -225,7 +225,7 @@ class AndroidControl(_Phone):
                 point = Scaling.pixels(None).point(*place)
                 text = fields.text(entry, "text") if kind == "type" else None
                 name = "click" if kind == "click" else "other"
-                return at(name, point, text=text)
+                return action_at(name, point, text=text)
             case "input_text":
                 return Action("type", text=fields.text(entry, "text"))
             case "scroll":
@@ -235,7 +235,7 @@ class AndroidControl(_Phone):
                     raise FieldError("direction", reason)
                 return Action("other")
             case "wait":
-                return Action("wait", amount=WAIT_SECONDS)
+                return Action("wait", amount=WAIT_S)
             case "open_app" | "navigate_home" | "navigate_back":
                 return Action("other")
             case _:

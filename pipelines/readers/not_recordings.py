@@ -1,6 +1,6 @@
 """Files that are published beside recordings and are none, for the error that refuses them."""
 
-from .heads import FileHead
+from .file_head import FileHead
 
 _NO_PICTURES = "holds no screenshots"
 # The keys of a record, and what its file is. Nothing is read or left out because of this table.

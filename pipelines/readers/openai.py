@@ -8,11 +8,11 @@ from hijack_data.types import Trajectory
 
 from . import fields
 from .base import FileReader, Rejected, register
-from .dialects import OPENAI
+from .conversation_logs import Conversation, LogEntry, content_parts, read_logs
 from .fields import FieldError
-from .files import Source
-from .heads import FileHead
-from .logs import Conversation, LogEntry, parts_of, read_logs
+from .file_head import FileHead
+from .recorded_actions import OPENAI
+from .safe_files import Source
 
 CALL = "computer_call"
 RESULT = "computer_call_output"
@@ -47,10 +47,10 @@ class OpenAI(FileReader):
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of the files."""
-        return read_logs(path, self.name, _Taker())
+        return read_logs(path, self.name, _EntryReader())
 
 
-class _Taker:
+class _EntryReader:
     """Takes in items, each call of a file once."""
 
     def __init__(self) -> None:
@@ -93,7 +93,7 @@ def _environment(talk: Conversation, tools: object) -> None:
 
 
 def _message(talk: Conversation, entry: LogEntry) -> Iterator[FieldError]:
-    for pointer, part in parts_of(entry):
+    for pointer, part in content_parts(entry):
         try:
             talk.ask(part.get("text"))
             if part.get("type") == "input_image":

@@ -12,10 +12,10 @@ from hijack_data.types import Platform, Step, Trajectory
 
 from . import fields
 from .base import Rejected, register
-from .dialects import COMPUTER_13, PYAUTOGUI, RecordedStep, code_of, first_action
 from .fields import FieldError, FieldTypeError, JsonObject
-from .files import inside, parse_file, relative_name, size_of
-from .folders import EpisodeFolder, FolderReader, folder_id
+from .folder_reader import EpisodeFolder, FolderReader, folder_id
+from .recorded_actions import COMPUTER_13, PYAUTOGUI, RecordedStep, first_action, raw_action_text
+from .safe_files import image_size, inside, parse_file, relative_name
 
 RECORDS = "traj.jsonl"
 FIRST_SCREENS = ("initial_state.png", "initial_screenshot.png", "step_0.png")
@@ -156,10 +156,10 @@ class _Episode(EpisodeFolder):
 
     def _step(self, record: JsonObject, screen: str) -> Step:
         image = self.inside(screen, "screenshot_file")
-        size = size_of(image, "screenshot_file")
+        size = image_size(image, "screenshot_file")
         raw, dialect = _executed(record)
         action = first_action(raw, dialect, size, "action")
-        code = code_of(raw, "action")
+        code = raw_action_text(raw, "action")
         return RecordedStep(self.actions, os.fspath(image), action, code, dialect=dialect)
 
     def _advance(self, record: JsonObject) -> None:

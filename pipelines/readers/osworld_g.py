@@ -11,10 +11,10 @@ from hijack_data.types import Action, Size
 
 from . import fields
 from .base import register
-from .boxes import box_in
-from .choices import PIXELS, XYWH, XYXY
+from .box_forms import box_in
 from .fields import FieldError, JsonObject
-from .published import GroundingTarget, PublishedSet, click_at
+from .published_set import GroundingTarget, PublishedSet, click_at
+from .reader_options import PIXELS, XYWH, XYXY
 
 KINDS = ("bbox", "polygon", "refusal")
 OUTLINE = "target_polygon"  # in `extra`; `hijack score` knows it, too

@@ -11,22 +11,22 @@ from hijack_data.types import Size, Trajectory
 from . import fields
 from .arrow import SUFFIX as ARROW
 from .base import FileReader, Rejected, files_below, register
-from .boxes import Form, form_of
-from .choices import FRACTIONS, NO_CHOICES, PIXELS, XYXY, ReaderOptions
-from .events import TESS, TESS_REST, TRACE, CuaBenchTrace, StepRows, TessEpisode
+from .box_forms import Form, detect_form
+from .event_traces import TESS, TESS_OPTIONAL, TRACE, CuaBenchTrace, StepRows, TessEpisode
 from .fields import FieldError, JsonObject
-from .files import Source, inside, relative_name, root_of
-from .heads import FileHead
+from .file_head import FileHead
 from .lerobot import in_lerobot
 from .mind2web import COLUMNS as MIND2WEB
 from .mind2web import mind2web
 from .parquet_rows import ParquetRow, chat, grounding, trajectory
-from .pictures import GroupRows, open_parquet
-from .screens import EPISODES, PICTURE_EPISODES, ROW_EPISODES
+from .reader_options import FRACTIONS, NO_CHOICES, PIXELS, XYXY, ReaderOptions
+from .recorded_pictures import GroupRows, open_parquet
+from .recording_facts import EPISODES, PICTURE_EPISODES, ROW_EPISODES
+from .safe_files import Source, inside, relative_name, source_root
 
 SUFFIXES = (".parquet", ARROW)
 # What `save_to_disk` writes beside its files.
-_BESIDE = ("state.json", "dataset_info.json", "dataset_dict.json")
+_COMPANION_FILES = ("state.json", "dataset_info.json", "dataset_dict.json")
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ SHAPES = (
     ),
     _Shape((*MIND2WEB,), ("website", "domain"), mind2web),
     _Shape(TRACE, (), CuaBenchTrace, "trajectory_id"),
-    _Shape(TESS, TESS_REST, TessEpisode, "episode_id"),
+    _Shape(TESS, TESS_OPTIONAL, TessEpisode, "episode_id"),
     _Shape(("image", "bbox", "instruction"), ("data_source", "file_name"), grounding),
 )
 
@@ -113,11 +113,11 @@ class Parquet(FileReader):
 
     def beside(self, file: Path) -> bool:
         """Return whether `save_to_disk` wrote a file beside its tables."""
-        return file.name in _BESIDE
+        return file.name in _COMPANION_FILES
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories, files by name, rows in order."""
-        root = root_of(path)
+        root = source_root(path)
         ids = fields.RowIds()
         for file in files_below(path):
             if isinstance(file, Rejected):
@@ -210,7 +210,7 @@ def _form(table: Any, first: ParquetRow) -> Form:
 
     if not any(boxes):
         return PIXELS, XYXY
-    return form_of(boxes, size, first.choices, known)
+    return detect_form(boxes, size, first.choices, known)
 
 
 def _rows(table: Any, columns: list[str]) -> Iterator[tuple[int, int, Any]]:

@@ -11,14 +11,14 @@ from hijack_data.surrogates import has_half
 from hijack_data.types import Action, Size, Step, Trajectory
 
 from . import fields
-from .boxes import Form, box_in, middle_of
-from .choices import NO_CHOICES, PIXELS, XYXY, ReaderOptions
-from .dialects import COMPUTER_13, PYAUTOGUI, RecordedStep, recorded
+from .box_forms import Form, box_center, box_in
+from .chat_turns import ChatTurns, TurnImage, messages_in
 from .fields import FieldError, JsonObject
-from .files import inside, parse, parsed, relative_name, size_of
-from .pictures import as_bytes, in_parquet
-from .screens import RecordedTrajectory, stated_episode
-from .talk import Talk, TalkPicture, messages_in
+from .reader_options import NO_CHOICES, PIXELS, XYXY, ReaderOptions
+from .recorded_actions import COMPUTER_13, PYAUTOGUI, RecordedStep, read_recorded
+from .recorded_pictures import as_bytes, in_parquet
+from .recording_facts import RecordedTrajectory, stated_episode
+from .safe_files import image_size, inside, parse, parse_embedded, relative_name
 
 SOURCE = "parquet"
 # The names of pages without a browser around them, in cua-lite (`platform`) and ScreenSpot
@@ -87,9 +87,9 @@ class ParquetRow:
         if not entry.get("bytes") and isinstance(path, str):
             folder = relative_name(self.file.parent, self.root)
             image = inside(self.root, os.path.join(folder, path), field)
-            return os.fspath(image), size_of(image, field)
+            return os.fspath(image), image_size(image, field)
         try:
-            size = size_of(as_bytes(value), field)
+            size = image_size(as_bytes(value), field)
         except FieldError as error:
             raise FieldError(field, error.reason) from None
         return in_parquet(self.file, self.group, self.number, column, item), size
@@ -141,7 +141,7 @@ def _step(row: ParquetRow, index: int, given: object, field: str) -> Step:
     if text.lstrip().startswith("{"):
         raw = parse(text.encode())
         dialect = COMPUTER_13
-    said = recorded(raw, dialect, size, field, row.choices.coordinates, PIXELS)
+    said = read_recorded(raw, dialect, size, field, row.choices.coordinates, PIXELS)
     code = said.code
     if said.dialect == dialect == COMPUTER_13:
         code = text
@@ -153,9 +153,9 @@ def grounding(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
     record = row.record
     image, size = row.picture("image")
     box = box_in(row.form, record.get("bbox"), size, "bbox")
-    x, y = middle_of(box)
+    x, y = box_center(box)
     step = Step(0, image, Action("click", x, y), target_box=box)
-    domain = platform_of(record.get("data_source"))
+    domain = screen_domain(record.get("data_source"))
     instruction = fields.text(record, "instruction")
     key = row.choices.episode_key
     episode = stated_episode(record, key) if key else row.picture_key("image")
@@ -170,7 +170,7 @@ def chat(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
     many = "images" in record
     count = len(fields.items(record, "images")) if many else 1
 
-    def picture(index: int) -> TalkPicture:
+    def picture(index: int) -> TurnImage:
         if many:
             return row.picture("images", index)
         if index:
@@ -178,11 +178,11 @@ def chat(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
             raise FieldError("image", reason)
         return row.picture("image")
 
-    talk = Talk(picture, count, row.choices.coordinates)
+    talk = ChatTurns(picture, count, row.choices.coordinates)
     talk.hear(fields.text(record, "system", default=""), "system")
     yield from talk.read(messages, key)
     name = fields.text(record, "id", default="") or row.name
-    platform = platform_of(_metadata(record.get("metadata")).get("platform"))
+    platform = screen_domain(_metadata(record.get("metadata")).get("platform"))
     if talk.steps:
         yield RecordedTrajectory(
             name,
@@ -197,12 +197,12 @@ def chat(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
 def _metadata(value: object) -> JsonObject:
     """Return the metadata of a chat row, JSON text or a struct; nothing if it is neither."""
     try:
-        return fields.mapping(parsed(value, "metadata"), "metadata")
+        return fields.mapping(parse_embedded(value, "metadata"), "metadata")
     except FieldError:
         return {}
 
 
-def platform_of(value: object) -> str:
+def screen_domain(value: object) -> str:
     """Return the domain of a platform's name: `web page`, or the name itself; `""` without one."""
     if not isinstance(value, str) or has_half(value):
         return ""

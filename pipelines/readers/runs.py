@@ -6,18 +6,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-from hijack_data.actions.recorded import SIZELESS
-from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, REINIT, RUN, STEPS
+from hijack_data.actions.allowed import REINIT
+from hijack_data.actions.recorded_actions import SIZELESS
+from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, RUN, STEPS
 from hijack_data.types import Action, Platform, Step, Trajectory
 
 from . import fields
 from .base import Rejected, register
-from .dialects import PYAUTOGUI, RecordedStep, code_of, first_action
 from .fields import FieldError, JsonObject
-from .files import inside, parse_file, relative_name, size_of
-from .folders import EpisodeFolder, FolderReader
-from .heads import FileHead
-from .screens import RecordedTrajectory
+from .file_head import FileHead
+from .folder_reader import EpisodeFolder, FolderReader
+from .recorded_actions import PYAUTOGUI, RecordedStep, first_action, raw_action_text
+from .recording_facts import RecordedTrajectory
+from .safe_files import image_size, inside, parse_file, relative_name
 
 # By the class of the desktop, as the log names it.
 _PROVIDERS: dict[str, Platform] = {"EmbeddedDesktop": "linux-xfce", "OsworldDesktop": "linux"}
@@ -129,7 +130,7 @@ class _Episode(EpisodeFolder):
 
     def _step(self, record: JsonObject, code: str) -> Step:
         image = inside(self.folder, fields.text(record, "image"))
-        size = size_of(image)
+        size = image_size(image)
         index = fields.step_number(record, "step")
         action = Action("other")
         dialect = SIZELESS
@@ -140,7 +141,7 @@ class _Episode(EpisodeFolder):
             index=index,
             image=os.fspath(image),
             action=action,
-            action_code=code_of(code, "code"),
+            action_code=raw_action_text(code, "code"),
             elements=fields.boxes(record.get("boxes") or [], size, "boxes"),
             dialect=dialect,
         )

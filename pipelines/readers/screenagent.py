@@ -8,25 +8,25 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
-from hijack_data.actions.dialects.fields import at, click_type, key_names, number, text
-from hijack_data.actions.recorded import SCREENAGENT
+from hijack_data.actions.dialects.field_checks import action_at, click_type, key_names, number, text
+from hijack_data.actions.recorded_actions import SCREENAGENT
 from hijack_data.errors import HijackError
 from hijack_data.platforms import find_platform
 from hijack_data.types import Action, Size, Step, Trajectory, are_fractions
 
 from . import fields
 from .base import FileReader, Rejected, files_below, register
-from .dialects import RecordedStep, code_of
 from .fields import FieldError, JsonObject
-from .files import Source, inside, parse_file, relative_name, root_of, size_of
-from .screens import RecordedTrajectory
+from .recorded_actions import RecordedStep, raw_action_text
+from .recording_facts import RecordedTrajectory
+from .safe_files import Source, image_size, inside, parse_file, relative_name, source_root
 
 IMAGES = "images"
 _BUTTONS = {"click": 1, "double_click": 2}
 _PLAIN = {"move": "move", "down": "mouse_down", "up": "mouse_up"}
 _SCROLLS = {"scroll_up": 1, "scroll_down": -1}
 _ON_SCREEN = ("MouseAction", "KeyboardAction", "WaitAction")
-_TALK = ("PlanAction", "EvaluateSubTaskAction")
+_TEXT_ACTIONS = ("PlanAction", "EvaluateSubTaskAction")
 _SYSTEM = re.compile(r"\b(\w+) operating system")
 
 
@@ -56,7 +56,7 @@ class ScreenAgent(FileReader):
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of their folders."""
-        root = root_of(path)
+        root = source_root(path)
         seen: set[str] = set()
         session = _Session(root, root)
         for file in files_below(path):
@@ -136,12 +136,12 @@ class _Session:
         folder = relative_name(self.folder, self.root)
         place = IMAGES if (self.folder / IMAGES).is_dir() else ""
         image = inside(self.root, os.path.join(folder, place, name), "saved_image_name")
-        size = _checked_size(record, size_of(image, "saved_image_name"))
+        size = _checked_size(record, image_size(image, "saved_image_name"))
         listed = fields.items(record, "actions")
         entries = [fields.mapping(entry, f"actions[{i}]") for i, entry in enumerate(listed)]
         action = _action(entries, size)
-        code = code_of(entries, "actions")
-        is_talk = all(entry.get("action_type") in _TALK for entry in entries)
+        code = raw_action_text(entries, "actions")
+        is_talk = all(entry.get("action_type") in _TEXT_ACTIONS for entry in entries)
         return RecordedStep(
             index=index,
             image=os.fspath(image),
@@ -176,12 +176,12 @@ def _action(entries: list[JsonObject], size: Size) -> Action:
         if kind in _ON_SCREEN:
             where = f"actions[{index}]"
             try:
-                return fields.on_screen(_read(entry, str(kind)), size, where)
+                return fields.check_on_screen(_read(entry, str(kind)), size, where)
             except FieldError:
                 raise
             except HijackError as error:
                 raise FieldError(where, str(error)) from None
-        if kind not in _TALK:
+        if kind not in _TEXT_ACTIONS:
             raise FieldError(
                 f"actions[{index}].action_type",
                 f"{fields.shown(kind)} is not an action of ScreenAgent",
@@ -206,12 +206,12 @@ def _mouse(entry: JsonObject) -> Action:
     name = str(entry.get("mouse_action_type"))
     place = _point(entry.get("mouse_position"))
     if name in _BUTTONS:
-        return at(click_type(entry.get("mouse_button", "left"), _BUTTONS[name]), place)
+        return action_at(click_type(entry.get("mouse_button", "left"), _BUTTONS[name]), place)
     if name in _SCROLLS:
         notches = number(entry.get("scroll_repeat", 1), "scroll_repeat")
-        return at("scroll", place, amount=_SCROLLS[name] * notches)
+        return action_at("scroll", place, amount=_SCROLLS[name] * notches)
     if name in _PLAIN:
-        return at(_PLAIN[name], place)
+        return action_at(_PLAIN[name], place)
     if name == "drag" and place is not None:
         return Action("drag", x2=place[0], y2=place[1])
     reason = f"{fields.shown(name)} is not an action of the mouse"

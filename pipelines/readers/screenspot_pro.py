@@ -5,9 +5,9 @@ from pathlib import Path
 from hijack_data.types import Size
 
 from .base import register
-from .choices import PIXELS, XYXY
 from .fields import JsonObject
-from .published import GroundingTarget, PublishedSet, click_at
+from .published_set import GroundingTarget, PublishedSet, click_at
+from .reader_options import PIXELS, XYXY
 
 
 @register

@@ -6,9 +6,9 @@ from pathlib import Path
 from hijack_data.types import Size
 
 from .base import register
-from .choices import PIXELS, XYWH
 from .fields import JsonObject
-from .published import GroundingTarget, PublishedSet, click_at
+from .published_set import GroundingTarget, PublishedSet, click_at
+from .reader_options import PIXELS, XYWH
 
 _TABLE = re.compile(r"screenspot_(desktop|mobile|web)_v2\.json")
 

@@ -9,23 +9,23 @@ from pathlib import Path
 from hijack_data.types import Trajectory
 
 from ..errors import SourceError
-from .base import FileReader, Reader, Rejected, existing, files_below, get_reader, names
-from .choices import NO_CHOICES, ReaderOptions, with_choices
-from .files import (
+from .base import FileReader, Reader, Rejected, check_path, files_below, get_reader, names
+from .file_head import FileHead
+from .not_recordings import explanation
+from .reader_options import NO_CHOICES, ReaderOptions, with_choices
+from .safe_files import (
+    MAX_HEAD_RECORDS,
     SCREENS,
-    SNIFFED,
-    UNPACKING,
+    UNPACK_COMMANDS,
     FieldError,
     Part,
     Source,
-    lines_of,
+    json_lines_advice,
     refuse_array,
     relative_name,
-    root_of,
-    unpacking,
+    source_root,
+    unpack_command,
 )
-from .heads import FileHead
-from .not_recordings import explanation
 
 # Files that never hold records of a known format and may be large, so no reader examines them.
 OPAQUE = (*SCREENS, ".mp4", ".webm", ".mkv", ".mov", ".avi", ".html", ".pdf", ".log", ".md")
@@ -39,7 +39,7 @@ TABLES = (
     ".csv",
     ".tsv",
     ".tfrecord",
-    *(f".{end.rpartition('.')[2]}" for end in UNPACKING),
+    *(f".{end.rpartition('.')[2]}" for end in UNPACK_COMMANDS),
     ".eval",
     ".lance",
     ".db",
@@ -86,8 +86,8 @@ def survey(path: str | os.PathLike[str], format: str | None = None) -> Survey:
     Raises `SourceError` if the source is empty, if no file is of a known format, or if a file could
     be of several formats, which the message names.
     """
-    source = existing(path)
-    root = root_of(source)
+    source = check_path(path)
+    root = source_root(source)
     if format is not None:
         return Survey(root, {get_reader(format).name: source})
     taken: dict[str, list[Path]] = {}
@@ -99,7 +99,7 @@ def survey(path: str | os.PathLike[str], format: str | None = None) -> Survey:
             continue
         if source.is_dir() and item.suffix.lower() in OPAQUE:
             continue
-        name = _format_of(item, root)
+        name = _detect_file_format(item, root)
         if name:
             taken.setdefault(name, []).append(item)
         else:
@@ -138,7 +138,7 @@ def detect_format(path: str | os.PathLike[str]) -> str:
     return found[0]
 
 
-def _format_of(file: Path, root: Path) -> str:
+def _detect_file_format(file: Path, root: Path) -> str:
     """Return the format of one file, or `""`: its name decides, or else its first records.
 
     Raises:
@@ -198,7 +198,7 @@ def _fallback(
             raise SourceError(f"{source}: {why}")
     if _is_empty(source):
         raise SourceError(f"{source}: is empty; {_known_formats()}")
-    for file in left[:SNIFFED]:
+    for file in left[:MAX_HEAD_RECORDS]:
         if why := explanation(FileHead(file)):
             raise SourceError(f"{relative_name(file, root)}: is {why} (docs/sources.md)")
     examples = ", ".join(_examples(root, left, refused))
@@ -263,11 +263,11 @@ def _is_beside(file: Path, taken: Mapping[str, list[Path]]) -> bool:
 
 def advise(file: Path) -> str:
     """Return how to make a file that no reader takes readable; `""` if that is not known."""
-    command = unpacking(file)
+    command = unpack_command(file)
     if command:
         return f"an archive, unpack it first: {command}"
     if file.name == "trajectories.json":
-        return f"the plain format is trajectories.jsonl; {lines_of(file)}"
+        return f"the plain format is trajectories.jsonl; {json_lines_advice(file)}"
     if file.suffix.lower() not in (".jsonl", ".ndjson"):
         return ""
     try:

@@ -9,11 +9,11 @@ from hijack_data.types import Trajectory
 from . import fields
 from .base import FileReader, Rejected, register
 from .chat import is_chat
-from .dialects import UI_TARS, UI_TARS_15
+from .conversation_logs import Conversation, LogEntry, OtherFormatError, content_parts, read_logs
 from .fields import FieldError, JsonObject
-from .files import Source
-from .heads import FileHead
-from .logs import Conversation, LogEntry, WrongFile, parts_of, read_logs
+from .file_head import FileHead
+from .recorded_actions import UI_TARS, UI_TARS_15
+from .safe_files import Source
 
 _ACTION = re.compile(
     r"\b(?:click|left_double|right_single|drag|scroll)\((?:start_box|point|start_point)="
@@ -44,7 +44,7 @@ class _UITars(FileReader):
     def _take(self, talk: Conversation, entry: LogEntry) -> Iterator[FieldError]:
         version = _version(entry.data.get("model"))
         if version not in ("", self.name):
-            raise WrongFile(
+            raise OtherFormatError(
                 "model",
                 f"{fields.shown(entry.data['model'])} writes {version}; read it with that format",
             )
@@ -90,7 +90,7 @@ class UITars15(_UITars):
 
 
 def _user(talk: Conversation, entry: LogEntry) -> Iterator[FieldError]:
-    for pointer, part in parts_of(entry):
+    for pointer, part in content_parts(entry):
         try:
             if part.get("type") == "text":
                 talk.ask(str(part.get("text")).rpartition(_TASK)[2])

@@ -6,16 +6,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import cast
 
-from hijack_data.actions.dialects.tool_calls import PIXELS_PER_NOTCH
-from hijack_data.actions.recorded import SIZELESS
+from hijack_data.actions.dialects.computer_tools import PIXELS_PER_NOTCH
+from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.types import Action, Size, Step, Trajectory
 
 from . import fields
 from .base import Rejected, register
-from .dialects import RecordedStep, code_of
 from .fields import FieldError, FieldTypeError
-from .files import inside, parse_any, relative_name, size_of
-from .folders import FolderReader, folder_id
+from .folder_reader import FolderReader, folder_id
+from .recorded_actions import RecordedStep, raw_action_text
+from .safe_files import image_size, inside, parse_any, relative_name
 
 RECORDS = "interact_messages.json"
 WAIT_SECONDS = 5.0  # what WebVoyager's own code waits
@@ -26,7 +26,7 @@ _ANSWER = re.compile(r"ANSWER[;:]?\s*(.*)", re.DOTALL)
 _OTHER = re.compile(r"Click \[?\d+\]?|GoBack|Google")
 _SCROLL = re.compile(r"Scroll \[?(\d+|WINDOW)\]?[;:]?\s*(up|down)")
 # WebVoyager scrolls the window by this share of its height.
-_SCROLLED = 2 / 3
+_SCROLL_SHARE = 2 / 3
 
 
 @register
@@ -111,13 +111,13 @@ def _instruction(text: str) -> str:
 def _step(text: str, number: int, folder: Path, root: Path) -> Step:
     place = relative_name(folder / f"screenshot{number}.png", root)
     image = inside(root, place, "screenshot")
-    size = size_of(image, "screenshot")
+    size = image_size(image, "screenshot")
     labels = list(_LABEL.finditer(text))
     if not labels:
         raise FieldError("content", "the reply names no action")
     code = text[labels[-1].end() :].strip()
     action = _action(code, size)
-    kept = code_of(code, "content")
+    kept = raw_action_text(code, "content")
     return RecordedStep(number, os.fspath(image), action, kept, dialect=SIZELESS)
 
 
@@ -143,5 +143,5 @@ def _action(code: str, size: Size) -> Action:
 def _scroll(place: str, direction: str, size: Size) -> Action:
     if place != "WINDOW":
         return Action("other")  # inside a mark: the pointer is not there
-    notches = round(size[0] * _SCROLLED / PIXELS_PER_NOTCH)
+    notches = round(size[0] * _SCROLL_SHARE / PIXELS_PER_NOTCH)
     return Action("scroll", amount=notches if direction == "up" else -notches)

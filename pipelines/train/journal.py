@@ -13,7 +13,7 @@ from typing import Any
 
 import torch
 
-from hijack_data.files import make_folder, replace_atomic, unwritable
+from hijack_data.file_io import make_folder, replace_atomic, unwritable
 
 from .errors import TrainError
 from .replay import read_tensors

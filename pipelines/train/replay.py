@@ -9,12 +9,12 @@ from typing import Any, Literal, TypeAlias, get_args
 import torch
 
 from hijack_data.errors import UnknownNameError, suggest
-from hijack_data.files import replace_atomic
+from hijack_data.file_io import replace_atomic
 from hijack_data.params import Parameter
 from hijack_data.rng import Stream, as_seed
 
 from .errors import TrainError
-from .packing import packed, unpacked
+from .rollout_data import rollout_from_data, rollout_to_data
 from .rollouts import Rollout
 
 When: TypeAlias = Literal["zero", "failed"]
@@ -104,13 +104,13 @@ class ReplayBuffer:
 
     def state(self) -> list[Any]:
         """Return the stored rollouts as data for `torch.save`."""
-        return [packed(rollout) for kept in self._kept.values() for rollout in kept]
+        return [rollout_to_data(rollout) for kept in self._kept.values() for rollout in kept]
 
     def restore(self, state: Sequence[Mapping[str, Any]]) -> None:
         """Restore the data that `state` returned."""
         self._kept = {}
         for data in state:
-            self.add(unpacked(data))
+            self.add(rollout_from_data(data))
 
     def save(self, path: Path, *, run: str) -> None:
         """Write the buffer to a file.

@@ -20,7 +20,7 @@ from hijack_data.rng import Stream
 
 from .sampler import Draw
 
-SeenObservation: TypeAlias = Mapping[str, Any]
+AgentObservation: TypeAlias = Mapping[str, Any]
 RolloutStatus: TypeAlias = Literal["ok", "invalid", "error"]
 _STREAM = "rollout-v1"
 
@@ -46,7 +46,7 @@ class PolicyAnswer:
 class PolicyTurn:
     """One observation and the answer to it."""
 
-    observation: SeenObservation
+    observation: AgentObservation
     answer: PolicyAnswer
 
 
@@ -54,7 +54,7 @@ class Policy(Protocol):
     """The interface of a trainable policy."""
 
     def act(
-        self, observations: Sequence[SeenObservation], streams: Sequence[Stream]
+        self, observations: Sequence[AgentObservation], streams: Sequence[Stream]
     ) -> list[PolicyAnswer]:
         """Answer each observation, with all random draws from its stream."""
         ...
@@ -248,7 +248,7 @@ class _Seat:
         self.env = env
         self.rollout = Rollout(request=request)
         self.stream = request.stream()
-        self.observation: SeenObservation = {}
+        self.observation: AgentObservation = {}
         self.is_live = False
 
     def reset(self) -> None:

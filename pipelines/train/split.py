@@ -82,7 +82,7 @@ def check_split(
             )
 
 
-def side_of(name: str) -> str | None:
+def split_side(name: str) -> str | None:
     """Return `training` or `held_out`, or `None` for a task that is in none of the splits."""
     for family in ("suite", "osworld", "toy"):
         for side in SIDES:

@@ -20,7 +20,7 @@ from .replay import ReplayBuffer
 from .rollouts import Policy, Rollout, RolloutRequest, play
 from .sampler import CorruptionSampler
 
-TellProblem: TypeAlias = Callable[[str], object]
+ReportProblem: TypeAlias = Callable[[str], object]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +132,7 @@ class Trainer:
         replay: ReplayBuffer | None = None,
         folder: Path | None = None,
         threads: int = 1,
-        report: TellProblem = lambda _: None,
+        report: ReportProblem = lambda _: None,
     ) -> None:
         needed = settings.batch * settings.rollouts
         if len(environments) < needed:

@@ -6,7 +6,7 @@ from pathlib import Path
 from hijack_data.runs.run_log import EPISODES, RUN
 
 from ..errors import DatasetError
-from .datasets import DatasetSource
+from .dataset_source import DatasetSource
 from .runs import RunSource
 
 

@@ -17,8 +17,8 @@ from urllib.parse import parse_qs
 
 from hijack_data.errors import HijackError
 
-from .datasets import DatasetSource
-from .pages import pages_of
+from .dataset_source import DatasetSource
+from .routes import make_pages
 from .runs import RunSource
 
 HOSTS = ("127.0.0.1", "localhost")
@@ -49,7 +49,7 @@ class ViewServer(ThreadingHTTPServer):
     daemon_threads = True
 
     def __init__(self, source: DatasetSource | RunSource, port: int = 0) -> None:
-        self.pages = pages_of(source)
+        self.pages = make_pages(source)
         self.token = secrets.token_urlsafe(16)
         try:
             super().__init__((HOSTS[0], port), _Handler)

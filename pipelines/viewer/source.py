@@ -76,7 +76,7 @@ class ViewerSource(Protocol):
         ...
 
 
-def text_of(value: object) -> str:
+def display_text(value: object) -> str:
     """Return a value for people: text as it is, anything else as JSON."""
     if isinstance(value, str):
         return value
@@ -107,7 +107,7 @@ def action_text(action: Mapping[str, Any]) -> str:
     return " ".join(words)
 
 
-def points_of(action: Mapping[str, Any]) -> list[tuple[int, int]]:
+def action_points(action: Mapping[str, Any]) -> list[tuple[int, int]]:
     """Return the point of an action, and the end of a drag."""
     points: list[tuple[int, int]] = []
     for names in (("x", "y"), ("x2", "y2")):

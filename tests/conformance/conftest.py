@@ -11,7 +11,7 @@ from support.plugins import write
 @pytest.fixture
 def load(tmp_path, monkeypatch):
     """Load a plug-in from a file: `load(slot=text)` returns the class; see `support.plugins`."""
-    registry.names()
+    registry.corruption_names()
     monkeypatch.setenv(loading.VARIABLE, "")
     monkeypatch.setattr(registry.CORRUPTIONS, "entries", dict(registry.CORRUPTIONS.entries))
     monkeypatch.setattr(loading, "_files", {})
@@ -19,6 +19,6 @@ def load(tmp_path, monkeypatch):
 
     def make(**slots):
         file = loading.load_file(write(tmp_path, **slots))
-        return registry.find(file.corruptions[0])
+        return registry.find_corruption(file.corruptions[0])
 
     return make

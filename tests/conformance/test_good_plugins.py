@@ -3,7 +3,7 @@
 import pytest
 
 from hijack_data import conformance
-from hijack_data.conformance import processes
+from hijack_data.conformance import fresh_processes
 
 from support.bad_declarations import LEVELS
 
@@ -69,8 +69,10 @@ DRAWS_IN_VAIN = {
 
 @pytest.mark.parametrize("kind", GOOD)
 def test_it_passes(kind, load, monkeypatch):
-    monkeypatch.setattr(conformance.screens, "SIZES", ((1080, 1920), (333, 517), (64, 48), (1, 1)))
-    monkeypatch.setattr(processes, "WORLDS", processes.WORLDS[:2])  # more of them catch the bad
+    monkeypatch.setattr(conformance.cases, "SIZES", ((1080, 1920), (333, 517), (64, 48), (1, 1)))
+    monkeypatch.setattr(
+        fresh_processes, "PROCESS_ENVIRONMENTS", fresh_processes.PROCESS_ENVIRONMENTS[:2]
+    )  # more of them catch the bad
     results = conformance.run(load(**GOOD[kind]))
     assert [result.check for result in results] == [c.__name__[6:] for c in conformance.CHECKS]
     assert {result.check: result.problem for result in results if result.problem} == {}

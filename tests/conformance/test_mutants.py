@@ -6,7 +6,6 @@ import pytest
 
 from hijack_data import conformance
 from hijack_data import resample as weights_module
-from hijack_data.conformance import screens
 from hijack_data.corruptions import Marks, PopUps, Resolution, Subtitle
 from hijack_data.drawing import raster
 from hijack_data.kernels import Stamp

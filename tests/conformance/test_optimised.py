@@ -48,7 +48,7 @@ def test_bad_ones_are_caught(level, tmp_path):
         "from hijack_data import conformance, corruption, loading\n"
         "checks = {check.__name__[6:]: check for check in conformance.CHECKS}\n"
         "for file, check in zip(sys.argv[1::2], sys.argv[2::2]):\n"
-        "    cls = corruption.find(loading.load_file(file).corruptions[0])\n"
+        "    cls = corruption.find_corruption(loading.load_file(file).corruptions[0])\n"
         "    if conformance.run_check(checks[check], cls).ok:\n"
         "        print(file, check, 'passes')\n"
     )

@@ -79,4 +79,6 @@ class QuietEdit(Edit):
         rgba = np.full((SIDE, SIDE, 4), 255, np.uint8)
         rgba[np.eye(SIDE, dtype=bool)] = (200, 0, 0, 255)
         sign = hj.Paste(hj.png_recipe(rgba), ((frame.scene.size[1] - SIDE, 0),))
-        return self.made(ops=(sign,), fidelity="composited", shown=str(effect.params["hours"]))
+        return self.make_step(
+            ops=(sign,), fidelity="composited", detail=str(effect.params["hours"])
+        )

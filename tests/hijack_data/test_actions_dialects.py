@@ -11,7 +11,7 @@ import pytest
 
 import hijack_data as hj
 from hijack_data.actions import DIALECTS, FRACTIONS, RESIZED_DIALECTS, code_of, parse_actions
-from hijack_data.actions.recorded import map_recorded
+from hijack_data.actions.recorded_actions import map_recorded
 from hijack_data.actions.scaling import Scaling
 from hijack_data.errors import HijackError
 from hijack_data.labels import Labels

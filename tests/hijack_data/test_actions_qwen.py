@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 
 from hijack_data.actions import map_typed, parse_actions
 from hijack_data.actions.dialects.qwen import tool_call_text
-from hijack_data.actions.recorded import map_recorded
+from hijack_data.actions.recorded_actions import map_recorded
 from hijack_data.actions.scaling import Scaling
 from hijack_data.coords import CoordMap, smart_resize
 from hijack_data.errors import ActionError, ParameterError
-from hijack_data.labels.rows import dialect_of
+from hijack_data.labels.dataset_rows import detect_dialect
 from hijack_data.types import Action
 
 SIZE = (1080, 1920)
@@ -104,5 +104,5 @@ def test_pixels_of_the_resized_picture_follow_it(x, y, x2):
 
 def test_rows_tell_the_version_by_what_the_action_says():
     reply = call("left_click", coordinate=[483, 273])
-    assert dialect_of(reply, Action("click", 480, 270), SIZE) == "qwen2.5_vl"
-    assert dialect_of(reply, Action("click", 927, 295), SIZE) == "qwen3_vl"
+    assert detect_dialect(reply, Action("click", 480, 270), SIZE) == "qwen2.5_vl"
+    assert detect_dialect(reply, Action("click", 927, 295), SIZE) == "qwen3_vl"

@@ -8,7 +8,7 @@ import pytest
 
 from hijack_data.actions import parse_actions
 from hijack_data.actions.dialects.computer_13 import NAMES as COMPUTER_13
-from hijack_data.actions.dialects.tool_calls import ANTHROPIC_NAMES, OPENAI_NAMES
+from hijack_data.actions.dialects.computer_tools import ANTHROPIC_NAMES, OPENAI_NAMES
 from hijack_data.coords import CoordMap
 from hijack_data.errors import ActionError
 

@@ -15,7 +15,7 @@ from hijack_data.errors import (
     ParameterTypeError,
     shown,
 )
-from hijack_data.files import load_image, write_atomic
+from hijack_data.file_io import load_image, write_atomic
 from hijack_data.gallery import gallery
 from hijack_data.limits import SPRITE_PIXELS
 from hijack_data.pack import AssetPack
@@ -60,7 +60,7 @@ TAKE = {
     "dump": dump,
     "load_image": load_image,
     "write_atomic": lambda value: write_atomic(value, "x"),
-    "png_recipe": hj.png_recipe,
+    "png_recipe": hj.plugin.png_recipe,
     "gallery": gallery,
     "gallery of": lambda value: gallery([5 if isinstance(value, str) else value]),
     "convert": lambda value: convert(PICTURE, value),
@@ -110,7 +110,7 @@ def test_an_asset_pack_that_is_no_folder(folder):
 )
 def test_what_is_no_sprite(rgba, error, message):
     with pytest.raises(error, match=message):
-        hj.png_recipe(rgba)
+        hj.plugin.png_recipe(rgba)
 
 
 @pytest.mark.parametrize("path", ["a\0b", "a\ud800", "x" * 5000, "no/such/folder/x"])

@@ -11,10 +11,10 @@ from numpy.lib.stride_tricks import as_strided
 from PIL import Image
 
 import hijack_data as hj
-from hijack_data.backends import backend_of
+from hijack_data.array_overlap import overlaps
+from hijack_data.backends import find_backend
 from hijack_data.conformance import picture
 from hijack_data.errors import ImageError, ImageTypeError, ParameterError, PlanError
-from hijack_data.memory import overlaps
 from hijack_data.plan import Paste, Plan, Resample
 from hijack_data.safety import changed_pixels
 
@@ -212,7 +212,7 @@ def test_pil_pictures_that_cannot_be_decoded():
 
 def test_a_pil_picture_where_an_array_is_needed():
     with pytest.raises(ImageTypeError, match=r"got a PIL image where an array is needed.*asarray"):
-        backend_of(Image.fromarray(picture(SIZE)))
+        find_backend(Image.fromarray(picture(SIZE)))
 
 
 @pytest.mark.filterwarnings("ignore:.*nested tensors is in prototype:UserWarning")

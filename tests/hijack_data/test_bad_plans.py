@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import hijack_data as hj
 from hijack_data.errors import HijackError, ParameterError, ParameterTypeError, PlanError
-from hijack_data.files import encode_png, write_atomic
+from hijack_data.file_io import encode_png, write_atomic
 from hijack_data.plan import Effect, Paste, Plan, Resample, _digest
 
 MARK = {"draw": "mark", "shape": "circle", "size": 5, "color": "blue"}
@@ -38,7 +38,7 @@ WINDOW = {
     "color": "black",
     "edge_color": "black",
 }
-PNG = hj.png_recipe(np.full((6, 5, 4), 200, np.uint8))
+PNG = hj.plugin.png_recipe(np.full((6, 5, 4), 200, np.uint8))
 RECIPES = [MARK, TEXT, WINDOW, PNG]
 STRANGE = [
     *(None, True, 0, -1, 2**40, 10**300, 1.0, 1.5, "", "x", "5"),

@@ -134,7 +134,7 @@ def test_any_sprite_anywhere_in_any_layout(size, ops, layout):
 
 
 def stamp(layer: Layer, y: int = 0, x: int = 0) -> Stamp:
-    return Stamp(Sprite.of_layer(layer), np.array([y], np.int32), np.array([x], np.int32))
+    return Stamp(Sprite.from_layer(layer), np.array([y], np.int32), np.array([x], np.int32))
 
 
 def blended(below: np.ndarray, alpha: np.ndarray, paint: np.ndarray) -> np.ndarray:

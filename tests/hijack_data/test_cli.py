@@ -16,7 +16,7 @@ from PIL import Image
 import hijack_data as hj
 from hijack_data import cli
 from hijack_data.cli import main
-from hijack_data.files import encode_png, load_image, write_atomic
+from hijack_data.file_io import encode_png, load_image, write_atomic
 
 from support import lean
 
@@ -69,7 +69,7 @@ def test_help_and_version():
 
 def test_list_and_show():
     rows = json.loads(run("list", "--json").stdout)
-    assert [r["name"] for r in rows] == hj.names()
+    assert [r["name"] for r in rows] == hj.corruption_names()
     text = run("show", "pop_ups").stdout
     assert "small_factor" in text
     assert "Algorithm 1" in text
@@ -82,7 +82,7 @@ def test_the_package_is_the_command():
     assert (done.returncode, done.stdout) == (0, run("show", "marks").stdout)
 
 
-@pytest.mark.parametrize("name", hj.names())
+@pytest.mark.parametrize("name", hj.corruption_names())
 def test_show_prints_every_bracket(name, capsys):
     """The terminal's markup has brackets of its own, and drops those that it takes for it."""
     data = inside(capsys, "show", name, "--json").stdout
@@ -284,11 +284,11 @@ def test_check_finds_a_bad_plugin(tmp_path):
     plugin = tmp_path / "bad.py"
     plugin.write_text(
         "import random\nfrom dataclasses import dataclass\nfrom typing import ClassVar\nimport"
-        " hijack_data as hj\n@hj.register\n@dataclass(frozen=True)\nclass Bad(hj.Corruption):\n   "
+        " hijack_data as hj\n@hj.plugin.register\n@dataclass(frozen=True)\nclass Bad(hj.plugin.Corruption):\n   "
         ' """Uses the global generator."""\n    name: ClassVar[str] = "bad"\n    category:'
         ' ClassVar[str] = "visual_disruptor"\n    scope: ClassVar[str] = "observation"\n    def'
         " make_plan(self, scene, stream, step):\n        at = ((random.randint(0, 9), 0),)\n       "
-        ' return hj.Draft(ops=(hj.Paste({"draw": "mark", "shape": "star", "size": 9, "color":'
+        ' return hj.plugin.Draft(ops=(hj.plugin.Paste({"draw": "mark", "shape": "star", "size": 9, "color":'
         ' "red"}, at),))\n'
     )
     done = run("check", plugin, command=lean.HIJACK)

@@ -6,7 +6,7 @@ import re
 import pytest
 from rich.console import Console
 
-from hijack_data.cli.tables import FigureTable, grouped
+from hijack_data.cli.figure_table import FigureTable, grouped
 
 BLOCKS = ["n", ("success", "95 %"), ("delta", "95 %", "p"), "retention"]
 ROWS = [

@@ -54,8 +54,8 @@ def test_order_and_batch_do_not_matter():
 def test_another_process_plans_the_same():
     code = (
         "import json, hijack_data as hj, sys; from hijack_data.conformance import"
-        " scene\nprint(json.dumps({n: hj.get(n).plan(scene((1080, 1920)), seed=5,"
-        " sample='p').digest() for n in hj.names()}))"
+        " scene\nprint(json.dumps({n: hj.make_corruption(n).plan(scene((1080, 1920)), seed=5,"
+        " sample='p').digest() for n in hj.corruption_names()}))"
     )
     out = subprocess.run(
         [sys.executable, "-c", code],
@@ -64,7 +64,10 @@ def test_another_process_plans_the_same():
         check=True,
         env={"PYTHONHASHSEED": "77"},
     ).stdout
-    here = {n: hj.get(n).plan(scene((1080, 1920)), seed=5, sample="p").digest() for n in hj.names()}
+    here = {
+        n: hj.make_corruption(n).plan(scene((1080, 1920)), seed=5, sample="p").digest()
+        for n in hj.corruption_names()
+    }
     assert json.loads(out) == here
 
 

@@ -135,7 +135,9 @@ def test_tries_of_plan_avoiding_have_streams_of_their_own():
             return super().plan(scene, sample=sample, **key)
 
     assert (
-        hj.plan_avoiding(Spy(number=3), hj.Scene((360, 640), target=target), seed=1, sample="x")
+        hj.plugin.plan_avoiding(
+            Spy(number=3), hj.Scene((360, 640), target=target), seed=1, sample="x"
+        )
         is None
     )
     assert len(set(seen)) == 16

@@ -42,7 +42,7 @@ seed: 7
         "one_of": ("one_of", [hj.Marks(), hj.Subtitle(position="top")], 0.2, [2, 3]),
         "sequence": ("sequence", [hj.Subtitle(), hj.NetworkError()]),
         "again": ("sequence", [hj.Marks(), hj.Marks(number=1)]),
-        "app_minimization": hj.AppMinimization(step=hj.Every(3)),
+        "app_minimization": hj.AppMinimization(step=hj.plugin.Every(3)),
         "accidental_touch": hj.AccidentalTouch(step=(2, 9)),
         "verification": hj.Verification(),
     }
@@ -218,7 +218,7 @@ def test_installed_package_of_configurations_is_used(tmp_path, monkeypatch):
 
 def test_specs_from():
     assert specs_from(" marks, pop_ups ") == [hj.Marks(), hj.PopUps()]
-    assert specs_from("all") == [hj.get(name) for name in hj.names()]
+    assert specs_from("all") == [hj.make_corruption(name) for name in hj.corruption_names()]
     with pytest.raises(UnknownNameError, match="did you mean 'marks'"):
         specs_from("marks,mraks")
     for text in ("", "marks,", "marks,marks-v1"):

@@ -28,7 +28,7 @@ def values_of(parameter: Parameter) -> st.SearchStrategy[Any]:
         "color": st.sampled_from(["red", "#000000", "#1e1000", [1, 2, 255]]),
         "choice": st.sampled_from(parameter.choices),
         "steps": st.one_of(
-            whole, st.lists(whole, min_size=1, max_size=4), st.integers(1, 99).map(hj.Every)
+            whole, st.lists(whole, min_size=1, max_size=4), st.integers(1, 99).map(hj.plugin.Every)
         ),
         "ip": st.sampled_from([None, "10.0.0.1", "::1"]),
         "str": (
@@ -57,7 +57,7 @@ def values_of(parameter: Parameter) -> st.SearchStrategy[Any]:
 
 @st.composite
 def specs(draw: st.DrawFn) -> hj.corruption.Corruption:
-    cls = hj.corruption.find(draw(st.sampled_from(hj.names())))
+    cls = hj.corruption.find_corruption(draw(st.sampled_from(hj.corruption_names())))
     known = {key: parameter for key, (parameter, _) in parameters(cls).items()}
     chosen = draw(st.lists(st.sampled_from(sorted(known)), unique=True))
     values = {key: draw(values_of(known[key])) for key in chosen}
@@ -114,10 +114,12 @@ def test_dump_is_canonical_and_whole(tmp_path):
 
 
 def test_dump_does_not_lean_on_defaults():
-    written = yaml.safe_load(dump([hj.get(name) for name in hj.names()]))["corruptions"]
+    written = yaml.safe_load(dump([hj.make_corruption(name) for name in hj.corruption_names()]))[
+        "corruptions"
+    ]
     for entry in written:
         ((name, values),) = entry.items()
-        assert values.keys() == parameters(hj.get(name)).keys()
+        assert values.keys() == parameters(hj.make_corruption(name)).keys()
 
 
 def test_dump_refuses_what_a_file_cannot_hold():

@@ -22,7 +22,7 @@ SCREEN = hj.Scene(size=(1080, 1920))
 
 def test_paper_is_the_table_of_defaults():
     config = load_config("paper")
-    assert config.corruptions == {name: hj.get(name) for name in hj.names()}
+    assert config.corruptions == {name: hj.make_corruption(name) for name in hj.corruption_names()}
     assert (config.options, config.source) == ({}, "corruptions/paper")
     written = yaml.safe_load((ROOT / "configs/corruptions/paper.yaml").read_text())["corruptions"]
     keys = {name: list(params) for entry in written for name, params in entry.items()}
@@ -73,8 +73,8 @@ ABLATIONS = {
     "marks_shape": [("mark_type", ["star", "circle", "rectangle"])],
     "marks_color": [("color", ["red", "blue", "green"])],
     "subtitle_position": [("position", ["top", "center", "bottom"])],
-    "accidental_touch_frequency": [("step", [3, hj.Every(5), hj.Every(3)])],
-    "app_minimization_frequency": [("step", [3, hj.Every(5), hj.Every(3)])],
+    "accidental_touch_frequency": [("step", [3, hj.plugin.Every(5), hj.plugin.Every(3)])],
+    "app_minimization_frequency": [("step", [3, hj.plugin.Every(5), hj.plugin.Every(3)])],
     "accidental_touch_location": [("step", [3, 6, 12])],
     "app_minimization_location": [("step", [3, 6, 12])],
     "pop_ups_content": [
@@ -117,7 +117,7 @@ def test_ablation_changes_its_parameter_only(name):
     for spec in specs:
         assert spec.replace(
             **{key: parameters(spec)[key][1] for key, _ in ABLATIONS[name]}
-        ) == hj.get(spec.name)
+        ) == hj.make_corruption(spec.name)
     assert name.startswith(specs[0].name)
 
 
@@ -141,13 +141,15 @@ def test_shipped_configuration_loads_and_plans(name):
 
 def test_visual_is_the_four_disruptors_of_the_picture():
     config = load_config("visual")
-    assert list(config.corruptions) == [n for n in hj.names() if hj.get(n).scope == "observation"]
+    assert list(config.corruptions) == [
+        n for n in hj.corruption_names() if hj.make_corruption(n).scope == "observation"
+    ]
     assert config.options == {"clean": True}
 
 
 def test_all_nine_is_all_nine():
     config = load_config("all_nine")
-    assert list(config.corruptions) == hj.names()
+    assert list(config.corruptions) == hj.corruption_names()
     assert config.corruptions == load_config("paper").corruptions
     assert config.options == {"clean": True, "label_policy": "recover"}
 

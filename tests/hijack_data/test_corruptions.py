@@ -59,14 +59,17 @@ DEFAULTS = {
 
 @pytest.mark.parametrize("name", DEFAULTS)
 def test_defaults_are_those_of_the_paper(name):
-    params = hj.get(name).params()
+    params = hj.make_corruption(name).params()
     assert {key: params[key] for key in DEFAULTS[name]} == DEFAULTS[name]
-    if hj.get(name).severities:
-        assert type(hj.get(name)).at(3) == hj.get(name)
+    if hj.make_corruption(name).severities:
+        assert type(hj.make_corruption(name)).at(3) == hj.make_corruption(name)
 
 
 def test_categories_and_scopes():
-    kinds = {name: (hj.get(name).category, hj.get(name).scope) for name in hj.names()[:9]}
+    kinds = {
+        name: (hj.make_corruption(name).category, hj.make_corruption(name).scope)
+        for name in hj.corruption_names()[:9]
+    }
     assert {n for n, (c, _) in kinds.items() if c == "visual_disruptor"} == {
         "pop_ups",
         "resolution",
@@ -413,7 +416,8 @@ def test_accidental_touch_orders_every_element_but_the_target():
 
 
 @pytest.mark.parametrize(
-    ("steps", "due"), [(3, {3}), ([2, 5], {2, 5}), (hj.Every(3), {3, 6, 9}), ({"every": 4}, {4, 8})]
+    ("steps", "due"),
+    [(3, {3}), ([2, 5], {2, 5}), (hj.plugin.Every(3), {3, 6, 9}), ({"every": 4}, {4, 8})],
 )
 def test_schedules(steps, due):
     spec = hj.AppMinimization(step=steps)

@@ -21,7 +21,7 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("triton", reason="needs Triton, which comes with torch on Linux")
 
 from hijack_data.backends import torch as torch_backend  # noqa: E402
-from hijack_data.kernels import Stamp, lower, rows  # noqa: E402
+from hijack_data.kernels import Stamp, lower, stamp_rows  # noqa: E402
 from hijack_data.kernels.cpu import pixels as numpy_kernels  # noqa: E402
 from hijack_data.kernels.gpu import device  # noqa: E402
 
@@ -159,7 +159,7 @@ def test_the_tiles_of_a_launch_are_those_that_a_row_meets(data):
     (tall, wide), sizes, tables, expected = device._kernels().PASTE_TILE, [], [], set()
     for picture_number in range(data.draw(st.integers(1, 3))):
         height, width = data.draw(st.integers(1, 40)), data.draw(st.integers(1, 300))
-        table = np.zeros((data.draw(st.integers(0, 4)), rows.COLUMNS), np.int64)
+        table = np.zeros((data.draw(st.integers(0, 4)), stamp_rows.COLUMNS), np.int64)
         for row in table:
             y, x = data.draw(st.integers(0, height - 1)), data.draw(st.integers(0, width - 1))
             h, w = data.draw(st.integers(1, height - y)), data.draw(st.integers(1, width - x))
@@ -212,7 +212,7 @@ def test_a_wrong_row_is_noticed():
         stamp.sprite.scratch[key] = remembered.copy()
         stamp.sprite.scratch[key][0, column] += 1 if column < 9 else -1 & 0x10101
         assert not np.array_equal(array(hj.apply(plan, tensor(image))), right), f"column {column}"
-    assert remembered.shape == (1, rows.COLUMNS)
+    assert remembered.shape == (1, stamp_rows.COLUMNS)
     assert isinstance(stamp, Stamp)
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from hijack_data.elements.masks import Parts, straight
+from hijack_data.elements.mask_parts import Parts, straight_lines
 
 cv2 = pytest.importorskip("cv2", reason="needs the extra 'vision'")
 
@@ -75,4 +75,4 @@ def test_straight_lines_are_those_of_opencv(mask: np.ndarray, length: int) -> No
     """At the edge of the picture too, where half a line is enough."""
     across, down = (np.ones(shape, np.uint8) for shape in ((1, length), (length, 1)))
     opened = [cv2.morphologyEx(mask, cv2.MORPH_OPEN, block) for block in (across, down)]
-    assert np.array_equal(straight(cv2, mask, length), cv2.max(*opened))
+    assert np.array_equal(straight_lines(cv2, mask, length), cv2.max(*opened))

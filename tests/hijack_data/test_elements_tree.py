@@ -14,9 +14,9 @@ from hijack_data.elements import (
     interactive_elements,
     nodes_from_tree,
 )
-from hijack_data.elements import nodes as reading
-from hijack_data.elements.nodes import MAX_BYTES, MAX_DEPTH
-from hijack_data.elements.roles import INTERACTIVE_ROLES
+from hijack_data.elements import accessibility_nodes as reading
+from hijack_data.elements.accessibility_nodes import MAX_BYTES, MAX_DEPTH
+from hijack_data.elements.interactive_roles import INTERACTIVE_ROLES
 from hijack_data.errors import ElementsError, HijackError
 
 SIZE = (1080, 1920)

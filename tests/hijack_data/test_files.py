@@ -13,7 +13,7 @@ from PIL import ExifTags, Image
 
 import hijack_data as hj
 from hijack_data.errors import AssetError, HijackError, ImageError, ParameterTypeError
-from hijack_data.files import (
+from hijack_data.file_io import (
     check_versioned,
     decode_image,
     encode_png,
@@ -23,7 +23,7 @@ from hijack_data.files import (
     replace_atomic,
     write_atomic,
 )
-from pipelines.dataset.images import decode
+from pipelines.dataset.image_codec import decode
 
 
 def png16(path):

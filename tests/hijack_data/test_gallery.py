@@ -22,12 +22,12 @@ from PIL import Image
 
 import hijack_data as hj
 from hijack_data.cli import main
-from hijack_data.cli.pictures import parse_settings
-from hijack_data.corruption import find
+from hijack_data.cli.picture_commands import parse_settings
+from hijack_data.corruption import find_corruption
 from hijack_data.errors import ParameterError, ParameterTypeError
-from hijack_data.files import load_image
+from hijack_data.file_io import load_image
 from hijack_data.gallery import gallery, sample_id
-from hijack_data.gallery.remake import cli_call, python_call, schedule
+from hijack_data.gallery.reproduce import cli_call, python_call, schedule
 from hijack_data.gallery.tiles import _start, painted
 
 HOSTILE = "<img src=x onerror=alert(1)>.png"
@@ -111,7 +111,7 @@ def picture_of(uri: str) -> np.ndarray:
 
 def test_every_corruption_is_a_tile_with_a_picture(screens: list[Path]) -> None:
     """Those that act on the machine are composites, and the tile says so."""
-    planners = {name: hj.get(name) for name in (*OFFLINE, *LIVE)} | {"subtitle": SHRINK}
+    planners = {name: hj.make_corruption(name) for name in (*OFFLINE, *LIVE)} | {"subtitle": SHRINK}
     page = gallery(screens, seed=7, planners=planners, detect="picture")
     read = Reader(page.html)
     assert page.problems == ()
@@ -166,7 +166,7 @@ def test_a_plan_that_paints_and_acts_is_a_tile(screens: list[Path]) -> None:
 def test_default_planners_are_all_registered_corruptions(shots: list[Path]) -> None:
     page = gallery(shots[:1], detect="picture")
     buttons = re.findall(r'data-filter="\d+"[^>]*>([^<]+)<', page.html)
-    assert buttons == hj.names()
+    assert buttons == hj.corruption_names()
     problems = [problem for problem in page.problems if "--sizes 640x400" not in problem]
     assert len(problems) == 1
     assert problems[0].startswith("first.png: subtitle: ")
@@ -222,7 +222,9 @@ def remade(call: str, scene: hj.Scene) -> hj.Plan:
         words = shlex.split(call)
         pairs = [word.partition("=") for flag, word in itertools.pairwise(words) if flag == "--set"]
         seed, sample = int(words[words.index("--seed") + 1]), words[words.index("--seed") + 2]
-        maker = hj.get(words[3], **parse_settings(find(words[3]), tuple(map("".join, pairs))))
+        maker = hj.make_corruption(
+            words[3], **parse_settings(find_corruption(words[3]), tuple(map("".join, pairs)))
+        )
         return maker.plan(scene, seed=seed, sample=sample.removeprefix("--sample="))
     tree = ast.parse(call, mode="eval").body
     assert isinstance(tree, ast.Call)
@@ -236,8 +238,8 @@ def built(node: ast.expr) -> Any:
     if ast.unparse(node.func) == "hj.Sequence":
         assert isinstance(node.args[0], ast.List)
         return hj.Sequence([built(part) for part in node.args[0].elts])
-    assert ast.unparse(node.func) == "hj.get"
-    return hj.get(
+    assert ast.unparse(node.func) == "hj.make_corruption"
+    return hj.make_corruption(
         ast.literal_eval(node.args[0]),
         **{k.arg or "": ast.literal_eval(k.value) for k in node.keywords},
     )
@@ -250,7 +252,7 @@ def built(node: ast.expr) -> Any:
         hj.Subtitle(subtitle_text="two\nlines: \"a\" \\ 'b'", font_size=12),
         hj.Subtitle(subtitle_text="12", font_size=12),
         hj.PopUps(button_string="true", small_factor=2),
-        hj.AppMinimization(step=hj.Every(4)),
+        hj.AppMinimization(step=hj.plugin.Every(4)),
         hj.AccidentalTouch(step=(2, 5), without_app=False),
         hj.OneOf([hj.Marks(number=3), hj.Resolution()]),
         hj.Sequence([hj.Marks(number=3), hj.Resolution(scale=0.3)]),
@@ -319,7 +321,7 @@ def test_a_plan_that_no_call_makes_has_no_call() -> None:
         (-1, "before the episode"),
         (3, "at step 3"),
         ((1, 4), "at steps 1, 4"),
-        (hj.Every(5), "every 5 steps"),
+        (hj.plugin.Every(5), "every 5 steps"),
     ],
 )
 def test_schedule(step: Any, text: str) -> None:
@@ -332,7 +334,9 @@ def test_painted_follows_a_resize_and_is_empty_for_one_alone() -> None:
     scene = hj.Scene((400, 640))
     assert painted(hj.Resolution().plan(scene, seed=0)) == []
     first = hj.Resolution(scale=0.5).plan(scene, seed=0)
-    both = first.then(hj.Plan("x-v1", (200, 320), ops=(hj.Paste(SPRITE, ((100, 50), (-4, 0))),)))
+    both = first.then(
+        hj.Plan("x-v1", (200, 320), ops=(hj.plugin.Paste(SPRITE, ((100, 50), (-4, 0))),))
+    )
     assert painted(both) == [[200, 100, 216, 116], [0, 0, 8, 16]]
 
 

@@ -28,7 +28,7 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shots = [folder / "first.png", folder / HOSTILE]
     for shot in shots:
         Image.fromarray(image).save(shot)
-    planners = {name: hj.get(name) for name in (*PAINT, *ACT)} | {
+    planners = {name: hj.make_corruption(name) for name in (*PAINT, *ACT)} | {
         "subtitle": hj.Subtitle(fit="shrink")
     }
     path = folder / "gallery.html"

@@ -11,7 +11,6 @@ from PIL import Image
 import hijack_data as hj
 from hijack_data.errors import FontError, ImageError, ImageTypeError, ParameterError
 from hijack_data.gallery import contact_sheet
-from hijack_data.gallery import embed as embedding
 
 
 def screen(height: int = 400, width: int = 640) -> np.ndarray:
@@ -28,21 +27,21 @@ def test_large_pictures_are_stored_lossily_and_stay_close(noise: np.ndarray) -> 
     busy = np.tile(noise, (2, 2, 1))
     grey = Image.fromarray(noise[..., 0]).resize((1280, 720), Image.Resampling.BICUBIC)
     smooth = np.asarray(grey.convert("RGB"))
-    assert len(embedding.embed(busy, 1.0).uri) < busy.nbytes
-    shown = picture_of(embedding.embed(smooth, 1.0).uri).astype(int)
+    assert len(data_uris.embed(busy, 1.0).uri) < busy.nbytes
+    shown = picture_of(data_uris.embed(smooth, 1.0).uri).astype(int)
     assert 0 < np.abs(shown - smooth).mean() < 4
-    tall = embedding.embed(np.zeros((20_000, 3, 3), np.uint8), 1.0)
-    assert picture_of(tall.uri).shape[0] == embedding.MAX_SIDE
+    tall = data_uris.embed(np.zeros((20_000, 3, 3), np.uint8), 1.0)
+    assert picture_of(tall.uri).shape[0] == data_uris.MAX_SIDE
 
 
 def test_without_webp_png_and_jpeg_serve(
     monkeypatch: pytest.MonkeyPatch, noise: np.ndarray
 ) -> None:
-    monkeypatch.setattr(embedding.features, "check", lambda name: name != "webp")
-    small = embedding.embed(noise[:20, :20], 1.0).uri
+    monkeypatch.setattr(data_uris.features, "check", lambda name: name != "webp")
+    small = data_uris.embed(noise[:20, :20], 1.0).uri
     assert small.startswith("data:image/png;base64,")
     np.testing.assert_array_equal(picture_of(small), noise[:20, :20])
-    assert embedding.embed(np.tile(noise, (2, 2, 1)), 1.0).uri.startswith("data:image/jpeg;base64,")
+    assert data_uris.embed(np.tile(noise, (2, 2, 1)), 1.0).uri.startswith("data:image/jpeg;base64,")
 
 
 def test_contact_sheet_shows_both_pictures_at_one_scale_with_labels() -> None:

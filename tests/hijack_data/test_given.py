@@ -2,7 +2,11 @@
 
 import pytest
 
-from hijack_data.runs.given import given_of, given_to, given_words
+from hijack_data.runs.privileged_inputs import (
+    collect_privileged_inputs,
+    describe_privileged_inputs,
+    read_privileged_inputs,
+)
 
 
 @pytest.mark.parametrize(
@@ -20,15 +24,21 @@ from hijack_data.runs.given import given_of, given_to, given_words
     ],
 )
 def test_a_record_tells_or_does_not(record, given):
-    assert given_of(record) == given
+    assert read_privileged_inputs(record) == given
 
 
 def test_what_nobody_knows_is_left_out():
     records = [{"version": 3, "given": given} for given in ([], None, ["plan"], ["plan"])]
-    assert given_to(records) == {(), ("plan",)}
+    assert collect_privileged_inputs(records) == {(), ("plan",)}
 
 
 def test_words():
-    assert given_words(("task", "plan")) == "the task and the machine and the task's plan in words"
-    assert (given_words(()), given_words(None)) == ("nothing more", "not recorded")
-    assert given_words(("process",)) == "the runner's process (--in-process)"
+    assert (
+        describe_privileged_inputs(("task", "plan"))
+        == "the task and the machine and the task's plan in words"
+    )
+    assert (describe_privileged_inputs(()), describe_privileged_inputs(None)) == (
+        "nothing more",
+        "not recorded",
+    )
+    assert describe_privileged_inputs(("process",)) == "the runner's process (--in-process)"

@@ -54,7 +54,8 @@ def test_a_drag_is_judged_at_both_ends():
         shares[policy] = [e["target_visible"] for e in made]
         assert shares[policy] == [target_visible(e["plan"], (50, 50), (150, 80)) for e in made]
     plans = [
-        hj.plan_avoiding(spec, scene, seed=3, sample=e["id"], step=0, end=drag.end) for e in made
+        hj.plugin.plan_avoiding(spec, scene, seed=3, sample=e["id"], step=0, end=drag.end)
+        for e in made
     ]
     assert [e["plan"] for e in made] == [plan or hj.Plan.clean(SIZE) for plan in plans]
     starts = [

@@ -29,7 +29,7 @@ def fresh(monkeypatch):
         for kernel in kernels:
             kernel.cache_clear()
 
-    monkeypatch.setattr(jit, "_state", jit._State(forgone=jit.START))
+    monkeypatch.setattr(jit, "_state", jit._State(forgone=jit.NUMBA_LOADING_MS))
     forget()
     yield
     forget()
@@ -117,8 +117,8 @@ def test_an_error_in_the_first_call_is_a_warning(monkeypatch):
 def test_numba_that_fails_in_the_middle_of_a_run_does_not_stop_it(monkeypatch):
     """The first pictures are resized without Numba; it fails when it would have paid."""
     image = picture(SIZE)
-    saved = pixels.RESAMPLE_SAVES * image.size
-    monkeypatch.setattr(jit, "_state", jit._State(forgone=jit.START - 2 * saved))
+    saved = pixels.RESAMPLE_SAVED_MS_PER_BYTE * image.size
+    monkeypatch.setattr(jit, "_state", jit._State(forgone=jit.NUMBA_LOADING_MS - 2 * saved))
     monkeypatch.setattr(resize, "_kernel", fails_half_way(resize._kernel()))
     _, resized = plans()
     for _ in range(2):
@@ -131,5 +131,5 @@ def test_numba_that_fails_in_the_middle_of_a_run_does_not_stop_it(monkeypatch):
 
 def test_a_wrong_picture_is_an_error_and_no_failure_of_numba():
     with pytest.raises(ImageTypeError, match="not uint8"):
-        jit.guarded(lambda: resize.resample(np.zeros((9, 9, 3)), (3, 3)), lambda: None)
+        jit.call_with_fallback(lambda: resize.resample(np.zeros((9, 9, 3)), (3, 3)), lambda: None)
     assert jit.available()

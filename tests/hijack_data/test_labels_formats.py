@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import hijack_data as hj
 from hijack_data.coords import CoordMap, smart_resize
 from hijack_data.errors import LabelError, ParameterTypeError, UnknownNameError
-from hijack_data.labels import ALIASES, FORMATS, Labels, Move, format_of
+from hijack_data.labels import ALIASES, FORMATS, Labels, Move, find_format
 
 SIZE = (1080, 1920)
 HALF = hj.Resolution(scale=0.5).plan(hj.Scene(SIZE), seed=1)
@@ -229,7 +229,7 @@ def test_declarations_that_are_none():
 
 def test_names():
     assert set(ALIASES.values()) <= set(FORMATS)
-    assert all(format_of(name.upper()) is FORMATS[target] for name, target in ALIASES.items())
+    assert all(find_format(name.upper()) is FORMATS[target] for name, target in ALIASES.items())
     assert {"pyautogui", "ui_tars", "anthropic", "openai", "leave"} <= set(FORMATS)
 
 
@@ -255,21 +255,21 @@ def inside(box, point):
 @given(cases())
 def test_a_point_in_a_box_stays_in_it_whatever_they_are_written_as(case):
     move, (x1, y1, x2, y2), (x, y) = case
-    x1n, y1n, w, h = FORMATS["xywh"].moved([x1, y1, x2 - x1, y2 - y1], move)
-    box = FORMATS["xyxy"].moved([x1, y1, x2, y2], move)
+    x1n, y1n, w, h = FORMATS["xywh"].map_value([x1, y1, x2 - x1, y2 - y1], move)
+    box = FORMATS["xyxy"].map_value([x1, y1, x2, y2], move)
     assert box == [x1n, y1n, x1n + w, y1n + h]
-    ty1, tx1, ty2, tx2 = FORMATS["yxyx"].moved([y1, x1, y2, x2], move)
+    ty1, tx1, ty2, tx2 = FORMATS["yxyx"].map_value([y1, x1, y2, x2], move)
     assert box == [tx1, ty1, tx2, ty2]
-    point = FORMATS["xy"].moved((x, y), move)
-    action = FORMATS["action"].moved(hj.Action("click", x, y), move)
-    typed = FORMATS["openai"].moved({"type": "click", "x": x, "y": y}, move)
-    code = FORMATS["pyautogui"].moved(f"pyautogui.click({x}, {y})", move)
-    alone = FORMATS["x"].moved(x, move), FORMATS["y"].moved(y, move)
+    point = FORMATS["xy"].map_value((x, y), move)
+    action = FORMATS["action"].map_value(hj.Action("click", x, y), move)
+    typed = FORMATS["openai"].map_value({"type": "click", "x": x, "y": y}, move)
+    code = FORMATS["pyautogui"].map_value(f"pyautogui.click({x}, {y})", move)
+    alone = FORMATS["x"].map_value(x, move), FORMATS["y"].map_value(y, move)
     assert inside(box, point)
     assert point == action.point == (typed["x"], typed["y"]) == alone
     assert code == f"pyautogui.click({point[0]}, {point[1]})"
-    exact = FORMATS["xyxy"].moved([float(x1), float(y1), float(x2), float(y2)], move)
-    middle = FORMATS["xy"].moved((x + 0.5, y + 0.5), move) if (x, y) != (0, 0) else point
+    exact = FORMATS["xyxy"].map_value([float(x1), float(y1), float(x2), float(y2)], move)
+    middle = FORMATS["xy"].map_value((x + 0.5, y + 0.5), move) if (x, y) != (0, 0) else point
     assert inside([v - 1e-9 for v in exact[:2]] + [v + 1e-9 for v in exact[2:]], middle)
     assert all(abs(edge - e) < 1 for edge, e in zip(box, exact, strict=True))
 

@@ -14,7 +14,7 @@ import hijack_data as hj
 from hijack_data import corruption as registry
 from hijack_data import loading
 from hijack_data.errors import PluginError
-from hijack_data.files import encode_png, write_atomic
+from hijack_data.file_io import encode_png, write_atomic
 
 from support import lean
 from support.plugins import write
@@ -43,7 +43,7 @@ def screen(tmp_path):
 @pytest.fixture
 def fresh(tmp_path, monkeypatch):
     """What is loaded in this process is forgotten after the test."""
-    registry.names()
+    registry.corruption_names()
     monkeypatch.setenv(loading.VARIABLE, "")
     monkeypatch.setattr(registry.CORRUPTIONS, "entries", dict(registry.CORRUPTIONS.entries))
     monkeypatch.setattr(loading, "_files", {})
@@ -140,11 +140,11 @@ def test_what_is_no_file_is_an_error(tmp_path):
 def test_a_file_that_fails_leaves_nothing_behind(fresh):
     file = write(fresh)
     file.write_text(file.read_text() + "\nraise RuntimeError('boom')\n")
-    before = hj.names()
+    before = hj.corruption_names()
     for _ in range(2):
         with pytest.raises(PluginError, match=r"\(line \d+\): RuntimeError: boom"):
             loading.load_file(file)
-    assert hj.names() == before
+    assert hj.corruption_names() == before
     assert not os.environ[loading.VARIABLE]
     assert loading.load_file(write(fresh)).corruptions == ("bar",)
 
@@ -161,7 +161,7 @@ def test_the_bytes_that_run_are_those_that_are_hashed(fresh):
     write(fresh, "cached", code="x = 222")
     os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))
     loading.load_file(file)
-    ((x, _),) = hj.get("bar").plan(hj.Scene((540, 960)), seed=0).ops[0].at
+    ((x, _),) = hj.make_corruption("bar").plan(hj.Scene((540, 960)), seed=0).ops[0].at
     assert x == 222
 
 
@@ -211,7 +211,7 @@ def plan_elsewhere(spec, **env):
 def test_corruptions_of_a_file_can_be_sent_to_other_processes(fresh):
     file = write(fresh)
     loading.load_file(file)
-    spec = hj.get("bar", half=17)
+    spec = hj.make_corruption("bar", half=17)
     assert pickle.loads(pickle.dumps(spec)) == spec
     expected = spec.plan(SCENE, seed=3).digest()
     assert plan_elsewhere(spec) == expected
@@ -223,7 +223,7 @@ def test_corruptions_of_a_file_can_be_sent_to_other_processes(fresh):
 def test_another_process_needs_the_same_file(fresh):
     file = write(fresh)
     sha256 = loading.load_file(file).sha256
-    spec = hj.get("bar")
+    spec = hj.make_corruption("bar")
     write(fresh, code="x = 5")
     said = plan_elsewhere(spec)
     assert f"{file}: another file" in said
@@ -236,7 +236,7 @@ def test_processes_that_are_started_know_it(fresh):
     file = write(fresh)
     loading.load_file(os.path.relpath(file))
     assert os.environ[loading.VARIABLE] == str(file)
-    code = "import hijack_data as hj; print(hj.names()[-1])"
+    code = "import hijack_data as hj; print(hj.corruption_names()[-1])"
     env = {**os.environ, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-c", code]
     for folder in (ROOT, "/"):

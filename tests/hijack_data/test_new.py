@@ -21,7 +21,7 @@ def run(folder, *words, code=0):
 def test_what_it_writes_passes(tmp_path):
     said = run(tmp_path, "new", "corruption", "dust_band")
     assert "hijack check dust_band.py" in said
-    assert "class DustBand(hj.Corruption):" in (tmp_path / "dust_band.py").read_text()
+    assert "class DustBand(hj.plugin.Corruption):" in (tmp_path / "dust_band.py").read_text()
     checked = run(tmp_path, "check", "dust_band.py")
     assert "FAIL" not in checked
     assert not [line for line in checked.splitlines() if line.strip().startswith("note")]

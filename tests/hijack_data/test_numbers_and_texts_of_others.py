@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from hijack_data.runs.amounts import MOST, is_amount, is_count
+from hijack_data.runs.amounts import MAX_AMOUNT, is_amount, is_count
 from hijack_data.surrogates import has_half, without_halves
 from online_env.agents.chat.wires.common import tokens
 
@@ -59,6 +59,6 @@ def test_each_check_has_one_home():
                 halves.add(name)
             if isinstance(node, ast.BinOp) and ast.unparse(node) == f"2 ** {53}":
                 largest.add(name)
-    assert MOST == LARGEST
+    assert MAX_AMOUNT == LARGEST
     assert halves == {"hijack_data/surrogates.py"}
     assert largest - {ELSEWHERE} == {"hijack_data/runs/amounts.py"}

@@ -112,7 +112,7 @@ def test_which_pack_is_the_default(
 def plan_of(
     recipe: dict[str, Any], *at: tuple[int, int], size: tuple[int, int] = (100, 150)
 ) -> hj.Plan:
-    return hj.Plan("test-v1", size, ops=(hj.Paste(recipe, at),))
+    return hj.Plan("test-v1", size, ops=(hj.plugin.Paste(recipe, at),))
 
 
 def test_a_plan_pastes_the_recorded_pixels(folder: Path) -> None:

@@ -36,7 +36,7 @@ from hijack_data.errors import ParameterError, ParameterTypeError, UnknownNameEr
 )
 def test_wrong_parameters(values, error, message):
     with pytest.raises(error, match=message):
-        hj.get("marks", **values)
+        hj.make_corruption("marks", **values)
 
 
 @pytest.mark.parametrize(
@@ -56,16 +56,16 @@ def test_wrong_parameters(values, error, message):
 )
 def test_wrong_values(name, values, message):
     with pytest.raises(ValueError, match=message):
-        hj.get(name, **values)
+        hj.make_corruption(name, **values)
 
 
 def test_unknown_names_get_a_suggestion():
     with pytest.raises(
         UnknownNameError, match="unknown corruption 'popups'; did you mean 'pop_ups'"
     ):
-        hj.get("popups")
+        hj.make_corruption("popups")
     with pytest.raises(UnknownNameError, match="version 1 here, not 2"):
-        hj.get("marks-v2")
+        hj.make_corruption("marks-v2")
 
 
 def test_severity_is_checked():

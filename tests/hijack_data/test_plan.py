@@ -32,7 +32,7 @@ plans = st.builds(
     params=st.dictionaries(st.text(), json_values, max_size=4),
     ops=st.lists(ops, max_size=3).map(tuple),
     effects=st.lists(
-        st.builds(hj.Effect, st.text(), st.dictionaries(st.text(), json_values)), max_size=2
+        st.builds(hj.plugin.Effect, st.text(), st.dictionaries(st.text(), json_values)), max_size=2
     ).map(tuple),
     notes=st.lists(st.text(), max_size=2).map(tuple),
 )
@@ -183,5 +183,5 @@ def test_joining_plans():
 def test_a_plan_names_the_corruption_that_made_it():
     spec = hj.Marks(number=7, color="blue")
     assert hj.from_plan(spec.plan(hj.Scene(size=(400, 600)), seed=1)) == spec
-    spec = hj.AppMinimization(step=hj.Every(4))
+    spec = hj.AppMinimization(step=hj.plugin.Every(4))
     assert hj.from_plan(spec.plan(hj.Scene(size=(400, 600)), seed=1)) == spec

@@ -10,7 +10,7 @@ from hijack_data.composites import uses_elements
 from hijack_data.config import dump
 from hijack_data.errors import ParameterTypeError
 from hijack_data.planner import leaves
-from hijack_data.runs.run_planners import label_of, params_of, written
+from hijack_data.runs.run_planners import dump_planner, get_label, planner_params
 from hijack_data.samples import SamplePlanner
 
 SIZE = (200, 320)
@@ -78,9 +78,9 @@ def test_a_combinator_has_the_effects_of_its_parts_once():
     assert hj.OneOf([hj.Marks(), hj.Subtitle()]).effects == ()
 
 
-@pytest.mark.parametrize("name", hj.names())
+@pytest.mark.parametrize("name", hj.corruption_names())
 def test_a_corruption_declares_the_effects_of_its_plans(name):
-    spec = hj.get(name)
+    spec = hj.make_corruption(name)
     scene = hj.Scene((1080, 1920), [[10, 10, 60, 40]])
     assert tuple(effect.kind for effect in spec.plan(scene, seed=0).effects) == spec.effects
     assert bool(spec.effects) == (spec.scope != "observation")
@@ -101,8 +101,8 @@ def test_a_batch_call_takes_it():
 
 def test_others_take_it():
     assert SamplePlanner(Dots()).plan(SIZE, {}, 1).ops
-    assert hj.plan_avoiding(Dots(), hj.Scene(SIZE), seed=1) is not None
-    assert (label_of(Dots()), params_of(Dots()), written(Dots())) == ("dots", {}, None)
+    assert hj.plugin.plan_avoiding(Dots(), hj.Scene(SIZE), seed=1) is not None
+    assert (get_label(Dots()), planner_params(Dots()), dump_planner(Dots())) == ("dots", {}, None)
 
 
 def test_a_configuration_says_what_it_cannot_hold():
@@ -115,7 +115,7 @@ def test_a_configuration_says_what_it_cannot_hold():
     [
         lambda value: hj.OneOf([value]),
         lambda value: hj.Schedule(lambda _: value).plan(hj.Scene(SIZE), seed=1),
-        lambda value: hj.plan_avoiding(value, hj.Scene(SIZE), seed=1),
+        lambda value: hj.plugin.plan_avoiding(value, hj.Scene(SIZE), seed=1),
         lambda value: SamplePlanner(value),
         lambda value: dump([value]),
     ],

@@ -19,7 +19,7 @@ import hijack_data as hj
 from hijack_data import safety
 from hijack_data.backends import convert
 from hijack_data.conformance import picture, reference, scene
-from hijack_data.drawing import letters, raster
+from hijack_data.drawing import line_masks, raster
 from hijack_data.drawing.raster import png_recipe, render
 from hijack_data.drawing.sprite import draw
 from hijack_data.drawing.text import FONTS, line_height, line_width, load_font
@@ -47,7 +47,7 @@ def test_widths_are_those_of_freetype(line, font, size):
 @settings(max_examples=300, deadline=None)
 @given(LETTERS, st.sampled_from(sorted(p.stem for p in FONTS.glob("*.ttf"))), st.integers(1, 60))
 def test_lines_of_remembered_letters_are_those_that_pillow_draws(line, font, size):
-    mask, (left, top) = letters.line_mask(line, font, size)
+    mask, (left, top) = line_masks.line_mask(line, font, size)
     loaded, at = load_font(font, size), (70, 70)
     image = Image.new("L", (math.ceil(loaded.getlength(line)) + 200, 300))
     expected = np.array(image)
@@ -177,7 +177,7 @@ def test_the_sprite_cache_is_bounded_and_shared_by_threads():
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork")
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning", "ignore:.*fork.*:RuntimeWarning")
 def test_a_lock_that_is_held_at_a_fork_does_not_stop_the_child():
-    with raster._cache.lock, letters._masks.lock:
+    with raster._cache.lock, line_masks._masks.lock:
         child = os.fork()
         if child == 0:
             signal.alarm(20)
@@ -209,7 +209,7 @@ def test_safety_is_that_of_whole_masks(data):
         ops.append(Paste(png_recipe(rgba), at))
     if data.draw(st.booleans()):
         size = (int(rng.integers(10, 200)), int(rng.integers(10, 200)))
-        ops.insert(int(rng.integers(0, len(ops) + 1)), hj.Resample(size))
+        ops.insert(int(rng.integers(0, len(ops) + 1)), hj.plugin.Resample(size))
     plan = Plan("test-v1", (h, w), ops=tuple(ops))
     boxes = np.sort(rng.integers(-20, 220, (7, 2, 2)), axis=1).reshape(7, 4)
     boxes[0, 2:] += 1  # the target: a box without area would be refused
@@ -321,9 +321,15 @@ def test_copies_keep_the_memory_format(layout):
     ("call", "told"),
     [
         (lambda: hj.judge(None, None, None), "judge needs the Plan"),
-        (lambda: hj.plan_avoiding(None, hj.Scene((9, 9)), seed=1), "a planner is a corruption"),
-        (lambda: hj.plan_avoiding(hj.Marks(), None, seed=1), r"scene must be a hijack_data\.Scene"),
-        (lambda: hj.register(5), "register decorates a class"),
+        (
+            lambda: hj.plugin.plan_avoiding(None, hj.Scene((9, 9)), seed=1),
+            "a planner is a corruption",
+        ),
+        (
+            lambda: hj.plugin.plan_avoiding(hj.Marks(), None, seed=1),
+            r"scene must be a hijack_data\.Scene",
+        ),
+        (lambda: hj.plugin.register(5), "register decorates a class"),
     ],
 )
 def test_what_is_of_another_kind_is_told(call, told):

@@ -7,7 +7,7 @@ import pytest
 
 from hijack_data import loading
 from hijack_data.errors import ParameterError, PluginError, UnknownNameError
-from hijack_data.registry import KINDS, Lazy, Registry, registries, registry_of, undone_on_failure
+from hijack_data.registry import KINDS, Lazy, Registry, find_registry, registries, undone_on_failure
 
 
 class Tool:
@@ -91,7 +91,7 @@ def test_a_class_of_a_users_file(tools):
     path = write(MINE)
     assert tools.find("mine.py:Axe") == "axe"
     axe = tools["axe"]
-    assert loading.source_of(axe)["path"] == path
+    assert loading.find_source(axe)["path"] == path
     assert tools.find("./mine.py:Axe") == "axe"
     assert tools.find(f"{path}:Axe") == "axe"
     assert os.environ[loading.VARIABLE] == ""  # nobody else needs it
@@ -153,7 +153,7 @@ def test_what_failed_leaves_nothing_behind(tools):
 def test_each_kind_has_its_registry(kinds):
     pytest.importorskip("pyarrow")
     pytest.importorskip("gymnasium")
-    registry = registry_of(kinds)
+    registry = find_registry(kinds)
     assert registry.group == f"agenthijack.{kinds}"
     for name in registry.names():
         assert registry.get(name) is not None
@@ -161,4 +161,4 @@ def test_each_kind_has_its_registry(kinds):
 
 def test_another_kind_is_unknown():
     with pytest.raises(UnknownNameError, match="did you mean 'agents'"):
-        registry_of("agent")
+        find_registry("agent")

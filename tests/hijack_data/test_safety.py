@@ -141,18 +141,18 @@ def test_planning_around_the_target():
     plain = [target_visible(spec.plan(scene, seed=1, sample=i), scene.target) for i in range(20)]
     assert min(plain) < 1.0
     for i in range(20):
-        plan = hj.plan_avoiding(spec, scene, seed=1, sample=i)
+        plan = hj.plugin.plan_avoiding(spec, scene, seed=1, sample=i)
         assert plan is None or target_visible(plan, scene.target) == 1.0
-        assert plan == hj.plan_avoiding(spec, scene, seed=1, sample=i)
+        assert plan == hj.plugin.plan_avoiding(spec, scene, seed=1, sample=i)
     kept = next(i for i, share in enumerate(plain) if share == 1.0)
-    assert hj.plan_avoiding(spec, scene, seed=1, sample=kept) == spec.plan(
+    assert hj.plugin.plan_avoiding(spec, scene, seed=1, sample=kept) == spec.plan(
         scene, seed=1, sample=kept
     )
 
 
 def test_planning_around_a_target_that_cannot_be_saved():
     scene = hj.Scene(size=(300, 400), target=(0, 0, 400, 300))
-    assert hj.plan_avoiding(hj.Marks(), scene, seed=1) is None
-    assert hj.plan_avoiding(hj.Marks(), scene, seed=1, at_least=0.0) is not None
+    assert hj.plugin.plan_avoiding(hj.Marks(), scene, seed=1) is None
+    assert hj.plugin.plan_avoiding(hj.Marks(), scene, seed=1, at_least=0.0) is not None
     with pytest.raises(ParameterError, match="at_least"):
-        hj.plan_avoiding(hj.Marks(), scene, seed=1, at_least=2)
+        hj.plugin.plan_avoiding(hj.Marks(), scene, seed=1, at_least=2)

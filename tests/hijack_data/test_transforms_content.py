@@ -8,7 +8,7 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("torchvision")
 
 from hijack_data.conformance import picture  # noqa: E402
-from hijack_data.transforms.leaves import content  # noqa: E402
+from hijack_data.transforms.sample_parts import content  # noqa: E402
 
 SIZE = (33, 47)
 

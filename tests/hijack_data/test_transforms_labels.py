@@ -56,7 +56,7 @@ def test_a_drag_is_judged_at_both_ends(more):
             assert out["target_visible"] == target_visible(out["plan"], (190, 110), end)
             if policy == "avoid":
                 assert out["plan"] == (
-                    hj.plan_avoiding(
+                    hj.plugin.plan_avoiding(
                         transform.settings.planner,
                         hj.Scene(SIZE, target=(190, 110)),
                         seed=3,

@@ -93,12 +93,14 @@ def test_it_is_a_desktop_without_a_firewall(desktop):
     assert desktop.screenshot().shape == (700, 1000, 3)
     assert desktop.capabilities == {"accessibility", "apps", "files", "lock", "windows"}
     with pytest.raises(MissingCapabilityError, match="--cap-add NET_ADMIN"):
-        corrupt_desktop(desktop, hj.get("network_error"), seed=3)
+        corrupt_desktop(desktop, hj.make_corruption("network_error"), seed=3)
 
 
-@pytest.mark.parametrize("name", [name for name in hj.names()[:9] if name != "network_error"])
+@pytest.mark.parametrize(
+    "name", [name for name in hj.corruption_names()[:9] if name != "network_error"]
+)
 def test_the_others_are_applied_proved_and_undone(desktop, name):
-    done = corrupt_desktop(desktop, hj.get(name), seed=3)
+    done = corrupt_desktop(desktop, hj.make_corruption(name), seed=3)
     assert done.ok, done.saw
     for record in reversed(done.records):
         assert resume(record, desktop).undo().ok

@@ -13,11 +13,11 @@ from support import needs
 pytest.importorskip("lxml", reason=needs.ONLINE)
 
 import hijack_data as hj
-from hijack_data.files import load_image
+from hijack_data.file_io import load_image
 from online_env.corrupting import FILE, Ledger
 from online_env.desktops.commands import launch
 from online_env.effects.app_minimization import FIXED
-from online_env.effects.words import in_words, undone_in_words
+from online_env.effects.descriptions import in_words, undone_in_words
 from online_env.embedded import registry
 
 from support.effects import reach, windows

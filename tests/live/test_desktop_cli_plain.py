@@ -17,7 +17,7 @@ from support import needs
 
 pytest.importorskip("httpx", reason=needs.ONLINE)
 
-from online_env import cli, privilege
+from online_env import desktop_commands, privilege
 from online_env.desktops.protocol import RunResult
 from online_env.embedded import home, packages, registry, running
 from online_env.embedded.view import Viewer
@@ -56,7 +56,9 @@ class Answers:
 def test_the_exit_code_of_a_command_is_passed_on(returncode, status, shell, code, monkeypatch):
     answer = RunResult(status, "out\n", "", returncode)
     monkeypatch.setattr(running, "attach", lambda name: Answers(answer))
-    done = CliRunner().invoke(cli.desktop, ["run", "x", *(["--shell"] if shell else [])])
+    done = CliRunner().invoke(
+        desktop_commands.desktop, ["run", "x", *(["--shell"] if shell else [])]
+    )
     assert (done.exit_code, done.output) == (code, "out\n")
 
 
@@ -114,7 +116,9 @@ def installing(monkeypatch, tmp_path):
 
 
 def test_installing_asks_sudo_for_what_needs_root_and_for_nothing_else(installing, monkeypatch):
-    done = CliRunner().invoke(cli.desktop, ["install", "--host"], catch_exceptions=False)
+    done = CliRunner().invoke(
+        desktop_commands.desktop, ["install", "--host"], catch_exceptions=False
+    )
     assert done.exit_code == 0
     assert "installing 1 packages with apt-get through sudo: xvfb" in done.output
     assert [command[:4] for command in installing.commands] == [
@@ -123,7 +127,7 @@ def test_installing_asks_sudo_for_what_needs_root_and_for_nothing_else(installin
     assert installing.commands[1][-1] == "xvfb"
     installing.commands.clear()
     monkeypatch.setattr(os, "geteuid", lambda: 0)
-    CliRunner().invoke(cli.desktop, ["install"], catch_exceptions=False)
+    CliRunner().invoke(desktop_commands.desktop, ["install"], catch_exceptions=False)
     assert installing.commands[0] == ["env", "DEBIAN_FRONTEND=noninteractive", "apt-get", "update"]
 
 

@@ -69,7 +69,9 @@ def own_kind(monkeypatch):
 def test_every_effect_that_a_corruption_plans_can_be_performed():
     scene = hj.Scene(size=(1080, 1920), boxes=[[10, 10, 50, 50]])
     plans = [
-        hj.get(name).plan(scene, seed=1, step=step) for name in hj.names() for step in (-1, 0, 3)
+        hj.make_corruption(name).plan(scene, seed=1, step=step)
+        for name in hj.corruption_names()
+        for step in (-1, 0, 3)
     ]
     planned = {effect.kind for plan in plans for effect in plan.effects}
     assert planned == {"launch_app", "touch", "minimise", "firewall", "lock"} <= set(kinds())

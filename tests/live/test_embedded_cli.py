@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from PIL import Image
 
 import hijack_data as hj
-from online_env import cli
+from online_env import desktop_commands
 from online_env.embedded import registry, view
 from online_env.embedded.desktop import EmbeddedDesktop
 
@@ -76,7 +76,9 @@ def test_view_starts_a_desktop_where_none_runs(embedded_machine, monkeypatch):
 
     monkeypatch.setattr(registry, "running", list)  # other tests have theirs
     monkeypatch.setattr(view, "serve", look)
-    done = CliRunner().invoke(cli.desktop, ["view", "--port", "7777"], catch_exceptions=False)
+    done = CliRunner().invoke(
+        desktop_commands.desktop, ["view", "--port", "7777"], catch_exceptions=False
+    )
     assert "no desktop runs: starting one" in done.output
     [(name, *seen)] = shown
     assert seen == [(1080, 1920, 3), 7777, False, 9]
@@ -112,7 +114,9 @@ def test_buttons_of_the_page_corrupt_the_desktop_and_take_it_back(viewer, embedd
             with Image.open(io.BytesIO(client.get("/frame").content)) as picture:
                 return picture.size
 
-        assert [button["name"] for button in client.get("/buttons").json()] == hj.names()[:9]
+        assert [
+            button["name"] for button in client.get("/buttons").json()
+        ] == hj.corruption_names()[:9]
         assert press("marks")["on"]
         small = press("resolution")
         assert "sees 960x540" in small["said"]

@@ -110,7 +110,7 @@ def test_all_nine_are_applied_proved_and_undone(desktop, name):
     lacking = {"network_error": "firewall", "verification": "lock"}.get(name)
     if lacking is not None and lacking not in desktop.capabilities:
         needs.root(name)
-    done = corrupt_desktop(desktop, hj.get(name), seed=3)
+    done = corrupt_desktop(desktop, hj.make_corruption(name), seed=3)
     assert done.ok, done.saw
     for record in reversed(done.records):
         assert resume(record, desktop).undo().ok

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hijack_data.errors import ParameterError, UnknownNameError
-from online_env.cli import _size, desktop
+from online_env.desktop_commands import _size, desktop
 from online_env.embedded import default_pictures, desktop_supply, doctor, home, packages, registry
 from online_env.embedded.guest import commands, recorder, routes_files
 from online_env.embedded.image import sources

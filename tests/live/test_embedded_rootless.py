@@ -38,13 +38,13 @@ from online_env import EmbeddedDesktop
 from online_env.corrupting import corrupt_desktop
 from online_env.effects import resume
 with EmbeddedDesktop.attach("rootless") as desktop:
-    done = corrupt_desktop(desktop, hj.get(sys.argv[1]), seed=3)
+    done = corrupt_desktop(desktop, hj.make_corruption(sys.argv[1]), seed=3)
     assert done.ok, done.saw
     assert all(resume(record, desktop).undo().ok for record in done.records)
 print("proved")
 """
 VERSION = "import sys; print(sys.version_info[:2])"
-READABLE = "import hijack_data.cli, numpy, online_env.cli"
+READABLE = "import hijack_data.cli, numpy, online_env.desktop_commands"
 
 
 class User:

@@ -226,11 +226,11 @@ def test_the_task_can_be_done_and_is_scored(play, stage):
     from online_env.tasks.hand import Hand
 
     env = play("subtitle", max_steps=12)
-    task, path = stage.task, f"/home/user/{stage.task.drawn.path}"
+    task, path = stage.task, f"/home/user/{stage.task.values.path}"
     x, y = Hand(stage.desktop).find(("text", "entry"), app="mousepad").centre
     stages = (
         f"pyautogui.click({x}, {y})",
-        f"pyautogui.write({task.drawn.text!r})",
+        f"pyautogui.write({task.values.text!r})",
         "pyautogui.hotkey('ctrl', 's')",
         "WAIT",
         f"pyautogui.hotkey('alt', 'n')\npyautogui.hotkey('ctrl', 'a')\npyautogui.write({path!r})",
@@ -248,7 +248,7 @@ def test_the_task_can_be_done_and_is_scored(play, stage):
 WORDS = (
     *(
         name
-        for name in hj.names()
+        for name in hj.corruption_names()
         if name not in ("resolution", "marks", "subtitle", "verification")
     ),
     "launch_app",

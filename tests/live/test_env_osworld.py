@@ -57,9 +57,11 @@ def make(stage, folder, **options):
     )
 
 
-@pytest.mark.parametrize("name", hj.names()[:9])
+@pytest.mark.parametrize("name", hj.corruption_names()[:9])
 def test_all_nine_on_a_task_that_is_scored(stage, tmp_path, name):
-    corruption = hj.get(name, **ONE_STEP.get(name, {"fit": "shrink"} if name == "subtitle" else {}))
+    corruption = hj.make_corruption(
+        name, **ONE_STEP.get(name, {"fit": "shrink"} if name == "subtitle" else {})
+    )
     env = make(stage, tmp_path, corruption=corruption)
     obs, _ = env.reset(seed=2, options={"task": task()})
     assert obs["screenshot"].shape == ((360, 640, 3) if name == "resolution" else (720, 1280, 3))

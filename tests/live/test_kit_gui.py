@@ -44,4 +44,4 @@ def test_a_command_is_waited_for(machine: Machine) -> None:
     hand.type("half a line")
     assert "end" in shell.command(hand, "echo end").splitlines()
     with pytest.raises(DesktopTimeoutError, match="did not end"):
-        shell.command(hand, "sleep 8", patience=1)
+        shell.command(hand, "sleep 8", timeout=1)

@@ -35,21 +35,21 @@ def bookmark_page(task: Task, machine: Machine, hand: Hand) -> None:
 
 def visit_again(task: Task, machine: Machine, hand: Hand) -> None:
     hand.press("ctrl", "l")
-    hand.replace(f"http://{task.drawn.host}/\n")
+    hand.replace(f"http://{task.values.host}/\n")
     hand.wait("page", lambda node: node.role == "document-web" and "History" not in node.name)
 
 
 def do_another_variant(task: Task, machine: Machine, hand: Hand) -> None:
     def choice(other: Task) -> Any:
-        return {key: vars(other.drawn)[key] for key in ("host", "size", "shown") if key in keys}
+        return {key: vars(other.values)[key] for key in ("host", "size", "shown") if key in keys}
 
-    keys = vars(task.drawn)
+    keys = vars(task.values)
     others = (task.variant(seed) for seed in range(1, 99))
     next(other for other in others if choice(other) != choice(task)).oracle(hand)
 
 
 def add_start_page(task: Task, machine: Machine, hand: Hand) -> None:
-    host = next(host for host in HOSTS if host not in task.drawn.hosts)
+    host = next(host for host in HOSTS if host not in task.values.hosts)
     pages.visit(hand, "chrome://settings/onStartup", "Settings - On startup")
     browser.follow(hand, "Add a new page")
     browser.enter(hand, "Site URL", f"http://{host}/")
@@ -138,8 +138,8 @@ def begin_done(desktop: Any, task: Task) -> Machine:
         machine.begin()
         task.prepare(machine)
         machine.remember()
-        task.right(machine)
-        machine.open(*task.opens(machine))
+        task.right_result(machine)
+        machine.open(*task.initial_app(machine))
     return machine
 
 

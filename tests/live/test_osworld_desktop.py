@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hijack_data.files import encode_png
+from hijack_data.file_io import encode_png
+from online_env.desktops.capability_survey import survey
 from online_env.desktops.osworld import CAP_NOTE, CHUNK, OUTPUT_CAP, OsworldDesktop
 from online_env.desktops.protocol import Desktop, RunResult
-from online_env.desktops.survey import survey
 from online_env.errors import DesktopTimeoutError, GuestError, MissingCapabilityError
 
 
@@ -245,7 +245,7 @@ def test_the_firewall_is_ours_only_with_the_password(
 def test_a_guest_that_is_too_busy_to_tell_what_it_has_is_asked_again(
     env: Env, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("online_env.desktops.survey.TIMEOUT", 0.1)
+    monkeypatch.setattr("online_env.desktops.capability_survey.TIMEOUT", 0.1)
     answers = [RunResult("error", "", "Command timed out"), RunResult("success", "lock", "", 0)]
 
     def execute(self: OsworldDesktop, argv: list[str], timeout: float) -> RunResult:

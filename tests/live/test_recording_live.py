@@ -141,7 +141,7 @@ def test_an_oracle_is_recorded_and_built(embedded_machine, tmp_path, capsys):
 def test_a_person_is_recorded(stage):
     import threading
 
-    from online_env.recording.person import PersonViewer
+    from online_env.recording.person_recorder import PersonViewer
     from online_env.recording.trajectory import EpisodeRecording
 
     episode = EpisodeRecording("person", "Write hello.", ())

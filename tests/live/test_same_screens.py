@@ -18,7 +18,7 @@ from online_env.embedded.panel_clock import set_panel_clock
 from online_env.environment.settle import Settle, wait_until_settled
 from online_env.environment.stage import SmallTasks
 from online_env.tasks import Hand
-from online_env.tasks.kit import pictures
+from online_env.tasks.kit import gimp
 
 
 def reset_screen(stage: SmallTasks, seed: int) -> tuple[Any, str]:
@@ -50,7 +50,7 @@ def test_first_starts_show_no_dialog(up: Any) -> None:
     stage = SmallTasks(up())
     stage.reset("use_photoshop", 0)
     machine = stage.machine
-    machine.write("Pictures/a.png", pictures.encoded(pictures.Image.new("RGB", (90, 60))))
+    machine.write("Pictures/a.png", gimp.encoded(gimp.Image.new("RGB", (90, 60))))
     hand = Hand(stage.desktop, 60)
     starts = {"Impress": ("soffice", "--impress"), "Thunderbird": ("thunderbird",)}
     present = [

@@ -16,7 +16,7 @@ import hijack_data
 from online_env import tasks
 from online_env.embedded.sites import SiteState
 from online_env.errors import MissingPackageError
-from online_env.tasks import sets
+from online_env.tasks import task_sets
 from online_env.tasks.kit.apps import APPS
 
 
@@ -29,7 +29,7 @@ def place(embedded_machine: None) -> Iterator[tuple[Any, SiteState]]:
         yield desktop, SiteState(desktop.record["sites"])
 
 
-@pytest.mark.parametrize("name", sets.members("sample"))
+@pytest.mark.parametrize("name", task_sets.members("sample"))
 def test_the_oracle_does_what_nobody_did_before(
     place: tuple[Any, SiteState], request: pytest.FixtureRequest, name: str
 ) -> None:
@@ -70,20 +70,20 @@ def test_a_snapshot_tells_what_was_added_changed_and_removed(place: tuple[Any, S
     for name in ("kept", "changed", "removed", "moded"):
         machine.write(f"Documents/a b/{name}.txt", name)
     machine.remember()
-    assert list(machine.untouched()) == []
+    assert list(machine.unexpected_changes()) == []
     machine.write("Documents/a b/changed.txt", "other")
     machine.run("rm", "Documents/a b/removed.txt")
     machine.run("chmod", "600", "Documents/a b/moded.txt")
     machine.write("Music/new/ünïcode\nline.txt", "")
     machine.write(".hidden/file", "not looked at")
-    assert list(machine.untouched()) == [
+    assert list(machine.unexpected_changes()) == [
         "Documents/a b/changed.txt was changed",
         "Documents/a b/moded.txt was changed",
         "Documents/a b/removed.txt is gone",
         "Music/new was added",
         "Music/new/ünïcode\nline.txt was added",
     ]
-    assert list(machine.untouched("Documents/*", "Music/new/ünïcode\nline.txt")) == []
+    assert list(machine.unexpected_changes("Documents/*", "Music/new/ünïcode\nline.txt")) == []
     machine.clear([])
     assert not machine.exists("Music/new")
     assert not machine.exists("Documents/a b")
@@ -106,7 +106,9 @@ def test_a_careful_user_does_the_task_all_the_same(embedded_machine: None, corru
 
         env = CorruptedEnv(stage, max_steps=60)
         job = Job("recovering", "write_note", corruption, 1)
-        record = play(env, make("recovering"), job, 0, hijack_data.get(corruption), show)
+        record = play(
+            env, make("recovering"), job, 0, hijack_data.make_corruption(corruption), show
+        )
     assert (record["status"], record["score"]) == ("ok", 1.0), record
     assert record["effects"]
 

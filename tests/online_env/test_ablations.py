@@ -10,16 +10,16 @@ import hijack_data as hj
 from hijack_data.cli import main
 from hijack_data.config import load_config
 from hijack_data.plan import CLEAN
-from hijack_data.runs.run_planners import planners_of
+from hijack_data.runs.run_planners import read_planners
 from online_env import tasks
 from online_env.agents.registry import AGENTS
 from online_env.bench.config import load_bench
 from online_env.bench.jobs import jobs
 from online_env.environment.script import BEFORE
 from online_env.report import build_report, formats
-from online_env.report.ablations import MODULES, ablations_of, level_table
+from online_env.report.ablations import MODULES, find_ablations, level_table
 from online_env.report.document import ReportDocument
-from online_env.report.leaderboard import leaderboard, rankings_of, read_all
+from online_env.report.leaderboard import leaderboard, rank_agents, read_reports
 from online_env.report.model import ReportError, from_data
 from online_env.tasks.plan_words import read_plan
 
@@ -101,7 +101,7 @@ SOLVED = {CLEAN: 10, "marks_red_star": 8, "marks_circle": 7, "marks_blue": 4, "h
 
 def test_conditions_that_differ_in_the_same_parameters_are_levels(tmp_path):
     report = reported(tmp_path, MARKS, {"one": SOLVED, "two": SOLVED})
-    shape, colour = ablations_of(report)
+    shape, colour = find_ablations(report)
     assert (shape.title, colour.title) == ("marks: mark_type", "marks: color")
     assert shape.levels == (
         (CLEAN, CLEAN),
@@ -121,9 +121,9 @@ def test_conditions_that_differ_in_the_same_parameters_are_levels(tmp_path):
 def test_the_levels_of_a_run_that_was_configured_by_a_file_are_told(tmp_path):
     """`Bench.to_data` writes every parameter out, and its steps as mappings."""
     entries = load_bench("ablations/intensity").to_data()["corruptions"]
-    labels = list(planners_of(entries))
+    labels = list(read_planners(entries))
     report = reported(tmp_path, entries, {"pixel": dict.fromkeys(labels, 5)})
-    assert [(found.title, len(found.levels)) for found in ablations_of(report)] == [
+    assert [(found.title, len(found.levels)) for found in find_ablations(report)] == [
         ("resolution: scale", 4),
         ("marks: number", 4),
         ("accidental_touch: step", 4),
@@ -152,7 +152,7 @@ def test_levels_that_come_late_say_how_often_they_came(tmp_path):
         for number in range(10)
     ]
     report = build_report(read_run(tmp_path / "run", found, corruptions=TOUCHES))
-    (touches,) = ablations_of(report)
+    (touches,) = find_ablations(report)
     headings, rows = level_table(report, touches)
     assert headings == ["level", "one, %", "95 %", "disturbed"]
     assert [(row[0], row[3]) for row in rows] == [
@@ -168,15 +168,17 @@ def test_levels_that_come_late_say_how_often_they_came(tmp_path):
 def test_agents_without_a_module_are_an_ablation(tmp_path):
     levels = {agent: {CLEAN: 9, "marks": 5} for agent in MODULES["pixel_onlooker"]}
     report = reported(tmp_path, [CLEAN, "marks"], levels)
-    (found,) = ablations_of(report)
+    (found,) = find_ablations(report)
     assert found.title == "modules of pixel_onlooker"
     assert [name for _, name in found.series][-1] == "all modules"
     assert [label for label, _ in found.levels] == [CLEAN, "marks"]
 
 
 def test_a_run_of_the_nine_has_no_ablation(tmp_path):
-    run = read_run(tmp_path / "run", whole("mine", dict.fromkeys((CLEAN, *hj.names()), 3)))
-    assert ablations_of(build_report(run)) == ()
+    run = read_run(
+        tmp_path / "run", whole("mine", dict.fromkeys((CLEAN, *hj.corruption_names()), 3))
+    )
+    assert find_ablations(build_report(run)) == ()
 
 
 def test_markdown_and_page_show_levels_and_a_finished_report_keeps_them(tmp_path):
@@ -188,7 +190,7 @@ def test_markdown_and_page_show_levels_and_a_finished_report_keeps_them(tmp_path
     assert page.count("<h3>marks: ") == 2
     assert "one, blue: 40.0 %, 95 % [" in page
     again = from_data(json.loads(formats.write(document, "json")), "r.json")
-    assert ablations_of(again) == ablations_of(document.report)
+    assert find_ablations(again) == find_ablations(document.report)
 
 
 def test_what_agents_were_given_stands_beside_them(tmp_path):
@@ -206,6 +208,6 @@ def test_what_agents_were_given_stands_beside_them(tmp_path):
 
 def test_who_was_given_more_is_not_ranked(tmp_path):
     reported(tmp_path, MARKS, {"one": SOLVED})
-    (line,) = rankings_of(read_all(tmp_path))[0].lines
+    (line,) = rank_agents(read_reports(tmp_path))[0].lines
     assert (line.rank, line.why) == (None, "given the plan")
-    assert "given the plan" in leaderboard(read_all(tmp_path))
+    assert "given the plan" in leaderboard(read_reports(tmp_path))

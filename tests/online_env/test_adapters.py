@@ -254,7 +254,7 @@ def test_a_loop_that_swallows_everything_sleeps_in_the_end(monkeypatch):
 
     env, _ = square_env(max_steps=1)
     agent = LoopAgent(loop)
-    monkeypatch.setattr("online_env.agents.adapters.loop.ENDING", 0.0)
+    monkeypatch.setattr("online_env.agents.adapters.loop.SHUTDOWN_TIMEOUT_S", 0.0)
     monkeypatch.setattr("online_env.agents.adapters.loop.PARKED", Sleep())
     play(env, agent, JOB, 0, None)
     agent.reset()
@@ -292,7 +292,7 @@ def test_a_loop_that_only_looks_or_is_none_fails(loop, problem):
 
 
 def test_a_loop_that_hangs_fails(monkeypatch):
-    monkeypatch.setattr(LoopAgent, "patience", 0.2)
+    monkeypatch.setattr(LoopAgent, "action_timeout_s", 0.2)
     answer = threading.Event()
     env, _ = square_env()
     agent = LoopAgent(lambda computer, _: answer.wait(30) and "late")

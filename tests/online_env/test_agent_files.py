@@ -8,7 +8,7 @@ from hijack_data.errors import ConfigError, ParameterError, UnknownNameError
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("openai", reason="needs the extra [agents]")
 
-from online_env.agents import files
+from online_env.agents import agent_files
 from online_env.agents.chat import prompts
 from online_env.agents.registry import AGENTS, make
 from online_env.agents.settings import SamplingSettings
@@ -40,15 +40,15 @@ def _agents_as_before():
 
 def mistakes(path):
     with pytest.raises(ConfigError) as caught:
-        files.read_agent(str(path))
+        agent_files.read_agent(str(path))
     return [problem.removeprefix(f"{path}:") for problem in caught.value.problems]
 
 
 def test_every_shipped_file_can_be_read_and_says_how_it_is_served():
-    assert set(files.packaged()) > BASELINES
-    for name in files.packaged():
-        settings = files.read_agent(name)
-        where, data = files.read_config(f"agents/{name}")
+    assert set(agent_files.packaged()) > BASELINES
+    for name in agent_files.packaged():
+        settings = agent_files.read_agent(name)
+        where, data = agent_files.read_config(f"agents/{name}")
         local = settings.model.base_url is not None and "127.0.0.1" in settings.model.base_url
         assert where == settings.source
         assert ("serve" in yaml.safe_load(data)) is local
@@ -57,7 +57,7 @@ def test_every_shipped_file_can_be_read_and_says_how_it_is_served():
 
 @pytest.mark.parametrize("name", sorted(BASELINES))
 def test_the_papers_baselines_are_as_the_paper_has_them(name):
-    settings = files.read_agent(name)
+    settings = agent_files.read_agent(name)
     assert settings.model.sampling == SamplingSettings(temperature=0.6, top_p=0.9, max_tokens=1500)
     assert settings.history == 15
     assert settings.onlooker is None
@@ -67,16 +67,16 @@ def test_the_papers_baselines_are_as_the_paper_has_them(name):
 
 def test_the_ablations_switch_one_module_each():
     def modules(name):
-        onlooker = files.read_agent(f"agenthijack-agent{name}").onlooker
+        onlooker = agent_files.read_agent(f"agenthijack-agent{name}").onlooker
         return onlooker.check, onlooker.summarise
 
     assert modules("") == modules("-no-rl") == (True, True)
     assert modules("-no-check") == (False, True)
     assert modules("-no-summary") == (True, False)
     assert modules("-no-onlooker") == (False, False)
-    whole = files.read_agent("agenthijack-agent")
+    whole = agent_files.read_agent("agenthijack-agent")
     assert whole.onlooker.model == whole.model
-    other = files.read_agent("agenthijack-agent-onlooker-qwen3-vl-235b")
+    other = agent_files.read_agent("agenthijack-agent-onlooker-qwen3-vl-235b")
     assert other.model == whole.model
     assert other.onlooker.model.model == "Qwen/Qwen3-VL-235B-A22B-Instruct"
     assert other.onlooker.model.base_url != other.model.base_url
@@ -179,13 +179,13 @@ def test_paths_in_a_file_are_relative_to_it(tmp_path, monkeypatch):
     (home / "errors.yaml").write_text("errors: [{name: Fire, looks: flames, say: Run.}]")
     text = "prompts: words\nonlooker: {errors: errors.yaml}"
     path = file(home, "http://127.0.0.1:1", text, prompt="mine")
-    settings = files.read_agent(str(path.relative_to(tmp_path)))
+    settings = agent_files.read_agent(str(path.relative_to(tmp_path)))
     assert settings.onlooker.errors[0].say == "Run."
     prompt = prompts.read_prompt("mine", (settings.prompts,))
     assert prompt.fill({"instruction": "{width} it", "width": 5}).first == "Do {width} it!"
     before = settings.sha256
     (home / "errors.yaml").write_text("errors: [{name: Fire, looks: flames, say: Go.}]")
-    assert files.read_agent(str(path)).sha256 != before, "the errors are part of the agent"
+    assert agent_files.read_agent(str(path)).sha256 != before, "the errors are part of the agent"
 
 
 @pytest.mark.parametrize(
@@ -217,7 +217,10 @@ def test_a_benchmark_finds_files_and_keeps_their_digest(tmp_path):
     bench = override(load_bench("embedded_small"), f"{path},gpt-4o,oracle")
     assert bench.agents == (str(path), "gpt-4o", "oracle")
     code = bench.to_data()["code"]
-    assert code[str(path)] == {"path": str(path), "sha256": files.read_agent(str(path)).sha256}
+    assert code[str(path)] == {
+        "path": str(path),
+        "sha256": agent_files.read_agent(str(path)).sha256,
+    }
     assert code["gpt-4o"]["path"] == "agents/gpt-4o"
     assert "oracle" not in code
 
@@ -246,7 +249,7 @@ def test_a_name_that_is_nearly_right_is_suggested(tmp_path):
 def test_a_path_wins_over_a_packaged_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     file(tmp_path, "http://127.0.0.1:1").rename("gpt-4o")
-    assert files.read_agent("gpt-4o").model.model == "m"
+    assert agent_files.read_agent("gpt-4o").model.model == "m"
 
 
 def test_a_key_that_is_not_set_is_named(monkeypatch):
@@ -282,13 +285,13 @@ def test_a_value_that_no_request_can_use(tmp_path, line, problem):
 
 @pytest.mark.parametrize("url", ["http://[::1]:8000/v1", "https://h", "http://h:65535/a?b=c"])
 def test_addresses_of_any_kind_of_host(tmp_path, url):
-    assert files.read_agent(str(file(tmp_path, f"'{url}'"))).model.base_url == url
+    assert agent_files.read_agent(str(file(tmp_path, f"'{url}'"))).model.base_url == url
 
 
 def test_an_error_that_has_nothing_to_say_is_refused(tmp_path):
     (tmp_path / "e.yaml").write_text("errors: [{name: a, looks: b, say: ''}]")
     with pytest.raises(ConfigError, match=r"e\.yaml:1:35: errors\[0\]\.say must not be empty"):
-        files.read_errors(str(tmp_path / "e.yaml"))
+        agent_files.read_errors(str(tmp_path / "e.yaml"))
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,8 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from online_env.agents import oracle
 from online_env.agents.agent_calls import MAX_FRAMES, AgentError
-from online_env.agents.apart import Apart
-from online_env.agents.oracle import Oracle, StandIn
+from online_env.agents.agent_thread import AgentThread
+from online_env.agents.oracle import Oracle, OracleDesktop
 from online_env.errors import DesktopError
 from online_env.tasks import Hand
 
@@ -39,7 +39,7 @@ class Slow:
 
 
 def test_an_agent_that_is_too_slow_is_not_called_again_and_its_late_answer_is_nobodys():
-    with Apart(Slow, timeout=0.1) as apart:
+    with AgentThread(Slow, timeout=0.1) as apart:
         slow = apart.agent
         with pytest.raises(AgentError, match=r"^no answer within 0\.1 s$"):
             apart.predict("first", {})
@@ -53,7 +53,7 @@ def test_an_agent_that_is_too_slow_is_not_called_again_and_its_late_answer_is_no
 
 
 def test_an_interrupted_call_leaves_no_answer_for_the_next_one(monkeypatch):
-    with Apart(Slow) as apart:
+    with AgentThread(Slow) as apart:
 
         def interrupted(timeout):
             raise KeyboardInterrupt
@@ -72,7 +72,7 @@ def test_an_interrupted_call_leaves_no_answer_for_the_next_one(monkeypatch):
 
 def test_all_calls_are_made_in_one_thread_that_is_not_the_callers_and_ends():
     before = {thread.name for thread in threading.enumerate()}
-    with Apart(Slow) as apart:
+    with AgentThread(Slow) as apart:
         apart.agent.may.set()
         apart.reset()
         assert apart.predict("do it", {}) == ("do it", ["WAIT"])
@@ -92,7 +92,7 @@ def deep(left):
 
 
 def test_of_a_deep_error_the_innermost_frames_are_kept_and_none_of_ours():
-    with Apart(Slow) as apart, pytest.raises(AgentError) as caught:
+    with AgentThread(Slow) as apart, pytest.raises(AgentError) as caught:
         apart.call(deep, 50)
     assert str(caught.value) == "ValueError: at the bottom"
     assert len(caught.value.where) == MAX_FRAMES
@@ -120,7 +120,7 @@ def test_an_answer_of_another_form_is_shown_and_the_right_one_is_too(answer, sho
         def predict(self, instruction, obs):
             return answer
 
-    with Apart(Odd) as apart, pytest.raises(AgentError) as caught:
+    with AgentThread(Odd) as apart, pytest.raises(AgentError) as caught:
         apart.predict("do it", {})
     assert str(caught.value) == (
         f'predict must return (text, [actions]), such as ("", ["DONE"]), got {shown}'
@@ -132,7 +132,7 @@ def test_an_agent_may_leave_by_sys_exit_without_taking_the_run_along():
         def predict(self, instruction, obs):
             sys.exit("enough")
 
-    with Apart(Leaving) as apart:
+    with AgentThread(Leaving) as apart:
         with pytest.raises(AgentError, match=r"^SystemExit: enough$"):
             apart.predict("do it", {})
         assert apart.call(os.getpid) == os.getpid(), "the thread goes on"
@@ -143,7 +143,7 @@ def test_an_agent_may_leave_by_sys_exit_without_taking_the_run_along():
 
 def test_an_oracle_has_no_way_behind_the_screen():
     desktop = FakeDesktop((40, 60))
-    stand_in = StandIn(desktop)
+    stand_in = OracleDesktop(desktop)
     with pytest.raises(DesktopError) as caught:
         stand_in.write_file("/home/user/x", b"x")
     assert str(caught.value) == (
@@ -191,7 +191,7 @@ class Holder:
 def test_an_oracle_without_a_next_action_says_so_and_its_solution_ends_with_the_episode(
     monkeypatch,
 ):
-    monkeypatch.setattr(oracle, "PATIENCE", 0.1)
+    monkeypatch.setattr(oracle, "ACTION_TIMEOUT_S", 0.1)
     one, task = Oracle(), Endless()
     with pytest.raises(
         DesktopError, match=r"^the oracle has no task yet: call prepare after reset"
@@ -216,7 +216,7 @@ def test_a_solution_that_stumbles_is_an_error_at_once_and_not_the_answer_of_the_
     began = time.monotonic()
     with pytest.raises(DesktopError) as caught:
         one.predict("do it", seen)
-    assert time.monotonic() - began < oracle.PATIENCE / 10
+    assert time.monotonic() - began < oracle.ACTION_TIMEOUT_S / 10
     assert (
         str(caught.value)
         == "the solution of defective-0 raised IndexError: list index out of range"

@@ -150,7 +150,7 @@ def run(*words):
 def test_the_command_finds_the_agents_of_a_file(tmp_path):
     bad = "def check(self, picture):\n    return 1\n"
     path = write(tmp_path, bad)
-    assert [name.rpartition(":")[2] for name in checking.agents_of(run_file(path))] == [
+    assert [name.rpartition(":")[2] for name in checking.agents_in_file(run_file(path))] == [
         "Right",
         "Case0",
     ]

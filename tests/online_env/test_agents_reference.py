@@ -11,7 +11,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from hijack_data.actions import parse_pyautogui, read_action
 from hijack_data.errors import ConfigError, ParameterError
-from online_env.agents.reference import RandomActions
+from online_env.agents.baselines import RandomActions
 from online_env.agents.registry import make
 from online_env.agents.scripted import Scripted, read_script
 

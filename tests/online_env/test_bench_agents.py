@@ -14,7 +14,7 @@ pytest.importorskip("lxml", reason="needs the extra [online]")
 
 from online_env import tasks
 from online_env.agents import registry as agents
-from online_env.agents.apart import AgentError, Apart
+from online_env.agents.agent_thread import AgentError, AgentThread
 from online_env.agents.base import Privileged
 from online_env.agents.oracle import Oracle
 from online_env.bench.episodes import _played, play
@@ -219,10 +219,10 @@ class Env:
             self.record = {"status": "ok", "score": 0.5, "said": self.said}
         return self.obs(), 0.0, False, False, {}
 
-    def hear(self, said):
+    def record_message(self, said):
         self.said = said
 
-    def give(self, what):
+    def declare_privileged_inputs(self, what):
         self.given = list(what)
 
     def abandon(self, why, traceback=()):
@@ -406,7 +406,7 @@ class Planless(Speaker):
 )
 def test_only_the_privileged_are_shown_more_and_the_record_says_so(kind, given):
     env, shown = Env(steps=1), []
-    with Apart(lambda: kind(["a"])) as agent:
+    with AgentThread(lambda: kind(["a"])) as agent:
         _played(
             env,
             agent,
@@ -462,5 +462,8 @@ class Unspeaking:
     ],
 )
 def test_what_cannot_be_shown_ends_an_episode_and_not_the_run(how, problem):
-    with Apart(lambda: Unspeaking(how)) as agent, pytest.raises(AgentError, match=f"^{problem}$"):
+    with (
+        AgentThread(lambda: Unspeaking(how)) as agent,
+        pytest.raises(AgentError, match=f"^{problem}$"),
+    ):
         agent.predict("do it", {})

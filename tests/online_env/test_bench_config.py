@@ -12,7 +12,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from online_env import tasks
 from online_env.agents.registry import AGENTS
-from online_env.bench.config import Bench, everything, load_bench, override
+from online_env.bench.config import Bench, all_planners, load_bench, override
 from online_env.bench.jobs import Job, jobs
 from online_env.bench.providers import check_installed
 from online_env.errors import MissingPackageError
@@ -45,7 +45,7 @@ def test_the_shipped_small_benchmark():
         1,
     )
     assert set(bench.tasks) <= set(tasks.names())
-    assert list(bench.planners) == ["clean", *hj.names()]
+    assert list(bench.planners) == ["clean", *hj.corruption_names()]
     assert bench.planners["marks"] == hj.Marks()
     assert bench.planners["clean"] is None
     assert len(jobs(bench)) == 2 * 10 * 10
@@ -92,7 +92,7 @@ retries: 0
 
 def test_defaults(tmp_path):
     bench = load_bench(write(tmp_path, "tasks: all\n"))
-    assert bench.planners == everything()
+    assert bench.planners == all_planners()
     assert (bench.agents, bench.seeds, bench.max_steps) == (("oracle",), (0,), 15)
     only = load_bench(write(tmp_path, "corruptions: [clean]\n"))
     assert dict(only.planners) == {"clean": None}
@@ -178,7 +178,7 @@ def test_labels_of_the_file_can_be_chosen(tmp_path):
     bench = load_bench(write(tmp_path, "corruptions: [{marks: {as: few, number: 5}}]\n"))
     assert dict(override(bench, corruption="few").planners) == {"few": hj.Marks(number=5)}
     assert dict(override(bench, corruption="marks").planners) == {"marks": hj.Marks()}
-    assert override(bench, corruption="all").planners == everything()
+    assert override(bench, corruption="all").planners == all_planners()
 
 
 @pytest.mark.parametrize(

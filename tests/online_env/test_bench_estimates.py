@@ -7,7 +7,6 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
-from online_env.bench import records
 from online_env.bench.config import Bench
 from online_env.bench.estimates import (
     EPISODE_SECONDS,
@@ -20,7 +19,8 @@ from online_env.bench.estimates import (
     makespan,
 )
 from online_env.bench.jobs import Job, jobs
-from online_env.tasks import sets
+from online_env.results import records
+from online_env.tasks import task_sets
 
 TASK = "write_note"
 BENCH = Bench(tasks=(TASK,), corruptions={"clean": None}, max_steps=60)
@@ -67,7 +67,7 @@ def test_jobs_go_in_order_to_the_first_machine_that_is_free(durations, machines,
 
 
 def test_a_task_takes_the_oracle_what_the_suite_says():
-    known = sets.measured()[TASK]
+    known = task_sets.read_measurements()[TASK]
     (found,) = expected(BENCH, [Job("oracle", TASK, "marks", 0)], History())
     assert (found.seconds, found.basis) == (pytest.approx(known.seconds), "suite")
     assert found.bytes == pytest.approx((known.actions + 2) * STEP_BYTES)
@@ -141,6 +141,6 @@ def test_a_dry_run_says_what_it_rests_on(tmp_path):
 
 
 def test_every_job_of_a_run_is_expected_to_take_something():
-    bench = Bench(tasks=sets.members("small"), corruptions=None)
+    bench = Bench(tasks=task_sets.members("small"), corruptions=None)
     listed = jobs(bench)
     assert all(each.seconds > 0 for each in expected(bench, listed, History()))

@@ -18,9 +18,10 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from hijack_data.errors import StorageError
 from hijack_data.runs.run_log import VERSION
-from online_env.bench import records, runner, scores
+from online_env.bench import runner
 from online_env.bench.jobs import attempts
-from online_env.bench.records import RunError
+from online_env.results import records, scores
+from online_env.results.records import RunError
 from pipelines.proof.rebuild import rebuild
 
 from support.recorded import IDS, JOBS, Episodes, Silent, config, no_machine, record_run
@@ -67,7 +68,7 @@ def broken_off_after(folder, lines):
 HOLDER = """
     import sys, time
     from pathlib import Path
-    from online_env.bench import records
+    from online_env.results import records
     lock = records.create(Path(sys.argv[1]), {})
     print("held", flush=True)
     time.sleep(100)
@@ -332,7 +333,8 @@ def test_a_process_that_dies_at_any_line_loses_nothing(tmp_path):
         from pathlib import Path
         sys.path.insert(0, "tests")
         from support.recorded import IDS, JOBS, Episodes, Silent, config, no_machine
-        from online_env.bench import records, runner, scores
+        from online_env.bench import runner
+        from online_env.results import records, scores
         from online_env.bench.jobs import attempts
         folder = Path(sys.argv[1])
         with no_machine(), records.resume(folder, config(), IDS):

@@ -13,9 +13,9 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 from lxml import etree
 
 from hijack_data.errors import HijackError, ParameterError, UnknownNameError
-from hijack_data.runs.run_log import row_slug_of
-from online_env.bench import records, scores
-from online_env.bench.gate import ReleaseGate, ScoreGate, gate_options
+from hijack_data.runs.run_log import row_slug
+from online_env.report.gate import ReleaseGate, ScoreGate, gate_options
+from online_env.results import records, scores
 
 AGENTS = ("oracle", "my.py:Mine")
 LABELS = ("clean", "marks", "network_error")
@@ -316,7 +316,7 @@ def test_a_junit_file_has_failures_for_gates_and_errors_for_what_has_no_score(tm
 
 
 def test_rows_of_a_dataset_that_were_not_scored_are_errors_too(tmp_path):
-    ids = [row_slug_of("t/0", f"000{n}", "clean", 0, "fail") for n in (0, 1)]
+    ids = [row_slug("t/0", f"000{n}", "clean", 0, "fail") for n in (0, 1)]
     row = made("t/0", "clean", 1.0, agent="fail") | {"id": ids[0], "task_seed": "0000", "row": "r"}
     settings = {"kind": "score", "agents": ["fail"], "corruptions": ["clean"]}
     with records.create(tmp_path / "run", settings, ids):

@@ -12,8 +12,8 @@ pytest.importorskip("statsmodels", reason="needs the extra [online]")
 from scipy import stats
 
 from hijack_data.errors import ParameterError
-from online_env.bench import scores
-from online_env.bench import statistics as s
+from online_env.results import scores
+from online_env.results import statistics as s
 
 from support.reported import scored
 

@@ -16,11 +16,12 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from hijack_data.errors import StorageError
-from online_env.bench import episodes, origin, providers, records, runner
-from online_env.bench.episodes import lost
+from online_env.bench import episodes, providers, runner
+from online_env.bench.episodes import lost_record
 from online_env.bench.jobs import attempts
-from online_env.bench.records import RunError
 from online_env.errors import DesktopError, DesktopTimeoutError, MissingPackageError
+from online_env.results import origin, records
+from online_env.results.records import RunError
 from pipelines.proof.rebuild import rebuild
 
 from support.recorded import IDS, JOBS, Episodes, Silent, config, no_machine, record_run
@@ -288,7 +289,7 @@ def test_a_clock_that_is_set_changes_no_duration(tmp_path, monkeypatch):
     monkeypatch.setattr(time, "time", lambda: 1.7e9 + 36_000 * (-1) ** next(jumps))
     monkeypatch.setattr(episodes, "tasks", NamedTasks)
     begun = time.monotonic()
-    found = lost(JOBS[0], 0, "why", start=begun)
+    found = lost_record(JOBS[0], 0, "why", start=begun)
     assert 0 <= found["seconds"] <= time.monotonic() - begun + 0.001
     folder = record_run(tmp_path / "run")
     for record in records.read(folder).records:
@@ -312,7 +313,7 @@ class NamedTasks:
 
 def test_the_limit_of_an_episode_is_kept_when_the_clock_is_set_back(tmp_path, monkeypatch):
     """With the wall clock, an episode that begins before a jump would never end, or at once."""
-    from online_env.agents.apart import Apart
+    from online_env.agents.agent_thread import AgentThread
     from online_env.environment import CorruptedEnv
 
     from support.live import AT_ONCE, FakeDesktop, FakeStage
@@ -321,6 +322,6 @@ def test_the_limit_of_an_episode_is_kept_when_the_clock_is_set_back(tmp_path, mo
     days = iter(range(10**6))
     monkeypatch.setattr(time, "time", lambda: 1.7e9 + 86_400 * next(days))
     env = CorruptedEnv(FakeStage(FakeDesktop(), score=1.0), settle=AT_ONCE, max_steps=9)
-    with no_machine(), Apart(Teller) as agent:
-        record = episodes._played(env, agent, JOBS[0], 0, None, None, 600)
+    with no_machine(), AgentThread(Teller) as agent:
+        record = episodes._play_episode(env, agent, JOBS[0], 0, None, None, 600)
     assert record["status"] == "ok", record["problem"]

@@ -15,20 +15,20 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 import hijack_data as hj
 from hijack_data.errors import MissingDependencyError, ParameterError, UnknownNameError
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 from hijack_data.locking import lock
-from online_env.agents.files import read_agent
+from online_env.agents.agent_files import read_agent
 from online_env.agents.makers import FileAgentMaker
 from online_env.agents.registry import AGENTS
-from online_env.bench import parcel, ray_node, ray_pool, records
+from online_env.bench import ray_node, ray_pool, records, worker_bundle
 from online_env.bench.config import Bench
-from online_env.bench.delivery import Arrival, outgoing
+from online_env.bench.episode_files import ReceivedEpisode, take_files
 from online_env.bench.jobs import jobs
 from online_env.bench.models import ModelOptions
 from online_env.bench.pools import open_pool
 from online_env.bench.providers import PROVIDERS
 from online_env.bench.runner import run_jobs
-from online_env.bench.workers import MEMORY, WorkerSetup, desktops_in, references
+from online_env.bench.workers import BYTES_PER_DESKTOP, WorkerSetup, desktops_in, references
 from online_env.errors import ClusterError
 from online_env.tasks import TASKS
 from pipelines.proof.rebuild import rebuild
@@ -40,7 +40,7 @@ ray = pytest.importorskip("ray", reason="Ray is not installed: pip install 'agen
 cluster_utils = pytest.importorskip("ray.cluster_utils")
 
 ROOT = Path(__file__).resolve().parents[2]
-NODE = {"num_cpus": 1, "object_store_memory": 80 * 2**20, "memory": MEMORY}
+NODE = {"num_cpus": 1, "object_store_memory": 80 * 2**20, "memory": BYTES_PER_DESKTOP}
 SOON = {
     "health_check_initial_delay_ms": 0,
     "health_check_period_ms": 500,
@@ -119,7 +119,14 @@ def played(folder, engine="local", chosen=None, address=None, desktops=None):
     setup = WorkerSetup(bench=chosen, folder=folder, references=references(chosen))
     with open_pool(engine, setup, len(listed), desktops, address) as pool:
         return run_jobs(
-            listed, folder, 0, pool, Silent(), at_once=pool.most, stop=pool.stop, place=pool.place
+            listed,
+            folder,
+            0,
+            pool,
+            Silent(),
+            at_once=pool.max_episodes,
+            stop=pool.stop,
+            place=pool.place,
         )
 
 
@@ -200,7 +207,7 @@ def test_a_process_that_is_killed_loses_the_episode_that_it_plays_and_no_other(
     class Kills(Silent):
         def begins(self, job, number, attempt):
             if number == 2:  # a desktop that is free, and about to be used
-                desktop = next(iter(pool._all))
+                desktop = next(iter(pool._actors))
                 ray.kill(desktop)
                 waiting.until(lambda: is_gone(desktop))  # Ray kills a little later
 
@@ -261,8 +268,8 @@ def test_a_key_that_a_node_lacks_is_named_and_never_sent(cluster, tmp_path, monk
 
 
 def test_nodes_without_room(cluster, tmp_path, monkeypatch):
-    monkeypatch.setattr("online_env.bench.workers.MEMORY", 2**50)
-    monkeypatch.setattr(ray_pool, "MEMORY", 2**50)
+    monkeypatch.setattr("online_env.bench.workers.BYTES_PER_DESKTOP", 2**50)
+    monkeypatch.setattr(ray_pool, "BYTES_PER_DESKTOP", 2**50)
     wanted = r"no node .* 1 CPU and 1.04858e\+06 GiB of memory \(\S+ has 1 CPUs and 1.5 GiB"
     with pytest.raises(ClusterError, match=wanted):
         played(tmp_path / "run", "ray", address=cluster.address)
@@ -288,9 +295,9 @@ def test_engines_that_are_not_there(tmp_path):
 
 
 def test_room_is_counted_in_cores_and_memory():
-    assert desktops_in(8, 100 * MEMORY) == 8
-    assert desktops_in(8, 2.9 * MEMORY) == 2
-    assert desktops_in(0.5, 100 * MEMORY) == 0
+    assert desktops_in(8, 100 * BYTES_PER_DESKTOP) == 8
+    assert desktops_in(8, 2.9 * BYTES_PER_DESKTOP) == 2
+    assert desktops_in(0.5, 100 * BYTES_PER_DESKTOP) == 0
 
 
 # What travels
@@ -301,23 +308,23 @@ def test_a_node_with_other_software_or_another_file_is_refused(tmp_path, monkeyp
     mine.write_text("class Mine:\n    def predict(self, a, b): return '', []\n")
     chosen = bench(agents=(AGENTS.find(f"{mine}:Mine"),))
     setup = WorkerSetup(bench=chosen, folder=tmp_path, references=references(chosen))
-    packed = parcel.pack(setup)
+    packed = worker_bundle.pack(setup)
     mine.write_text("class Mine:\n    def predict(self, a, b): return '', ['DONE']\n")
     with pytest.raises(ClusterError, match=f"{mine}: .*every node needs this file"):
-        parcel.unpack(packed, tmp_path / "node")
+        worker_bundle.unpack(packed, tmp_path / "node")
     mine.unlink()
     with pytest.raises(ClusterError, match=f"{mine}: .*No such file.*every node needs this file"):
-        parcel.unpack(packed, tmp_path / "node")
-    monkeypatch.setattr(parcel, "software", lambda: {**packed.software, "numpy": "1.0"})
+        worker_bundle.unpack(packed, tmp_path / "node")
+    monkeypatch.setattr(worker_bundle, "software", lambda: {**packed.software, "numpy": "1.0"})
     with pytest.raises(ClusterError, match=r"has numpy 1.0 instead of .*install the same"):
-        parcel.unpack(packed, tmp_path / "node")
+        worker_bundle.unpack(packed, tmp_path / "node")
 
 
 def test_the_code_of_the_package_is_part_of_its_software(monkeypatch):
-    before = parcel.software()
-    assert before == parcel.software()
-    monkeypatch.setattr(parcel, "OURS", ("hijack_data",))
-    assert parcel.software()[parcel.CODE] != before[parcel.CODE]
+    before = worker_bundle.software()
+    assert before == worker_bundle.software()
+    monkeypatch.setattr(worker_bundle, "OURS", ("hijack_data",))
+    assert worker_bundle.software()[worker_bundle.CODE] != before[worker_bundle.CODE]
 
 
 def test_agent_files_prompts_and_logs_travel(tmp_path, monkeypatch):
@@ -329,10 +336,10 @@ def test_agent_files_prompts_and_logs_travel(tmp_path, monkeypatch):
     models = ModelOptions(prompts=tmp_path / "prompts", replay=tmp_path / "log")
     agent = read_agent("gpt-4o")
     AGENTS.add(FileAgentMaker(replace(agent, prompts=str(tmp_path / "own"))), "mine")
-    packed = parcel.pack(WorkerSetup(bench=chosen, folder=tmp_path, models=models))
+    packed = worker_bundle.pack(WorkerSetup(bench=chosen, folder=tmp_path, models=models))
     shutil.rmtree(tmp_path / "own")
     (tmp_path / "node").mkdir()
-    setup = parcel.unpack(packed, tmp_path / "node")
+    setup = worker_bundle.unpack(packed, tmp_path / "node")
     assert setup.folder == tmp_path / "node" / "run"
     assert (setup.models.prompts / "pyautogui.yaml").read_text() == "of prompts"
     assert (setup.models.replay / "e.jsonl").read_text() == "of log/requests"
@@ -359,9 +366,9 @@ def test_files_are_sent_with_the_record_last_and_placed_over_what_was_broken_off
     made = left_by_an_episode(tmp_path / "node")
     (tmp_path / "run" / "episodes" / "e" / "frames").mkdir(parents=True)
     (tmp_path / "run" / "episodes" / "e" / "frames" / "0007.png").touch()
-    arrival = Arrival(tmp_path / "run")
+    arrival = ReceivedEpisode(tmp_path / "run")
     names = []
-    for name, content in outgoing(tmp_path / "node"):
+    for name, content in take_files(tmp_path / "node"):
         names.append(name)
         arrival.put(name, content)
     assert names[-1] == "episodes/e/episode.json"
@@ -370,14 +377,14 @@ def test_files_are_sent_with_the_record_last_and_placed_over_what_was_broken_off
     assert {str(path.relative_to(run)): path.read_bytes() for path in placed} == made
     assert list((tmp_path / "node").iterdir()) == []
     with pytest.raises(ClusterError, match=r"episodes/e: holds an episode already"):
-        Arrival(run).put("episodes/e/steps.jsonl", b"other")
+        ReceivedEpisode(run).put("episodes/e/steps.jsonl", b"other")
 
 
 def test_what_arrived_of_a_lost_episode_goes(tmp_path):
     left_by_an_episode(tmp_path / "node")
     (tmp_path / "run").mkdir()
-    arrival = Arrival(tmp_path / "run")
-    for name, content in list(outgoing(tmp_path / "node"))[:-1]:
+    arrival = ReceivedEpisode(tmp_path / "run")
+    for name, content in list(take_files(tmp_path / "node"))[:-1]:
         arrival.put(name, content)
     arrival.undo()
     assert [path for path in (tmp_path / "run").rglob("*") if path.is_file()] == []
@@ -388,7 +395,7 @@ def test_what_arrived_of_a_lost_episode_goes(tmp_path):
 )
 def test_only_files_of_episodes_are_placed(name, tmp_path):
     with pytest.raises(ClusterError, match="none of an episode"):
-        Arrival(tmp_path).put(name, b"")
+        ReceivedEpisode(tmp_path).put(name, b"")
 
 
 def test_folders_of_actors_that_were_killed_are_removed(tmp_path, monkeypatch):

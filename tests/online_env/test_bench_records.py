@@ -11,22 +11,23 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from hijack_data.cli import main
 from hijack_data.errors import HijackError
-from online_env.bench import costs, junit, origin, records
 from online_env.bench.config import Bench
 from online_env.bench.estimates import (
     EPISODE_SECONDS,
-    MOST_RUNS,
+    MAX_RUNS,
     STEP_SECONDS,
     History,
     estimate,
     expected,
+    format_duration,
     history_near,
-    in_words,
     read_history,
 )
 from online_env.bench.jobs import Job
-from online_env.bench.reading import Run, RunError, read, with_first_seeds
-from online_env.tasks import sets
+from online_env.report import junit
+from online_env.results import costs, origin, records
+from online_env.results.reading import Run, RunError, read, with_first_seeds
+from online_env.tasks import task_sets
 
 from support.reported import made, run_of, scored
 
@@ -216,7 +217,7 @@ def test_the_first_seeds_of_ten_leave_the_tenth_alone(tmp_path):
     ],
 )
 def test_times_are_minutes_up_to_an_hour_and_a_half(seconds, said):
-    assert in_words(seconds) == said
+    assert format_duration(seconds) == said
 
 
 def test_an_estimate_says_what_each_part_of_it_rests_on():
@@ -231,7 +232,7 @@ def test_an_estimate_says_what_each_part_of_it_rests_on():
         Job("oracle", "mine", "clean", 0),
         Job("random", TASK, "clean", 0),
     ]
-    known = sets.measured()[TASK]
+    known = task_sets.read_measurements()[TASK]
     unknown = EPISODE_SECONDS + 60 * STEP_SECONDS
     step = (known.seconds - known.setup) / (known.actions + 1)
     found = expected(BENCH, listed, history)
@@ -251,7 +252,7 @@ def test_an_estimate_says_what_each_part_of_it_rests_on():
 
 def test_no_agent_takes_more_steps_than_a_run_allows():
     short = Bench(tasks=(TASK,), corruptions={"clean": None}, max_steps=3)
-    known = sets.measured()[TASK]
+    known = task_sets.read_measurements()[TASK]
     assert known.actions > 3
     oracle, idle = expected(
         short, [Job("oracle", TASK, "clean", 0), Job("do_nothing", TASK, "clean", 0)], History()
@@ -280,12 +281,12 @@ def test_earlier_runs_are_read_without_what_says_nothing_about_time(tmp_path):
 
 
 def test_of_many_runs_the_newest_are_read(tmp_path):
-    for number in range(MOST_RUNS + 2):
+    for number in range(MAX_RUNS + 2):
         folder = run_of(tmp_path / f"run{number}", [made("a", TASK, seconds=float(number))])
         os.utime(folder / "run.json", (1e9 - number, 1e9 - number))
     found = history_near(tmp_path / "new")
-    assert found.runs == MOST_RUNS
-    assert max(found.seconds["a",]) == MOST_RUNS - 1
+    assert found.runs == MAX_RUNS
+    assert max(found.seconds["a",]) == MAX_RUNS - 1
 
 
 def test_a_run_that_goes_on_counts_itself_once(tmp_path):
@@ -352,7 +353,7 @@ def test_a_junit_file_has_a_suite_of_gates_with_what_failed(tmp_path):
         junit.GateCase(name="a:worst=0.5", problem=""),
         junit.GateCase(name="a:average=1", problem="average of a is 0.500, below 1"),
     ]
-    root = junit.tree_of(Run(folder=tmp_path, records=scored("a", "clean", [1])), cases)
+    root = junit.junit_tree(Run(folder=tmp_path, records=scored("a", "clean", [1])), cases)
     passed, failed = root[-1]
     assert (root.get("tests"), root.get("failures"), root.get("errors")) == ("3", "1", "0")
     assert passed.find("failure") is None

@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
-from online_env.bench import costs, reading, records, runner, scores
+from online_env.bench import runner
 from online_env.bench.config import load_bench, override
 from online_env.bench.jobs import Job, jobs
-from online_env.bench.records import RunError
 from online_env.errors import CostLimitError
+from online_env.results import costs, reading, records, scores
+from online_env.results.records import RunError
 
 CONFIG = {
     "agents": ["oracle", "b"],

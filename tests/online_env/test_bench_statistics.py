@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import binomtest, permutation_test
 
 from hijack_data.errors import ParameterError
-from online_env.bench import statistics as s
+from online_env.results import statistics as s
 
 # Paper, main table: Clean, then the nine corruptions, then the printed "Average"; in percent.
 PAPER = {

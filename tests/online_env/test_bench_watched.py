@@ -11,7 +11,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from rich.console import Console
 
-from online_env.agents.apart import Apart
+from online_env.agents.agent_thread import AgentThread
 from online_env.agents.registry import AGENTS
 from online_env.bench import episodes, models
 from online_env.bench.config import Bench
@@ -64,8 +64,8 @@ def test_an_episode_that_takes_longer_than_its_limit_is_ended_after_the_answer(
     limit, status, steps
 ):
     env = CorruptedEnv(FakeStage(FakeDesktop(), score=1.0), settle=AT_ONCE, max_steps=9)
-    with no_machine(), Apart(Teller) as agent:
-        record = episodes._played(env, agent, JOBS[0], 0, None, None, limit)
+    with no_machine(), AgentThread(Teller) as agent:
+        record = episodes._play_episode(env, agent, JOBS[0], 0, None, None, limit)
     assert (record["status"], record["steps"]) == (status, steps)
     if status == "error":
         assert record["problem"] == "the episode took longer than 0 s"

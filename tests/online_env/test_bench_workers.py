@@ -11,12 +11,12 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from hijack_data.errors import HijackError, UnknownNameError
-from online_env.agents.apart import AgentError, Apart
-from online_env.bench import records
+from online_env.agents.agent_thread import AgentError, AgentThread
 from online_env.bench.config import Bench
 from online_env.bench.jobs import Job
 from online_env.bench.runner import run_jobs
 from online_env.bench.workers import LocalPool, WorkerSetup, default_desktops
+from online_env.results import records
 
 from support import waiting
 from support.playing import serve
@@ -159,7 +159,7 @@ def test_an_agent_that_hangs_is_left_behind():
         def predict(self, instruction, obs):
             threading.Event().wait(5)
 
-    with Apart(Hangs, timeout=0.2) as agent:
+    with AgentThread(Hangs, timeout=0.2) as agent:
         with pytest.raises(AgentError, match=r"no answer within 0\.2 s"):
             agent.predict("", {})
         with pytest.raises(AgentError, match="still works on a call"):

@@ -3,7 +3,7 @@
 import pytest
 
 from online_env.errors import DesktopTimeoutError
-from online_env.tasks import careful
+from online_env.tasks import careful_hand
 
 from support.trees import SPACE, Trees
 
@@ -25,12 +25,12 @@ def tree(window: str, button: str = BUTTON) -> str:
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(careful, "LOST", 0.0)
+    monkeypatch.setattr(careful_hand, "LOST_S", 0.0)
 
 
 def test_a_window_that_does_not_say_it_is_minimised_is_restored_from_the_panel() -> None:
     desktop = Trees([tree(SHOWN), tree(HIDDEN), tree(SHOWN)])
-    hand = careful.CarefulHand(desktop, ["vlc"], patience=5)
+    hand = careful_hand.CarefulHand(desktop, ["vlc"], timeout=5)
     hand.press("enter")
     hand.find("frame", "song - VLC media player")
     assert desktop.ran[1:] == ["pyautogui.click(140, 250)"]
@@ -38,7 +38,7 @@ def test_a_window_that_does_not_say_it_is_minimised_is_restored_from_the_panel()
 
 def test_a_window_that_shows_is_never_minimised_by_its_button() -> None:
     desktop = Trees([tree(SHOWN)])
-    hand = careful.CarefulHand(desktop, ["vlc"], patience=0.3)
+    hand = careful_hand.CarefulHand(desktop, ["vlc"], timeout=0.3)
     with pytest.raises(DesktopTimeoutError):
         hand.find("dialog")
     assert set(desktop.ran) == {"pyautogui.press('escape')"}
@@ -46,7 +46,7 @@ def test_a_window_that_shows_is_never_minimised_by_its_button() -> None:
 
 def test_a_window_without_a_button_cannot_be_restored() -> None:
     desktop = Trees([tree(HIDDEN, "")])
-    hand = careful.CarefulHand(desktop, ["vlc"], patience=0.3)
+    hand = careful_hand.CarefulHand(desktop, ["vlc"], timeout=0.3)
     with pytest.raises(DesktopTimeoutError):
         hand.find("frame", "song - VLC media player")
     assert set(desktop.ran) == {"pyautogui.press('escape')"}
@@ -57,7 +57,7 @@ def test_what_the_hand_may_have_opened_itself_is_not_in_its_way(other: str, clos
     opened = f'<application name="{other}"><frame name="it" {PLACE}/></application>'
     shown = tree(SHOWN)
     desktop = Trees([shown.replace("</desktop-frame>", f"{opened}</desktop-frame>"), shown, shown])
-    hand = careful.CarefulHand(desktop, ["vlc"], patience=0.3)
+    hand = careful_hand.CarefulHand(desktop, ["vlc"], timeout=0.3)
     hand.press("ctrl", "a")
     assert ("pyautogui.hotkey('alt', 'f4')" in desktop.ran) == closed
 
@@ -81,7 +81,7 @@ def test_the_keyboard_returns_to_the_documents_window(active: str, first: str) -
     ]
     shown = tree("".join(frames), "".join(buttons)).replace('"vlc"', '"geany"')
     desktop = Trees([shown, tree(SHOWN)])
-    hand = careful.CarefulHand(desktop, ["geany"], "geany /home/user/tools.py", patience=0.3)
+    hand = careful_hand.CarefulHand(desktop, ["geany"], "geany /home/user/tools.py", timeout=0.3)
     with pytest.raises(DesktopTimeoutError):
         hand.find("dialog")
     assert desktop.ran[0] == first
@@ -118,7 +118,7 @@ def test_before_another_try_the_dialogs_of_the_last_one_are_left(
     seen: list[str], ran: list[str]
 ) -> None:
     desktop = Trees([office(windows) for windows in seen])
-    careful.CarefulHand(desktop, ["libreoffice_calc"], patience=0.3).begin_again()
+    careful_hand.CarefulHand(desktop, ["libreoffice_calc"], timeout=0.3).prepare_retry()
     assert desktop.ran == ran
 
 
@@ -139,9 +139,9 @@ TAKE_BACK = "pyautogui.hotkey('ctrl', 'z')"
 def test_before_another_try_what_was_done_in_the_document_is_taken_back(
     seen: list[str], times: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(careful, "PAUSE", 0.0)
+    monkeypatch.setattr(careful_hand, "PAUSE", 0.0)
     desktop = Trees([office(windows) for windows in seen])
-    careful.CarefulHand(desktop, ["libreoffice_calc"], patience=0.3).begin_again()
+    careful_hand.CarefulHand(desktop, ["libreoffice_calc"], timeout=0.3).prepare_retry()
     assert desktop.ran == [ESCAPE, *[TAKE_BACK] * times]
 
 
@@ -167,15 +167,15 @@ def two_windows(front: str) -> str:
 def test_before_another_try_every_window_gets_an_escape_and_the_first_one_the_keyboard() -> None:
     browser, editor = two_windows("Google Chrome"), two_windows("mousepad")
     desktop = Trees([browser, editor])
-    hand = careful.CarefulHand(desktop, ["chrome", "mousepad"], patience=0.3)
+    hand = careful_hand.CarefulHand(desktop, ["chrome", "mousepad"], timeout=0.3)
     hand.type("a")
     desktop.trees = [editor, editor, browser, browser, editor]
     desktop.ran.clear()
-    hand.begin_again()
+    hand.prepare_retry()
     assert desktop.ran == [ESCAPE, "pyautogui.click(340, 1112)", ESCAPE]
     desktop.trees = [editor]
     desktop.ran.clear()
-    hand.begin_again()
+    hand.prepare_retry()
     assert desktop.ran == [
         ESCAPE,
         "pyautogui.click(340, 1112)",
@@ -190,7 +190,7 @@ def test_before_another_try_every_window_gets_an_escape_and_the_first_one_the_ke
 def test_a_tool_of_libreoffice_does_not_keep_the_keyboard(app: str, ran: list[str]) -> None:
     tool = f'<push-button name="Text Box" {PLACE} st:focused="true"/>'
     desktop = Trees([office(f"{SHEET}{tool}").replace('"soffice"', f'"{app}"')])
-    careful.CarefulHand(desktop, ["libreoffice_calc", "geany"], patience=0.3).put_right()
+    careful_hand.CarefulHand(desktop, ["libreoffice_calc", "geany"], timeout=0.3).recover()
     assert desktop.ran == ran
 
 
@@ -209,10 +209,10 @@ DELETE = f'<push-button name="Delete" {PLACE.replace("(100, 200)", "(300, 300)")
 def test_what_is_taken_back_may_be_deleted_and_nothing_else_is_agreed_to(
     question: str, ran: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(careful, "PAUSE", 0.0)
+    monkeypatch.setattr(careful_hand, "PAUSE", 0.0)
     shown = [f"{FOLDER}{UNDO}", f"{FOLDER}{UNDO}", question, f"{FOLDER}{DONE}"]
     desktop = Trees([office(windows).replace("soffice", "thunar") for windows in shown])
-    careful.CarefulHand(desktop, ["thunar"], patience=0.3).begin_again()
+    careful_hand.CarefulHand(desktop, ["thunar"], timeout=0.3).prepare_retry()
     assert desktop.ran == ran
 
 
@@ -253,7 +253,7 @@ def test_a_field_that_got_something_else_is_filled_again(
 ) -> None:
     role = "combo-box" if "combo-box" in then else "entry"
     desktop = Trees([fields("a", role=role), then])
-    careful.CarefulHand(desktop, ["libreoffice_calc"], patience=0.3).replace(typed)
+    careful_hand.CarefulHand(desktop, ["libreoffice_calc"], timeout=0.3).replace(typed)
     filled = ["pyautogui.hotkey('ctrl', 'a')", f"pyautogui.write({typed!r})"]
     assert desktop.ran == filled + [code for part in again for code in ([part] if part else filled)]
 
@@ -272,7 +272,7 @@ def unnamed(windows: str) -> str:
 )
 def test_of_fields_without_a_name_it_is_the_one_in_the_same_place(then: str, again: bool) -> None:
     desktop = Trees([unnamed(fields("", "To")), unnamed(then)])
-    careful.CarefulHand(desktop, ["libreoffice_calc"], patience=0.3).replace("jun@mail.test")
+    careful_hand.CarefulHand(desktop, ["libreoffice_calc"], timeout=0.3).replace("jun@mail.test")
     assert len(desktop.ran) == (4 if again else 2)
     assert not any("click" in code for code in desktop.ran)
 
@@ -287,32 +287,32 @@ def test_the_dialogs_of_a_helper_belong_to_the_application() -> None:
     )
     for apps, closed in ((["chrome"], False), (["thunar"], True)):
         desktop = Trees([shown])
-        careful.CarefulHand(desktop, apps, patience=0.3).type("x")
+        careful_hand.CarefulHand(desktop, apps, timeout=0.3).type("x")
         assert ("pyautogui.hotkey('alt', 'f4')" in desktop.ran) == closed
 
 
 @pytest.mark.parametrize("focused", ["", "Sheet"])
 def test_without_a_focused_field_a_text_is_typed_once(focused: str) -> None:
     desktop = Trees([fields("a", focused)])
-    careful.CarefulHand(desktop, ["libreoffice_calc"], patience=0.3).replace("b")
+    careful_hand.CarefulHand(desktop, ["libreoffice_calc"], timeout=0.3).replace("b")
     assert len(desktop.ran) == 2
 
 
 @pytest.mark.parametrize(("before", "again"), [(SHEET, True), (EMPTY, False)])
 def test_a_document_that_was_closed_is_opened_again(before: str, again: bool) -> None:
     desktop = Trees([office(before), office(EMPTY)])
-    hand = careful.CarefulHand(
-        desktop, ["libreoffice_calc"], "soffice /home/user/a.xlsx", patience=0.3
+    hand = careful_hand.CarefulHand(
+        desktop, ["libreoffice_calc"], "soffice /home/user/a.xlsx", timeout=0.3
     )
     hand.press("tab")
-    hand.put_right()
+    hand.recover()
     assert ("pyautogui.write('soffice /home/user/a.xlsx')" in desktop.ran) == again
 
 
 def test_what_was_begun_in_a_closed_document_is_begun_anew() -> None:
     desktop = Trees([office(SHEET), office(EMPTY)])
-    hand = careful.CarefulHand(
-        desktop, ["libreoffice_calc"], "soffice /home/user/a.xlsx", patience=0.3
+    hand = careful_hand.CarefulHand(
+        desktop, ["libreoffice_calc"], "soffice /home/user/a.xlsx", timeout=0.3
     )
     hand.press("tab")
     with pytest.raises(DesktopTimeoutError, match="the document was closed; it is open again"):
@@ -327,7 +327,7 @@ def test_a_menu_that_a_disturbance_closed_is_not_clicked_on() -> None:
     opened = tree(f'{SHOWN}<menu-item name="Quit" {PLACE}/>')
     hidden = tree(f'{MINIMISED}<menu-item name="Quit" {PLACE}/>', WINDOWS_BUTTON)
     desktop = Trees([opened])
-    hand = careful.CarefulHand(desktop, ["vlc"], patience=0.3)
+    hand = careful_hand.CarefulHand(desktop, ["vlc"], timeout=0.3)
     item = hand.find("menu-item", "Quit")
     desktop.trees = [hidden, tree(SHOWN)]
     with pytest.raises(DesktopTimeoutError, match="the menu with 'Quit' was closed"):
@@ -337,7 +337,7 @@ def test_a_menu_that_a_disturbance_closed_is_not_clicked_on() -> None:
 
 def test_another_node_is_clicked_on_after_a_disturbance() -> None:
     desktop = Trees([tree(f'{SHOWN}<push-button name="Play" {PLACE}/>')])
-    hand = careful.CarefulHand(desktop, ["vlc"], patience=0.3)
+    hand = careful_hand.CarefulHand(desktop, ["vlc"], timeout=0.3)
     button = hand.find("push-button", "Play")
     desktop.trees = [tree(MINIMISED, WINDOWS_BUTTON), tree(SHOWN)]
     hand.click(button)
@@ -348,12 +348,14 @@ def test_another_node_is_clicked_on_after_a_disturbance() -> None:
 def test_the_wheel_turns_over_the_window_that_was_restored(
     hidden: bool, moves: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(careful, "LOST", 5.0)  # nothing is looked for before the page was scrolled
+    monkeypatch.setattr(
+        careful_hand, "LOST_S", 5.0
+    )  # nothing is looked for before the page was scrolled
     wanted = tree(f'{SHOWN}<link name="below" {PLACE}/>')
     first = tree(MINIMISED, WINDOWS_BUTTON) if hidden else tree(SHOWN)
     actions = 3 if hidden else 1  # the panel, the key and the pointer; or the key alone
     desktop = Trees([first, *[tree(SHOWN)] * actions, wanted])
-    hand = careful.CarefulHand(desktop, ["vlc"], patience=2)
+    hand = careful_hand.CarefulHand(desktop, ["vlc"], timeout=2)
     hand.press("home")
     hand.find("link", "below", scroll=True)
     scrolled = desktop.ran.index("pyautogui.scroll(-2)")
@@ -363,14 +365,14 @@ def test_the_wheel_turns_over_the_window_that_was_restored(
 def test_the_wheel_turns_over_the_window_that_a_foreign_one_had_made_smaller(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(careful, "LOST", 5.0)
+    monkeypatch.setattr(careful_hand, "LOST_S", 5.0)
     foreign = tree(SHOWN).replace(
         "</desktop-frame>",
         f'<application name="geany"><frame name="untitled" {PLACE}/></application></desktop-frame>',
     )
     wanted = tree(f'{SHOWN}<link name="below" {PLACE}/>')
     desktop = Trees([foreign, *[tree(SHOWN)] * 4, wanted])
-    hand = careful.CarefulHand(desktop, ["vlc"], patience=2)
+    hand = careful_hand.CarefulHand(desktop, ["vlc"], timeout=2)
     hand.press("home")
     hand.find("link", "below", scroll=True)
     assert "pyautogui.hotkey('alt', 'f4')" in desktop.ran
@@ -388,22 +390,22 @@ def test_a_program_is_started_again_only_if_its_window_stays_away(later: str, st
             return looks.pop(0) if len(looks) > 1 else looks[0]
 
     desktop = Busy([])
-    hand = careful.CarefulHand(desktop, ["vlc"], "vlc /home/user/song.ogg", patience=0.1)
-    hand.put_right()
+    hand = careful_hand.CarefulHand(desktop, ["vlc"], "vlc /home/user/song.ogg", timeout=0.1)
+    hand.recover()
     assert desktop.ran.count("pyautogui.hotkey('alt', 'f2')") == starts
 
 
 def test_a_page_has_time_to_load_before_an_escape_would_stop_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    hand = careful.CarefulHand(Trees([tree(SHOWN)]), ["vlc"], patience=3)
+    hand = careful_hand.CarefulHand(Trees([tree(SHOWN)]), ["vlc"], timeout=3)
     escapes: list[bool] = []
 
-    def put_right(_: object, escape: bool) -> bool:
+    def recover(_: object, escape: bool) -> bool:
         escapes.append(escape)
         return False
 
-    monkeypatch.setattr(hand, "put_right", put_right)
+    monkeypatch.setattr(hand, "recover", recover)
     for _ in range(2):  # each thing that is waited for has that time
         escapes.clear()
         with pytest.raises(DesktopTimeoutError):

@@ -2,10 +2,10 @@
 
 import pytest
 
-from hijack_data.runs.run_log import REINIT
+from hijack_data.actions.allowed import REINIT
 from online_env.errors import DesktopTimeoutError
-from online_env.tasks import careful
-from online_env.tasks.careful import CarefulHand
+from online_env.tasks import careful_hand
+from online_env.tasks.careful_hand import CarefulHand
 
 from support.trees import SPACE, Trees, node
 
@@ -28,14 +28,14 @@ def hand_on(
 ) -> tuple[CarefulHand, list[str]]:
     """Return a hand, and the code that it runs."""
     desktop = Trees(list(trees))
-    hand = CarefulHand(desktop, apps, start, password, patience=0.3)  # type: ignore[arg-type]
+    hand = CarefulHand(desktop, apps, start, password, timeout=0.3)  # type: ignore[arg-type]
     return hand, desktop.ran
 
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(careful, "LOST", 0.0)
-    monkeypatch.setattr(careful, "PAUSE", 0.01)
+    monkeypatch.setattr(careful_hand, "LOST_S", 0.0)
+    monkeypatch.setattr(careful_hand, "PAUSE", 0.01)
 
 
 def test_a_locked_screen_is_unlocked_with_the_password_before_anything_is_done() -> None:
@@ -58,12 +58,12 @@ def test_a_locker_that_does_not_show_locks_nothing() -> None:
 def test_help_is_asked_for_once_where_the_network_is_gone() -> None:
     page = ("Google Chrome", node("frame", "x - Chrome") + node("heading", "No internet"))
     hand, ran = hand_on(screen(page), apps=("chrome",))
-    hand.put_right()
-    hand.put_right()
+    hand.recover()
+    hand.recover()
     assert ran == [REINIT, F5, F5]
     other = ("Google Chrome", node("frame", "x - Chrome") + node("heading", "About No internet"))
     hand, ran = hand_on(screen(other), apps=("chrome",))
-    hand.put_right()
+    hand.recover()
     assert ran == [ESCAPE]  # a heading of a page that is there
 
 
@@ -71,7 +71,7 @@ def test_an_application_that_is_gone_is_started_as_a_person_would() -> None:
     finder = ("xfce4-appfinder", node("frame", "Application Finder"))
     asked = screen(NOTHING, finder)
     hand, ran = hand_on(screen(NOTHING), asked, asked, screen(WINDOW), start="thunar '/home/a b'")
-    assert hand.put_right() is False  # no document was lost
+    assert hand.recover() is False  # no document was lost
     assert ran == [
         "pyautogui.hotkey('alt', 'f2')",
         "pyautogui.write(\"thunar '/home/a b'\")",
@@ -81,7 +81,7 @@ def test_an_application_that_is_gone_is_started_as_a_person_would() -> None:
 
 def test_what_cannot_be_started_is_not() -> None:
     hand, ran = hand_on(screen(NOTHING))
-    assert hand.put_right() is False
+    assert hand.recover() is False
     assert ran == [ESCAPE]
 
 

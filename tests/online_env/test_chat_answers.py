@@ -9,13 +9,13 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("openai", reason="needs the extra [agents]")
 pytest.importorskip("anthropic", reason="needs the extra [agents]")
 
+from online_env.agents.agent_files import read_agent
 from online_env.agents.chat.endpoint import RetryWaits
 from online_env.agents.chat.parsing import ReplyParser
 from online_env.agents.chat.prompts import Prompt
-from online_env.agents.chat.query import ModelQuery, ScreenPicture, Turn, digest_of, wired
+from online_env.agents.chat.query import ModelQuery, ScreenPicture, Turn, request_digest, wired
 from online_env.agents.chat.request_log import RequestLog, RequestReplay
-from online_env.agents.chat.wires import wire_of
-from online_env.agents.files import read_agent
+from online_env.agents.chat.wires import make_wire
 from online_env.agents.settings import ModelSettings
 from online_env.errors import AgentSetupError, EndpointError, ReplayError
 
@@ -73,7 +73,7 @@ def damaged(value, path, junk):
 def test_whatever_is_wrong_in_an_answer_it_is_an_error_of_the_endpoint_or_can_be_gone_on_from(
     client,
 ):
-    wire = wire_of(client)
+    wire = make_wire(client)
     dialect = TOOLS[client].get("parser", "pyautogui")
     seen = ScreenPicture(picture()["screenshot"])
     tool = {"anthropic": "computer_20251124", "openai_computer": "computer"}.get(client)
@@ -301,11 +301,11 @@ def test_a_line_of_a_log_that_is_nested_without_end_is_named(tmp_path):
 def test_the_digest_of_a_request_knows_pictures_by_their_pixels():
     def body(*pixels):
         query = ModelQuery(prompt=Prompt(first="a"), picture=ScreenPicture(*pixels))
-        return wire_of("openai").body(query, ModelSettings(model="m"))
+        return make_wire("openai").body(query, ModelSettings(model="m"))
 
     plain = picture(5)["screenshot"]
     other = plain.copy()
     other[-1, -1, 2] ^= 1
-    assert digest_of(body(plain)) == digest_of(body(plain[::-1][::-1]))
-    assert digest_of(body(plain)) != digest_of(body(other))
-    assert digest_of(body(plain)) != digest_of(body(plain.reshape(96, 54, 3)))
+    assert request_digest(body(plain)) == request_digest(body(plain[::-1][::-1]))
+    assert request_digest(body(plain)) != request_digest(body(other))
+    assert request_digest(body(plain)) != request_digest(body(plain.reshape(96, 54, 3)))

@@ -14,10 +14,10 @@ from ext_package.paper import PressOk, provider
 
 from hijack_data.errors import HijackError, MissingDependencyError
 from online_env.agents.registry import AGENTS
-from online_env.bench import records
-from online_env.bench.cli import bench
+from online_env.bench.bench_command import bench
 from online_env.bench.providers import PROVIDERS
 from online_env.environment import EvalSettings, Settle
+from online_env.results import records
 from online_env.tasks import TASKS
 
 from support.chatting import file

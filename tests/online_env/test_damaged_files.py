@@ -8,17 +8,17 @@ from click.testing import CliRunner
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from hijack_data.errors import ConfigError, HijackError, ParameterError, UnknownNameError
-from hijack_data.runs.run_log import slug_of
+from hijack_data.runs.run_log import episode_slug
 from online_env.agents.chat.request_log import RequestReplay
 from online_env.agents.scripted import Scripted, read_script
-from online_env.bench import costs, reading, records
-from online_env.bench.gate import ReleaseGate
-from online_env.bench.reading import RunError
 from online_env.errors import ReplayError
 from online_env.osworld import table
 from online_env.osworld import tasks as osworld_tasks
 from online_env.report.build import build_report, load_report
-from online_env.report.cli import report
+from online_env.report.gate import ReleaseGate
+from online_env.report.report_command import report
+from online_env.results import costs, reading, records
+from online_env.results.reading import RunError
 
 CONFIG = {"agents": ["oracle"], "corruptions": ["clean"]}
 EPISODES = ["oracle--write_note-0--clean--0"]
@@ -133,7 +133,9 @@ def test_an_episode_without_a_line_whose_record_is_damaged(run, content):
 
 def test_episodes_that_would_share_a_folder_are_refused(tmp_path):
     """An id keeps nothing of a name in another script, so two agents would write one record."""
-    ids = [slug_of("t", "clean", 0, agent, 0) for agent in ("我的.py:代理", "你的.py:代理", "a")]
+    ids = [
+        episode_slug("t", "clean", 0, agent, 0) for agent in ("我的.py:代理", "你的.py:代理", "a")
+    ]
     with pytest.raises(RunError, match=r"1 ids stand for several episodes.*rename one of them"):
         records.create(tmp_path / "run", CONFIG, ids)
     assert not (tmp_path / "run").exists()
@@ -202,7 +204,7 @@ def test_what_an_agent_says_it_used_is_summed_only_if_it_can_be(run):
     assert not found.damaged
     (cell,) = build_report(found).cells
     assert (cell.input_tokens, cell.usd) == (60, None), "one price is not known"
-    assert costs.cost_of(found.records) == 0.5
+    assert costs.total_cost(found.records) == 0.5
     assert costs.usage_line(found.records).endswith("60 tokens read, 9 written, price not known")
 
 

@@ -22,7 +22,7 @@ pytest.importorskip("starlette", reason=needs.ONLINE)
 
 from online_env.embedded import recording, view
 from online_env.errors import DesktopError, GuestError
-from online_env.recording.person import _Passing
+from online_env.recording.person_recorder import _RecordingClient
 
 SCREEN = np.arange(40 * 30 * 3, dtype=np.uint8).reshape(30, 40, 3) // 3 * 3
 
@@ -329,7 +329,7 @@ class Actions:
 def test_each_event_of_a_person_is_recorded_before_it_is_passed_on():
     client = Client(refused=("key",))
     actions = Actions()
-    passing = _Passing(client, actions)
+    passing = _RecordingClient(client, actions)
     events = [{"type": "move"}, {"type": "down"}, {"type": "key"}, {"type": "up"}]
     answer = passing.post("/ah/input", json.dumps({"events": events}).encode())
     assert answer.status_code == 400
@@ -343,4 +343,4 @@ def test_each_event_of_a_person_is_recorded_before_it_is_passed_on():
 def test_what_is_no_input_goes_to_the_guest_as_it_is(content):
     client = Client()
     client.post = lambda path, content, **_: (path, content)
-    assert _Passing(client, Actions()).post("/ah/input", content) == ("/ah/input", content)
+    assert _RecordingClient(client, Actions()).post("/ah/input", content) == ("/ah/input", content)

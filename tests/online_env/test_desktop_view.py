@@ -10,7 +10,7 @@ from support import needs
 
 pytest.importorskip("httpx", reason=needs.ONLINE)
 
-from online_env import cli
+from online_env import desktop_commands
 from online_env.embedded import registry, view
 from online_env.embedded.desktop import EmbeddedDesktop
 
@@ -55,7 +55,11 @@ def shown(monkeypatch):
 
 
 def viewed(*words):
-    return CliRunner().invoke(cli.desktop, ["view", *words], catch_exceptions=False).output
+    return (
+        CliRunner()
+        .invoke(desktop_commands.desktop, ["view", *words], catch_exceptions=False)
+        .output
+    )
 
 
 OWN = f"view-{os.getpid()}"

@@ -107,9 +107,9 @@ def test_a_mean_that_is_rounded_is_a_score():
 def test_usage_that_cannot_be_written_is_refused_before_an_episode_is_lost(usage, tmp_path):
     env, _ = make(log=tmp_path)
     env.reset(seed=0)
-    env.account({"cost": 0.5})
+    env.record_usage({"cost": 0.5})
     with pytest.raises(ParameterError, match="usage must be JSON data"):
-        env.account(usage)
+        env.record_usage(usage)
     env.step("DONE")
     (written,) = tmp_path.glob("episodes/*/episode.json")
     assert json.loads(written.read_bytes())["usage"] == {"cost": 0.5}

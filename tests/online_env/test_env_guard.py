@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hijack_data.actions.allowed import MAX_CODE, REINIT, read_action
+from hijack_data.actions.agent_actions import MAX_CODE_CHARS, REINIT, read_action
 from hijack_data.errors import ActionError
 
 ALLOWED = [
@@ -101,7 +101,7 @@ def test_any_code_runs_where_that_is_asked_for() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", [5, None, b"WAIT", "x" * (MAX_CODE + 1), "pyautogui.write('a\0')", "'\ud800'"]
+    "text", [5, None, b"WAIT", "x" * (MAX_CODE_CHARS + 1), "pyautogui.write('a\0')", "'\ud800'"]
 )
 @pytest.mark.parametrize("allow_code", [False, True])
 def test_what_no_guest_can_take_is_refused_in_any_case(text: object, allow_code: bool) -> None:

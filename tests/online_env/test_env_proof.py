@@ -15,14 +15,14 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 import hijack_data as hj
 from online_env.bench.episodes import play as play_job
 from online_env.bench.jobs import Job
-from online_env.bench.records import create as create_run
-from online_env.bench.records import read
 from online_env.bench.runner import run_jobs
-from online_env.bench.scores import rows
 from online_env.effects import Probe, base
 from online_env.effects.guest import Guest
 from online_env.effects.network_error import Firewall
 from online_env.errors import DesktopError
+from online_env.results.records import create as create_run
+from online_env.results.records import read
+from online_env.results.scores import rows
 
 from support.episodes import CLICK, make, play
 from support.live import Fence, Mark, Marking

@@ -17,7 +17,7 @@ import hijack_data as hj
 import online_env
 from hijack_data.errors import HijackError, ParameterError, ParameterTypeError, UnknownNameError
 from online_env.environment import CorruptedEnv, EvalSettings, Settle
-from online_env.environment.log import slug_of
+from online_env.environment.log import episode_slug
 from online_env.environment.settings import EvalOptions
 
 from support.episodes import make, play
@@ -138,9 +138,9 @@ def test_labels_name_what_happens():
             label,
             json.loads(json.dumps(params)),
         )
-    assert slug_of("a b/ü", "marks@1", 3, "m:7", 2) == "a_b___marks_1__s3__m_7__a2"
-    assert len({slug_of("x" * n, "clean", 0, "a", 0) for n in (300, 301)}) == 2
-    assert len(slug_of("x" * 300, "clean", 0, "a", 0)) == 200
+    assert episode_slug("a b/ü", "marks@1", 3, "m:7", 2) == "a_b___marks_1__s3__m_7__a2"
+    assert len({episode_slug("x" * n, "clean", 0, "a", 0) for n in (300, 301)}) == 2
+    assert len(episode_slug("x" * 300, "clean", 0, "a", 0)) == 200
 
 
 def test_a_seed_is_drawn_where_none_is_given():

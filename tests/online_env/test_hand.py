@@ -9,7 +9,7 @@ from online_env.desktops.protocol import RunResult
 from online_env.errors import DesktopError, DesktopTimeoutError
 from online_env.tasks import hand as module
 from online_env.tasks.hand import GiveUpError, Hand, fits
-from online_env.tasks.tree import nodes
+from online_env.tasks.tree_nodes import read_tree
 
 from support.trees import Trees, node, tree
 
@@ -23,10 +23,10 @@ def shown(*parts: str) -> str:
     return tree("Thunar", *parts)
 
 
-def hand_on(*trees: str, patience: float = 1.0) -> tuple[Hand, list[str]]:
+def hand_on(*trees: str, timeout: float = 1.0) -> tuple[Hand, list[str]]:
     """Return a hand, and the code that it runs."""
     desktop = Trees(list(trees))
-    return Hand(desktop, patience), desktop.ran  # type: ignore[arg-type]
+    return Hand(desktop, timeout), desktop.ran  # type: ignore[arg-type]
 
 
 @pytest.fixture(autouse=True)
@@ -70,7 +70,7 @@ def test_a_button_is_pressed_once_it_can_be() -> None:
     hand, ran = hand_on(shown(off, on))
     hand.button("Save", "thunar")
     assert ran == [CLICK]
-    hand, ran = hand_on(shown(off), patience=0)
+    hand, ran = hand_on(shown(off), timeout=0)
     with pytest.raises(DesktopTimeoutError, match="sensitive button or push-button Save of thunar"):
         hand.button("Save", "thunar")
     assert ran == []
@@ -91,7 +91,7 @@ def test_a_field_is_filled_once_it_has_the_focus() -> None:
     hand, ran = hand_on(shown(there), shown(focused))
     hand.fill("Name", "Zoë")
     assert ran == [CLICK, SELECT, "pyautogui.write('Zoë')"]
-    hand, ran = hand_on(shown(there), patience=0)
+    hand, ran = hand_on(shown(there), timeout=0)
     with pytest.raises(DesktopTimeoutError, match="focused entry or text Name of any application"):
         hand.fill("Name", "Zoë")
     assert ran == [CLICK]  # nothing was typed into another field
@@ -109,23 +109,23 @@ def test_a_file_is_chosen_by_its_path_and_the_dialog_is_gone_then() -> None:
         "pyautogui.hotkey('enter')",
     ]
     not_ready = shown(dialog, node("push-button", "Open"))
-    hand, ran = hand_on(not_ready, patience=0)
+    hand, ran = hand_on(not_ready, timeout=0)
     with pytest.raises(DesktopTimeoutError, match="sensitive button or push-button Open"):
         hand.choose_file("/tmp/a.txt", "Open", "thunar")
     assert ran[-1] == "pyautogui.write('/tmp/a.txt')"  # its key would open the search
 
 
 def test_what_does_not_go_is_named() -> None:
-    hand, _ = hand_on(shown(node("dialog", "Question")), patience=0)
+    hand, _ = hand_on(shown(node("dialog", "Question")), timeout=0)
     with pytest.raises(DesktopTimeoutError) as caught:
-        hand.gone(("alert", "dialog"), re.compile("Quest"), app="thunar")
+        hand.wait_until_gone(("alert", "dialog"), re.compile("Quest"), app="thunar")
     assert str(caught.value) == "alert or dialog Quest of thunar still shows after 0 s"
-    hand.gone("dialog", "Question", app="gimp")  # another application's is none
+    hand.wait_until_gone("dialog", "Question", app="gimp")  # another application's is none
 
 
 def test_what_does_not_come_is_named_with_what_is_there() -> None:
     many = [node("label", f"label {number:02}") for number in range(40)]
-    hand, _ = hand_on(shown(*many, node("label", "label 00")), patience=0)
+    hand, _ = hand_on(shown(*many, node("label", "label 00")), timeout=0)
     with pytest.raises(DesktopTimeoutError) as caught:
         hand.find("push-button", "Save", app="thunar", state="focused")
     start, _, listed = str(caught.value).partition(": label ")
@@ -134,12 +134,12 @@ def test_what_does_not_come_is_named_with_what_is_there() -> None:
         "40 named elements show"
     )
     assert f"label {listed}".split(", ") == [f"label 'label {number:02}'" for number in range(30)]
-    empty, _ = hand_on('<desktop-frame name="main"/>', patience=0)
+    empty, _ = hand_on('<desktop-frame name="main"/>', timeout=0)
     with pytest.raises(DesktopTimeoutError, match=r"applications: none; 0 named elements show: $"):
         empty.find("frame")
 
 
-NODES = nodes(
+NODES = read_tree(
     shown(
         node("push-button", "Save As...", "focused"),
         '<push-button name="Save"/>',  # it does not show
@@ -197,7 +197,7 @@ def test_between_two_looks_in_vain_the_hand_waits_longer_and_longer(
     monkeypatch.setattr(module, "PAUSE", 0.1)
     monkeypatch.setattr(module.time, "sleep", waited.append)
     monkeypatch.setattr(module.time, "monotonic", lambda: sum(waited))
-    hand, ran = hand_on(EMPTY, patience=3)
+    hand, ran = hand_on(EMPTY, timeout=3)
     with pytest.raises(DesktopTimeoutError):
         hand.find("link")
     assert [round(pause, 3) for pause in waited[:6]] == [0.1, 0.15, 0.225, 0.338, 0.5, 0.5]
@@ -211,12 +211,12 @@ def test_between_two_looks_in_vain_the_hand_waits_longer_and_longer(
 def test_what_is_at_rest_is_the_first_that_is_seen_twice() -> None:
     hand, _ = hand_on(EMPTY)
     seen = iter([None, 1, None, 2, 3, 3, 4])
-    assert hand.at_rest("number", lambda: next(seen)) == 3
+    assert hand.wait_until_stable("number", lambda: next(seen)) == 3
     assert next(seen) == 4
 
 
 @pytest.mark.parametrize("read", [lambda: None, object])
 def test_what_does_not_come_to_rest_is_told(read: Callable[[], object]) -> None:
-    hand, _ = hand_on(EMPTY, patience=0.01)
+    hand, _ = hand_on(EMPTY, timeout=0.01)
     with pytest.raises(DesktopTimeoutError, match=r"^no menu at rest within 0\.01 s$"):
-        hand.at_rest("menu", read)
+        hand.wait_until_stable("menu", read)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from online_env.desktops.protocol import RunResult
-from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.folder_desktop import FolderDesktop
 from online_env.tasks.idle import end_process, wait_until_idle
 
 WRITES_LATE = "trap 'echo written > late; exit' TERM; touch begun; while :; do sleep 0.05; done"

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import pytest
 
+from online_env.desktops.capability_survey import is_container, lacks
 from online_env.desktops.container import ContainerResetter
 from online_env.desktops.protocol import RunResult
-from online_env.desktops.survey import is_container, lacks
 from online_env.embedded.container import entry, pristine
 from online_env.embedded.container.control import Control
 from online_env.embedded.image import cache, container

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from online_env.cli import desktop as commands
+from online_env.desktop_commands import desktop as commands
 from online_env.embedded import packages
 from online_env.embedded.image import archive, cache, image_checks, image_setup
 from online_env.embedded.runtime import network, program_paths

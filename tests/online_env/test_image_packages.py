@@ -10,7 +10,7 @@ import tarfile
 import pytest
 
 from hijack_data.errors import StorageError
-from hijack_data.files import unwritable
+from hijack_data.file_io import unwritable
 from online_env.embedded.image import build, debian, guest_packages, sources, unprivileged_chroot
 from online_env.embedded.image.manifest import Manifest, Pin
 from online_env.errors import DesktopImageError

@@ -24,7 +24,7 @@ import hijack_data as hj
 from hijack_data.errors import ConfigError, MissingDependencyError, ParameterError, UnknownNameError
 from online_env.bench.config import Bench
 from online_env.inspect.sessions import Session
-from online_env.inspect.tasks import bench, task_of
+from online_env.inspect.tasks import bench, inspect_task
 
 from support.live import Marking
 from support.seeing_endpoint import serve
@@ -99,7 +99,7 @@ def metrics_of(log):
 
 def test_an_episode_is_a_sample_and_its_score_is_that_of_the_benchmark(tmp_path):
     given = {"clean": None, "marks": hj.Marks(number=3), "resolution": hj.Resolution(scale=0.5)}
-    task = task_of(benchmark(given, seeds=(0, 1)))
+    task = inspect_task(benchmark(given, seeds=(0, 1)))
     model, asked = mock()
     log = run(task, model, tmp_path)
     samples = {sample.id: sample for sample in log.samples}
@@ -134,7 +134,7 @@ def test_what_is_not_proved_is_unscored_and_what_breaks_is_errored(tmp_path):
 
     given = {"clean": None, "broken": Sabotaged(-1, sabotaged=True)}
     model, _ = mock()
-    log = run(task_of(benchmark(given)), model, tmp_path)
+    log = run(inspect_task(benchmark(given)), model, tmp_path)
     broken, good = sorted(log.samples, key=lambda sample: sample.id)
     assert good.scores["task_score"].value == 1.0
     assert np.isnan(broken.scores["task_score"].value)
@@ -149,7 +149,7 @@ def test_what_is_not_proved_is_unscored_and_what_breaks_is_errored(tmp_path):
 
     with pytest.MonkeyPatch.context() as patch:
         register_square(patch, dying)
-        log = run(task_of(benchmark()), mock()[0], tmp_path)
+        log = run(inspect_task(benchmark()), mock()[0], tmp_path)
     [sample] = log.samples
     assert "the desktop is gone" in sample.error.message
     assert not sample.scores
@@ -160,15 +160,15 @@ def test_the_answer_fail_is_passed_on_and_a_limit_cuts_off(tmp_path):
         return log.samples[0].scores["task_score"].metadata["record"]
 
     failing, _ = mock(answer="FAIL: there is no square")
-    assert record_of(run(task_of(benchmark()), failing, tmp_path))["last_action"] == "FAIL"
+    assert record_of(run(inspect_task(benchmark()), failing, tmp_path))["last_action"] == "FAIL"
     endless, _ = mock(never_done=True)
-    record = record_of(run(task_of(benchmark()), endless, tmp_path))
+    record = record_of(run(inspect_task(benchmark()), endless, tmp_path))
     assert (record["ended"], record["steps"]) == ("max_steps", 4)
     cut, _ = mock(never_done=True)
-    record = record_of(run(task_of(benchmark()), cut, tmp_path, message_limit=6))
+    record = record_of(run(inspect_task(benchmark()), cut, tmp_path, message_limit=6))
     assert (record["status"], record["ended"], record["score"]) == ("ok", "outside", 1.0)
     idle, _ = mock(never_done=True, act={"action": "zoom", "region": [0, 0, 9, 9]})
-    log = run(task_of(benchmark()), idle, tmp_path, message_limit=6)
+    log = run(inspect_task(benchmark()), idle, tmp_path, message_limit=6)
     assert (record_of(log)["status"], record_of(log)["cause"]) == ("error", "agent")
     assert log.samples[0].scores["task_score"].value == 0.0
 
@@ -205,7 +205,7 @@ def test_actions_of_the_tool(call, code, note, tmp_path, monkeypatch):
 
     register_square(monkeypatch, noted)
     model, asked = mock(act=call)
-    run(task_of(benchmark()), model, tmp_path)
+    run(inspect_task(benchmark()), model, tmp_path)
     [desktop] = made
     assert "\n".join(text.strip() for text in desktop.ran) == (code or "")
     # The mock takes no pictures in results: Inspect puts them into a message after it.
@@ -229,7 +229,7 @@ def test_a_model_that_raises_leaves_no_desktop(tmp_path, monkeypatch):
 
     register_square(monkeypatch, noted)
     model = get_model("mockllm/model", custom_outputs=output, memoize=False)
-    log = run(task_of(benchmark(seeds=(0, 1))), model, tmp_path)
+    log = run(inspect_task(benchmark(seeds=(0, 1))), model, tmp_path)
     assert ["the endpoint is down" in sample.error.message for sample in log.samples] == [True] * 2
     assert [desktop.closed for desktop in made] == [True, True]
 
@@ -252,7 +252,7 @@ def test_a_picture_of_another_size_is_mapped_back_and_what_cannot_be_is_refused(
 
 def test_zoom_shows_a_part_larger_and_takes_no_step(tmp_path):
     model, asked = mock(act={"action": "zoom", "region": [0, 0, SIZE[1] // 2, SIZE[0] // 2]})
-    log = run(task_of(benchmark()), model, tmp_path)
+    log = run(inspect_task(benchmark()), model, tmp_path)
     record = log.samples[0].scores["task_score"].metadata["record"]
     assert (record["steps"], record["score"]) == (1, 0.0), "DONE is the only one"
     first, zoomed = pictures_in(asked[1])
@@ -263,7 +263,7 @@ def test_zoom_shows_a_part_larger_and_takes_no_step(tmp_path):
 
 def test_older_pictures_are_sent_as_words(tmp_path):
     model, asked = mock(never_done=True)
-    run(task_of(benchmark(), keep=1), model, tmp_path)
+    run(inspect_task(benchmark(), keep=1), model, tmp_path)
     assert [len(pictures_in(messages)) for messages in asked] == [1, 2, 2, 2]
     assert str(asked[-1]).count("(an older screenshot)") == 2
 
@@ -280,7 +280,7 @@ def test_samples_wait_for_a_free_desktop(tmp_path, monkeypatch):
 
     register_square(monkeypatch, counted)
     model, _ = mock()
-    run(task_of(benchmark(seeds=(0, 1, 2)), desktops=2), model, tmp_path, max_samples=3)
+    run(inspect_task(benchmark(seeds=(0, 1, 2)), desktops=2), model, tmp_path, max_samples=3)
     assert (len(most), max(most), now) == (3, 2, [])
 
 
@@ -299,7 +299,7 @@ def test_models_get_their_native_computer_use(name, tool, tmp_path):
     with serve() as endpoint:
         url = endpoint.url if name.startswith("anthropic") else f"{endpoint.url}/v1"
         model = get_model(name, base_url=url, api_key="none", memoize=False)
-        log = run(task_of(benchmark({"half": hj.Resolution(scale=0.5)})), model, tmp_path)
+        log = run(inspect_task(benchmark({"half": hj.Resolution(scale=0.5)})), model, tmp_path)
     assert log.samples[0].error is None, log.samples[0].error
     assert metrics_of(log)["all"] == 1.0
     offered = [given for body in endpoint.requests for given in body.get("tools", ())]

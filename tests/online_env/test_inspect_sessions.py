@@ -22,7 +22,7 @@ from online_env.bench.config import Bench
 from online_env.errors import DesktopError
 from online_env.inspect.scoring import gives_up, was_cut_off
 from online_env.inspect.sessions import Session, Sessions
-from online_env.inspect.tool import FWXGA, OVER, computer_tool, display_of
+from online_env.inspect.tool import FWXGA, OVER, computer_tool, native_display_size
 
 from support.squares import SIZE, SquareDesktop, register_square
 
@@ -145,7 +145,11 @@ def test_a_region_of_another_form_keeps_its_form(session):
 
 def test_what_is_called_before_the_episode_says_so(made):
     one = Session(BENCH, "model", None)
-    for call in (lambda: one.act("DONE"), lambda: one.hear("x"), lambda: one.cut_off("x")):
+    for call in (
+        lambda: one.act("DONE"),
+        lambda: one.record_message("x"),
+        lambda: one.cut_off("x"),
+    ):
         with pytest.raises(HijackError, match=r"^the episode has not begun: call begin first$"):
             call()
     assert one.record is None
@@ -235,7 +239,7 @@ def test_a_model_was_cut_off_if_the_last_message_is_no_answer(last, cut):
     ],
 )
 def test_only_models_that_are_told_a_display_see_pictures_of_its_size(toolset, name, size):
-    assert display_of(SimpleNamespace(computer_use_toolset=toolset), name) == size
+    assert native_display_size(SimpleNamespace(computer_use_toolset=toolset), name) == size
 
 
 @pytest.mark.parametrize(

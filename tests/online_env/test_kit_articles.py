@@ -13,8 +13,8 @@ pytest.importorskip("jinja2", reason=needs.ONLINE)
 
 from hijack_data.rng import Stream
 from online_env.embedded.sites.state import SiteState
-from online_env.tasks.folder import FolderDesktop
-from online_env.tasks.kit import articles, links
+from online_env.tasks.folder_desktop import FolderDesktop
+from online_env.tasks.kit import articles, sample_links
 from online_env.tasks.machine import Machine
 
 
@@ -57,10 +57,10 @@ def test_addresses_and_texts_of_articles() -> None:
 
 @given(st.integers(0, 2**64 - 1))
 def test_a_bookmarks_bar_has_every_site_and_no_page_twice(seed: int) -> None:
-    entries = links.bar(Stream(seed, "test"))
+    entries = sample_links.bar(Stream(seed, "test"))
     urls = [url for _, pages in entries for _, url in pages]
-    assert len(set(urls)) == len(urls) == 3 * links.PER_FOLDER
-    for host in links.HOSTS:
-        left = [url for _, pages in links.without(entries, host) for _, url in pages]
+    assert len(set(urls)) == len(urls) == 3 * sample_links.PER_FOLDER
+    for host in sample_links.HOSTS:
+        left = [url for _, pages in sample_links.without(entries, host) for _, url in pages]
         assert 0 < len(left) < len(urls)
         assert not any(f"//{host}/" in url for url in left)

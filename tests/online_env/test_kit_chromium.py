@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from online_env.errors import DesktopError
-from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.folder_desktop import FolderDesktop
 from online_env.tasks.kit import chromium
 from online_env.tasks.machine import Machine
 

@@ -18,7 +18,7 @@ pytest.importorskip("pptx", reason=needs.ONLINE)
 
 from online_env.errors import DesktopError
 from online_env.tasks import Task, get
-from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.folder_desktop import FolderDesktop
 from online_env.tasks.kit import chromium, recordings, vlc
 from online_env.tasks.kit.archives import make_zip, unpacked
 from online_env.tasks.kit.office import dump
@@ -85,7 +85,7 @@ def test_a_damaged_document_is_a_wrong_result(
     task: Task = get(name)
     task.prepare(machine)
     machine.remember()
-    path = task.drawn.path
+    path = task.values.path
     machine.write(path, damage(machine.read(path) or b""))
     verdict = task.validate(machine)
     assert verdict.score == 0

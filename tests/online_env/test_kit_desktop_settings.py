@@ -3,7 +3,7 @@
 import pytest
 
 from online_env.errors import DesktopError
-from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.folder_desktop import FolderDesktop
 from online_env.tasks.kit import desktop_settings
 from online_env.tasks.machine import Machine
 

@@ -17,9 +17,16 @@ pytest.importorskip("lxml", reason=needs.ONLINE)
 from hijack_data.rng import Stream
 from online_env.desktops.protocol import RunResult
 from online_env.tasks import Machine
-from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.folder_desktop import FolderDesktop
 from online_env.tasks.kit.archives import make_locked_zip, make_zip, unpacked
-from online_env.tasks.kit.files import below, content, mode, move_files, rearranged, sample_file
+from online_env.tasks.kit.sample_files import (
+    below,
+    content,
+    mode,
+    move_files,
+    rearranged,
+    sample_file,
+)
 from online_env.tasks.kit.trash import take_out, throw_away, thrown_away
 
 
@@ -69,7 +76,7 @@ def test_what_cannot_be_read_is_told(
     unprivileged: Machine, change: Sequence[str], problems: list[str]
 ) -> None:
     unprivileged.run("chmod", *change)
-    assert list(unprivileged.untouched()) == problems
+    assert list(unprivileged.unexpected_changes()) == problems
 
 
 def test_a_file_of_a_snapshot_has_a_kind_a_digest_and_a_mode(machine: Machine) -> None:
@@ -147,20 +154,23 @@ def test_a_link_in_the_place_of_a_file_is_not_the_file(machine: Machine) -> None
 def test_a_name_with_any_signs_may_be_named(machine: Machine, name: str) -> None:
     move_files(machine, [("in/a.txt", f"out/{name}")])
     assert list(rearranged(machine, [("in/a.txt", f"out/{name}")])) == []
-    assert list(machine.untouched("in/a.txt")) == ["out was added", f"out/{name} was added"]
+    assert list(machine.unexpected_changes("in/a.txt")) == [
+        "out was added",
+        f"out/{name} was added",
+    ]
 
 
 def test_a_pattern_allows_what_is_below_it_and_the_folders_above(machine: Machine) -> None:
     machine.write("new/deep/a.txt", "one\n")
     machine.write("other/a.txt", "one\n")
-    assert list(machine.untouched("new/*")) == ["other was added", "other/a.txt was added"]
-    assert list(machine.untouched("new/deep/a.txt", "other/*.txt")) == []
+    assert list(machine.unexpected_changes("new/*")) == ["other was added", "other/a.txt was added"]
+    assert list(machine.unexpected_changes("new/deep/a.txt", "other/*.txt")) == []
 
 
 def test_what_is_hidden_is_not_looked_at(machine: Machine) -> None:
     machine.write(".config/a.txt", "one\n")
     machine.write("in/.hidden", "one\n")
-    assert list(machine.untouched()) == []
+    assert list(machine.unexpected_changes()) == []
 
 
 def test_what_was_not_asked_for_is_told(machine: Machine) -> None:

@@ -14,7 +14,7 @@ from hijack_data.errors import ParameterError
 from online_env.embedded.sites.hosts import mail as site
 from online_env.embedded.sites.state import SiteState
 from online_env.tasks import Machine
-from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.folder_desktop import FolderDesktop
 from online_env.tasks.kit import mail, shop
 
 LETTER = mail.Letter(to=["oda@mail.test"], subject="Honey", text="Two jars, please.")
@@ -46,16 +46,16 @@ def test_nothing_done_is_nothing_wrong_and_reading_is_no_damage(machine: Machine
     mail.flag(machine, "m01", read=True)
     assert list(mail.problems(machine)) == []
     assert list(mail.problems(machine, flags={"m01": {"read": False}})) != []
-    assert list(machine.untouched_sites()) == []
+    assert list(machine.unexpected_site_changes()) == []
     mail.flag(machine, "m01", starred=True)
-    assert list(machine.untouched_sites()) == ["mail.test was used to change something"]
+    assert list(machine.unexpected_site_changes()) == ["mail.test was used to change something"]
 
 
 def test_a_cart_that_is_empty_again_is_no_damage(machine: Machine) -> None:
     shop.fill(machine, {"mug": 1})
-    assert list(machine.untouched_sites()) == ["shop.test was used to change something"]
+    assert list(machine.unexpected_site_changes()) == ["shop.test was used to change something"]
     shop.fill(machine, {})
-    assert list(machine.untouched_sites()) == []
+    assert list(machine.unexpected_site_changes()) == []
 
 
 def test_a_mail_that_was_read_stays_read(machine: Machine) -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.folder_desktop import FolderDesktop
 from online_env.tasks.kit import notes
 from online_env.tasks.machine import Machine
 

@@ -19,11 +19,11 @@ from PIL import Image
 
 from hijack_data.rng import Stream
 from online_env.tasks import get
-from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.folder_desktop import FolderDesktop
 from online_env.tasks.kit import documents, sheets, slides
 from online_env.tasks.kit.office import dump
-from online_env.tasks.kit.prose import report
-from online_env.tasks.kit.talks import talk
+from online_env.tasks.kit.sample_reports import report
+from online_env.tasks.kit.sample_talks import talk
 from online_env.tasks.machine import Machine
 
 ROWS = [("Item", "Price"), ("lamp", 2.5), ("rope", 4)]
@@ -259,7 +259,7 @@ def test_a_result_that_cannot_be_read_is_a_problem_and_no_error(tmp_path, data: 
         machine = Machine(FolderDesktop(tmp_path))
         task.prepare(machine)
         machine.remember()
-        machine.write(task.drawn.path, data)
+        machine.write(task.values.path, data)
         assert "another format" in next(task.problems(machine))
 
 

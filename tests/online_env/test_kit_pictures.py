@@ -6,14 +6,14 @@ from PIL import Image, ImageChops, ImageDraw
 from hijack_data.rng import Stream
 from online_env.errors import DesktopTimeoutError
 from online_env.tasks import hand as hand_module
-from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.folder_desktop import FolderDesktop
 from online_env.tasks.hand import Hand
-from online_env.tasks.kit import pictures
+from online_env.tasks.kit import gimp
 from online_env.tasks.machine import Machine
 
 from support.trees import Trees, node, tree
 
-HUGE = pictures.encoded(Image.new("1", (16_000, 12_000)))  # more than Pillow opens
+HUGE = gimp.encoded(Image.new("1", (16_000, 12_000)))  # more than Pillow opens
 
 
 @pytest.fixture
@@ -23,56 +23,56 @@ def machine(tmp_path):
 
 @pytest.fixture
 def drawing():
-    return pictures.drawing(Stream(3, "test"), 200, 160)
+    return gimp.drawing(Stream(3, "test"), 200, 160)
 
 
 def test_a_drawing_is_its_streams_own(drawing):
-    assert pictures.difference(drawing, pictures.drawing(Stream(3, "test"), 200, 160)) == 0
-    assert pictures.difference(drawing, pictures.drawing(Stream(4, "test"), 200, 160)) > 10
+    assert gimp.difference(drawing, gimp.drawing(Stream(3, "test"), 200, 160)) == 0
+    assert gimp.difference(drawing, gimp.drawing(Stream(4, "test"), 200, 160)) > 10
 
 
 def test_the_same_picture_in_another_mode_is_right(machine, drawing):
-    machine.write("a.png", pictures.encoded(drawing.convert("RGBA")))
-    assert list(pictures.picture_problems(machine, "a.png", drawing)) == []
+    machine.write("a.png", gimp.encoded(drawing.convert("RGBA")))
+    assert list(gimp.picture_problems(machine, "a.png", drawing)) == []
 
 
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        (lambda p: pictures.encoded(p, "BMP"), "is a BMP file, not PNG"),
-        (lambda p: pictures.encoded(p.crop((0, 0, 199, 160))), "(199, 160) pixels"),
-        (lambda p: pictures.encoded(p.rotate(180)), "looks different"),
-        (lambda p: pictures.encoded(p)[:200], "there is no picture a.png"),
+        (lambda p: gimp.encoded(p, "BMP"), "is a BMP file, not PNG"),
+        (lambda p: gimp.encoded(p.crop((0, 0, 199, 160))), "(199, 160) pixels"),
+        (lambda p: gimp.encoded(p.rotate(180)), "looks different"),
+        (lambda p: gimp.encoded(p)[:200], "there is no picture a.png"),
         (lambda p: HUGE, "there is no picture a.png"),
         (lambda p: b"no picture", "there is no picture a.png"),
     ],
 )
 def test_what_differs_is_named(machine, drawing, change, problem):
     machine.write("a.png", change(drawing))
-    found = list(pictures.picture_problems(machine, "a.png", drawing))
+    found = list(gimp.picture_problems(machine, "a.png", drawing))
     assert len(found) == 1
     assert problem in found[0]
 
 
 def test_a_missing_picture_is_a_problem(machine, drawing):
-    found = list(pictures.picture_problems(machine, "a.png", drawing))
+    found = list(gimp.picture_problems(machine, "a.png", drawing))
     assert found == ["there is no picture a.png"]
 
 
 def test_the_quality_of_a_jpeg_file_is_read(machine, drawing):
-    machine.write("a.jpg", pictures.encoded(drawing, "JPEG", 61))
-    found = pictures.opened(machine, "a.jpg")
+    machine.write("a.jpg", gimp.encoded(drawing, "JPEG", 61))
+    found = gimp.opened(machine, "a.jpg")
     assert found is not None
-    assert [quality for quality in range(55, 70) if pictures.has_quality(found, quality)] == [61]
+    assert [quality for quality in range(55, 70) if gimp.has_quality(found, quality)] == [61]
 
 
 def test_a_picture_that_is_no_jpeg_has_no_quality(drawing):
-    assert not pictures.has_quality(drawing, 75)
+    assert not gimp.has_quality(drawing, 75)
 
 
 def test_grey_has_no_colours(drawing):
-    assert pictures.colorfulness(drawing.convert("L")) == 0
-    assert pictures.colorfulness(drawing) > 50
+    assert gimp.colorfulness(drawing.convert("L")) == 0
+    assert gimp.colorfulness(drawing) > 50
 
 
 def least(picture):
@@ -82,8 +82,8 @@ def least(picture):
 
 @pytest.mark.parametrize("way", [lambda p: p.convert("L"), lambda p: p.split()[1], least])
 def test_every_way_to_weigh_colours_gives_shades_of_grey(machine, drawing, way):
-    machine.write("a.png", pictures.encoded(way(drawing)))
-    assert list(pictures.grey_problems(machine, "a.png", drawing)) == []
+    machine.write("a.png", gimp.encoded(way(drawing)))
+    assert list(gimp.grey_problems(machine, "a.png", drawing)) == []
 
 
 @pytest.mark.parametrize(
@@ -97,42 +97,42 @@ def test_every_way_to_weigh_colours_gives_shades_of_grey(machine, drawing, way):
     ],
 )
 def test_what_is_no_grey_version_is_named(machine, drawing, change, problem):
-    machine.write("a.png", pictures.encoded(change(drawing)))
-    assert any(problem in told for told in pictures.grey_problems(machine, "a.png", drawing))
+    machine.write("a.png", gimp.encoded(change(drawing)))
+    assert any(problem in told for told in gimp.grey_problems(machine, "a.png", drawing))
 
 
 def test_no_picture_is_no_grey_version(machine, drawing):
-    found = list(pictures.grey_problems(machine, "a.png", drawing))
+    found = list(gimp.grey_problems(machine, "a.png", drawing))
     assert found == ["there is no picture a.png"]
 
 
 def test_a_dab_of_the_brush_is_seen(machine, drawing):
     spotted = drawing.copy()
     ImageDraw.Draw(spotted).ellipse((40, 40, 60, 60), "black")
-    machine.write("a.png", pictures.encoded(spotted))
-    assert list(pictures.picture_problems(machine, "a.png", drawing)) != []
+    machine.write("a.png", gimp.encoded(spotted))
+    assert list(gimp.picture_problems(machine, "a.png", drawing)) != []
 
 
 @pytest.mark.parametrize(("opacity", "is_right"), [(255, True), (0, False), (200, False)])
 def test_what_cannot_be_seen_is_not_the_picture(machine, drawing, opacity, is_right):
     faint = drawing.convert("RGBA")
     faint.putalpha(opacity)
-    machine.write("a.png", pictures.encoded(faint))
-    assert (list(pictures.picture_problems(machine, "a.png", drawing)) == []) == is_right
+    machine.write("a.png", gimp.encoded(faint))
+    assert (list(gimp.picture_problems(machine, "a.png", drawing)) == []) == is_right
     grey = drawing.convert("LA")
     grey.putalpha(opacity)
-    machine.write("b.png", pictures.encoded(grey))
-    assert (list(pictures.grey_problems(machine, "b.png", drawing)) == []) == is_right
+    machine.write("b.png", gimp.encoded(grey))
+    assert (list(gimp.grey_problems(machine, "b.png", drawing)) == []) == is_right
 
 
 @pytest.mark.parametrize("mode", ["I;16", "P", "LA", "1"])
 def test_a_picture_of_an_unusual_mode_is_compared_all_the_same(machine, mode):
     black = Image.new("L", (8, 8))
     white = Image.new("RGB", (8, 8), "white")
-    machine.write("a.png", pictures.encoded(black.convert(mode)))
-    found = list(pictures.picture_problems(machine, "a.png", white))
+    machine.write("a.png", gimp.encoded(black.convert(mode)))
+    found = list(gimp.picture_problems(machine, "a.png", white))
     assert found == ["a.png looks different: colours are off by 255.0 of 255"]
-    assert list(pictures.grey_problems(machine, "a.png", white)) == found
+    assert list(gimp.grey_problems(machine, "a.png", white)) == found
 
 
 # The dialog for the size of the canvas
@@ -150,7 +150,7 @@ def test_the_canvas_is_set_field_by_field(monkeypatch):
     button = node("push-button", "Resize", "sensitive", at=(300, 500))
     shown, closed = tree("gimp", DIALOG, *FIELDS, CHAIN, button), tree("gimp", node("frame", "a"))
     desktop = Trees([*[shown] * 13, closed])  # three actions for each field, and the button
-    pictures.set_canvas(Hand(desktop, 1), 580, 321, -200, 0)
+    gimp.set_canvas(Hand(desktop, 1), 580, 321, -200, 0)
     assert desktop.ran[:12:3] == [
         f"pyautogui.doubleClick(130, {210 + 30 * row})" for row in range(4)
     ]
@@ -165,4 +165,4 @@ def test_a_canvas_dialog_that_does_not_show_its_parts_is_told(monkeypatch, parts
     monkeypatch.setattr(hand_module, "PAUSE", 0.001)
     hand = Hand(Trees([tree("gimp", *parts)]), 0.05)
     with pytest.raises(DesktopTimeoutError, match="no dialog Set Image Canvas Size at rest"):
-        pictures.set_canvas(hand, 580, 321, -200, 0)
+        gimp.set_canvas(hand, 580, 321, -200, 0)

@@ -7,8 +7,8 @@ import pytest
 from PIL import Image
 
 from hijack_data.rng import Stream
-from online_env.tasks.folder import FolderDesktop
-from online_env.tasks.kit import pictures, recordings
+from online_env.tasks.folder_desktop import FolderDesktop
+from online_env.tasks.kit import gimp, recordings
 from online_env.tasks.machine import Machine
 
 TUNE = recordings.melody(Stream(1, "test"))
@@ -64,7 +64,7 @@ def test_a_film_shows_each_scene_for_its_time(tmp_path):
     for place, scene in enumerate(scenes):
         film.set(cv2.CAP_PROP_POS_MSEC, 1000 * (place + 0.5) * recordings.SCENE)
         shown = Image.fromarray(film.read()[1][:, :, ::-1])
-        assert pictures.difference(shown, scene) < 3
+        assert gimp.difference(shown, scene) < 3
     film.release()
 
 
@@ -78,4 +78,4 @@ def test_the_index_of_a_film_points_to_its_pictures():
     for _, _, place, length in (entries[0], entries[-1]):
         start = moving + int(place) + 8
         picture = Image.open(io.BytesIO(data[start : start + int(length)]))
-        assert pictures.difference(picture, scene) < 3
+        assert gimp.difference(picture, scene) < 3

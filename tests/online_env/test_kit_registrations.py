@@ -14,7 +14,7 @@ pytest.importorskip("jinja2", reason=needs.ONLINE)
 from hijack_data.rng import Stream
 from online_env.embedded.sites.hosts import forms
 from online_env.embedded.sites.state import SiteState
-from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.folder_desktop import FolderDesktop
 from online_env.tasks.kit import registrations
 from online_env.tasks.machine import Machine
 

@@ -15,7 +15,7 @@ from hijack_data.rng import Stream
 from online_env.embedded.sites.hosts import shop as site
 from online_env.embedded.sites.state import SiteState
 from online_env.tasks import Machine
-from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.folder_desktop import FolderDesktop
 from online_env.tasks.kit import shop
 
 PERSON = shop.recipient(Stream(7, "test"))

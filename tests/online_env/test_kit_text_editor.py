@@ -2,7 +2,7 @@
 
 import pytest
 
-from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.folder_desktop import FolderDesktop
 from online_env.tasks.kit import text_editor
 from online_env.tasks.machine import Machine
 

@@ -17,7 +17,7 @@ from online_env.desktops.protocol import RunResult
 from online_env.embedded.sites.state import SiteState
 from online_env.errors import DesktopError, GuestError, MissingPackageError
 from online_env.tasks import Machine
-from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.folder_desktop import FolderDesktop
 
 ODD = ("a b.txt", "-rf", "two\nlines.txt", "ü%.txt", "[x]*?.txt", "back\\slash.txt", "tab\t.txt")
 
@@ -116,23 +116,23 @@ def test_files_of_any_name_are_seen_to_change(machine: Machine, home: Path) -> N
     for name in ODD:
         (home / name).write_text("one")
     machine.remember()
-    assert list(machine.untouched()) == []
+    assert list(machine.unexpected_changes()) == []
     for name in ODD:
         (home / name).write_text("two")
-    assert list(machine.untouched()) == [f"{name} was changed" for name in sorted(ODD)]
+    assert list(machine.unexpected_changes()) == [f"{name} was changed" for name in sorted(ODD)]
     for name in ODD:
         (home / name).unlink()
-    assert list(machine.untouched()) == [f"{name} is gone" for name in sorted(ODD)]
-    assert list(machine.untouched("*")) == []
+    assert list(machine.unexpected_changes()) == [f"{name} is gone" for name in sorted(ODD)]
+    assert list(machine.unexpected_changes("*")) == []
 
 
 def test_an_empty_home_can_be_compared(machine: Machine, home: Path) -> None:
     machine.remember()
     assert machine.before.files == {}
     machine.write("a.txt", "")
-    assert list(machine.untouched()) == ["a.txt was added"]
+    assert list(machine.unexpected_changes()) == ["a.txt was added"]
     (home / "a.txt").unlink()
-    assert list(machine.untouched()) == []
+    assert list(machine.unexpected_changes()) == []
 
 
 @pytest.mark.parametrize(
@@ -150,7 +150,7 @@ def test_a_file_that_became_another_thing_was_changed(machine: Machine, home: Pa
         (home / name).chmod(0o644)
     machine.remember()
     change(home / "a.txt")
-    assert list(machine.untouched()) == ["a.txt was changed"]
+    assert list(machine.unexpected_changes()) == ["a.txt was changed"]
 
 
 def test_a_link_that_leads_elsewhere_was_changed(machine: Machine, home: Path) -> None:
@@ -158,22 +158,22 @@ def test_a_link_that_leads_elsewhere_was_changed(machine: Machine, home: Path) -
         machine.write(name, "one")
     (home / "link").symlink_to("a.txt")
     machine.remember()
-    assert list(machine.untouched()) == []
+    assert list(machine.unexpected_changes()) == []
     (home / "link").unlink()
     (home / "link").symlink_to("b.txt")
-    assert list(machine.untouched()) == ["link was changed"]
+    assert list(machine.unexpected_changes()) == ["link was changed"]
 
 
 def test_a_file_that_was_only_touched_is_untouched(machine: Machine, home: Path) -> None:
     machine.write("a.txt", "one")
     machine.remember()
     os.utime(home / "a.txt", (1, 1))
-    assert list(machine.untouched()) == []
+    assert list(machine.unexpected_changes()) == []
 
 
 def test_nothing_can_be_compared_before_a_task_was_prepared(machine: Machine) -> None:
     with pytest.raises(DesktopError, match=r"^nothing was noted of the machine: call task\.setup"):
-        list(machine.untouched())
+        list(machine.unexpected_changes())
 
 
 # What is removed

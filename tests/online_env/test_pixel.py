@@ -18,13 +18,13 @@ pytest.importorskip("rapidocr", reason="needs the extra [ocr]")
 from hijack_data.errors import MissingDependencyError
 from online_env.agents import conformance
 from online_env.agents.agent_process import AgentProcess
-from online_env.agents.apart import Apart
+from online_env.agents.agent_thread import AgentThread
 from online_env.agents.base import PlanFollower
-from online_env.agents.pixel import reading
-from online_env.agents.pixel.changes import changed_boxes, changed_share, merged
-from online_env.agents.pixel.matching import closest_text, find_text
-from online_env.agents.pixel.onlooking import COVERED, GONE, PictureOnlooker
-from online_env.agents.pixel.reading import ScreenReader, TextCache, TextLine
+from online_env.agents.pixel import screen_reader
+from online_env.agents.pixel.picture_changes import changed_boxes, changed_share, merged
+from online_env.agents.pixel.picture_onlooker import COVERED, GONE, PictureOnlooker
+from online_env.agents.pixel.screen_reader import ScreenReader, TextCache, TextLine
+from online_env.agents.pixel.text_matching import closest_text, find_text
 from online_env.agents.registry import AGENTS, make
 from online_env.bench.episodes import _tell
 from online_env.bench.models import ModelOptions, prepare
@@ -174,8 +174,8 @@ def test_no_line_that_stays_is_cut():
 
 def test_the_cache_forgets_what_was_not_asked_for(monkeypatch):
     read = []
-    monkeypatch.setattr(reading, "_read", lambda part: read.append(part[0, 0, 0]) or [])
-    counts = reading.ReadingCounts()
+    monkeypatch.setattr(screen_reader, "_read", lambda part: read.append(part[0, 0, 0]) or [])
+    counts = screen_reader.ReadingCounts()
     cache = TextCache(2)
     for number in (1, 2, 1, 3, 1, 2):
         cache.read(np.full((4, 4, 3), number, np.uint8), counts)
@@ -379,13 +379,13 @@ class Contestant:
 
 
 def test_a_follower_gets_words_and_no_way_to_the_episode():
-    with Apart(Curious) as agent:
+    with AgentThread(Curious) as agent:
         _tell(agent, lambda: ("wait",), [])
         curious = agent.agent
     assert isinstance(curious, PlanFollower)
     assert curious.lines == ("wait",)
     assert not [name for name in curious.seen if "/bench/" in name or "/environment/" in name]
-    with Apart(Contestant) as agent:
+    with AgentThread(Contestant) as agent:
         _tell(agent, lambda: ("wait",), [])
 
 
@@ -397,7 +397,7 @@ def test_an_agent_that_cannot_read_says_so_before_the_run(monkeypatch, tmp_path)
 
 
 TOLD = """
-from online_env.agents.pixel.onlooked import PixelOnlooker
+from online_env.agents.pixel.onlooker_agent import PixelOnlooker
 
 class Told(PixelOnlooker):
     def reset(self):

@@ -6,13 +6,13 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("rapidocr", reason="needs the extra [ocr]")
 
-from online_env.agents.pixel import onlooked, reading
-from online_env.agents.pixel.changes import changed_boxes, changed_share, merged, touch
-from online_env.agents.pixel.matching import all_texts, find_text
-from online_env.agents.pixel.onlooked import PixelOnlooker
-from online_env.agents.pixel.onlooking import GONE, PictureOnlooker, panel_buttons
-from online_env.agents.pixel.reading import ScreenReader, TextCache, TextLine
-from online_env.agents.pixel.walking import SCROLLS, WAITS, PlanWalk
+from online_env.agents.pixel import onlooker_agent, screen_reader
+from online_env.agents.pixel.onlooker_agent import PixelOnlooker
+from online_env.agents.pixel.picture_changes import changed_boxes, changed_share, merged, touch
+from online_env.agents.pixel.picture_onlooker import GONE, PictureOnlooker, panel_buttons
+from online_env.agents.pixel.plan_walk import MAX_SCROLLS, MAX_WAITS, PlanWalk
+from online_env.agents.pixel.screen_reader import ScreenReader, TextCache, TextLine
+from online_env.agents.pixel.text_matching import all_texts, find_text
 from online_env.tasks.plan_words import read_plan
 
 SIZE = (400, 600)
@@ -36,8 +36,8 @@ def screens(monkeypatch):
         texts.append(lines)
         return np.full((*SIZE, 3), len(texts) - 1, np.uint8)
 
-    monkeypatch.setattr(reading, "_read", read)
-    monkeypatch.setattr(reading, "SHARED", TextCache(0))
+    monkeypatch.setattr(screen_reader, "_read", read)
+    monkeypatch.setattr(screen_reader, "SHARED", TextCache(0))
     return show
 
 
@@ -107,8 +107,8 @@ def test_the_text_beside_its_anchor_is_taken_and_none_without_the_anchor(screens
 def test_the_wheel_turns_so_often_then_it_waits_and_then_it_is_lost(screens):
     picture = screens(line("Sent"))
     one = walk('scroll up to "Trash"')
-    actions = [one.act(picture).action for _ in range(SCROLLS + WAITS)]
-    assert actions == ["pyautogui.scroll(5, 300, 200)"] * SCROLLS + ["WAIT"] * WAITS
+    actions = [one.act(picture).action for _ in range(MAX_SCROLLS + MAX_WAITS)]
+    assert actions == ["pyautogui.scroll(5, 300, 200)"] * MAX_SCROLLS + ["WAIT"] * MAX_WAITS
     lost = one.act(picture)
     assert (lost.lost, lost.action) == (True, "")
     assert lost.said.endswith("I do not see 'Trash'. The closest text is 'Sent'.")
@@ -250,7 +250,7 @@ def test_a_step_that_is_lost_is_tried_again_so_often_and_no_more(screens):
     agent.follow(['click "Trash"'])
     found = [agent.predict("", {"screenshot": picture})[1][0] for _ in range(20)]
     esc = "pyautogui.press('esc', presses=1)"
-    assert found.count(esc) == onlooked.SAME
+    assert found.count(esc) == onlooker_agent.MAX_SAME_RECOVERIES
     end = found.index("DONE")
     assert set(found[:end]) == {"WAIT", esc}
     assert set(found[end:]) == {"DONE"}, "it does not begin again"

@@ -5,18 +5,18 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from online_env import tasks
-from online_env.tasks import sets
-from online_env.tasks.plan_words import PlanWordsError, ToldStep, quoted, read_plan
+from online_env.tasks import task_sets
+from online_env.tasks.plan_words import PlanStep, PlanWordsError, quoted, read_plan
 
 
-def read(line: str) -> ToldStep:
+def read(line: str) -> PlanStep:
     (step,) = read_plan([line])
     assert step.line == line
     return step
 
 
 def told(line: str, **parts: object) -> None:
-    assert read(line) == ToldStep(line=line, **parts)
+    assert read(line) == PlanStep(line=line, **parts)
 
 
 def test_each_form_is_read():
@@ -81,10 +81,10 @@ def test_a_number_that_python_does_not_read_is_too_large():
         read_plan([f"press tab {'9' * 5000} times"])
 
 
-@pytest.mark.parametrize("name", sets.members("suite"))
+@pytest.mark.parametrize("name", task_sets.members("suite"))
 def test_the_plans_of_the_suite_can_be_read(name):
     plans = [read_plan(tasks.get(name, seed).plan()) for seed in range(3)]
-    if name in sets.members("small"):
+    if name in task_sets.members("small"):
         assert all(plans)
         assert all(plan[0].verb == "window" for plan in plans), "what the onlooker watches"
     for plan in plans:

@@ -12,8 +12,6 @@ from scipy import stats
 
 from hijack_data.cli import hijack
 from hijack_data.errors import UnknownNameError
-from online_env.bench import records, scores, statistics
-from online_env.bench.reading import Run, RunError, read, with_first_seeds
 from online_env.report import (
     ReportError,
     build_report,
@@ -25,6 +23,8 @@ from online_env.report import (
 from online_env.report.document import ReportDocument
 from online_env.report.figures import success_panels
 from online_env.report.model import from_data
+from online_env.results import records, scores, statistics
+from online_env.results.reading import Run, RunError, read, with_first_seeds
 
 from support.reported import CONDITIONS, made, read_run, run_of, scored, whole
 
@@ -99,7 +99,7 @@ def test_the_worst_corruption_is_one_that_is_worse_than_another(solved, worst, l
     ]
     report = build_report(read_run(tmp_path / "run", found))
     (row,) = report.summaries
-    assert report.worst_of("a") == worst
+    assert report.worst_corruptions("a") == worst
     assert (row.worst, row.worst_success) == (worst[0] if worst else None, least)
     said = terminal.text(ReportDocument(report=report))
     if least is None:

@@ -9,11 +9,11 @@ from lxml import etree
 pytest.importorskip("statsmodels", reason="needs the extra [online]")
 
 from hijack_data.cli import main
-from online_env.bench import scores
 from online_env.report import ReportError, build_report, formats
 from online_env.report.compare import compare
 from online_env.report.document import ReportDocument
-from online_env.report.paper import beside_paper, paper_table
+from online_env.report.paper import compare_with_paper, paper_table
+from online_env.results import scores
 
 from support.reported import CONDITIONS, made, read_run, run_of, scored, whole
 
@@ -187,7 +187,7 @@ def test_rows_go_to_a_file_and_a_run_that_is_refused_leaves_the_file_as_it_was(
 # Notes
 
 
-def notes_of(folder, found, **config):
+def report_notes(folder, found, **config):
     return build_report(read_run(folder, found, **config)).notes
 
 
@@ -206,27 +206,27 @@ def test_a_note_counts_episodes_that_ended_before_their_corruption_was_due(tmp_p
         "2 episodes with a score ended before their corruption was due: they count as they are"
         " (a under small 2 of 4)."
     )
-    assert said in notes_of(tmp_path / "early", early, corruptions=entries)
+    assert said in report_notes(tmp_path / "early", early, corruptions=entries)
     alike = [*early[1:2], *early[3:]]
-    notes = notes_of(tmp_path / "alike", alike, corruptions=entries)
+    notes = report_notes(tmp_path / "alike", alike, corruptions=entries)
     assert not any("before their corruption" in note for note in notes)
-    offline = notes_of(tmp_path / "offline", early, corruptions=entries, kind="score")
+    offline = report_notes(tmp_path / "offline", early, corruptions=entries, kind="score")
     assert not any("before their corruption" in note for note in offline)
 
 
 def test_a_note_says_that_agents_were_not_played_under_the_same_conditions(tmp_path):
     said = "The agents were not played under the same conditions: their means differ in kind."
     uneven = [made("a", "t0"), made("a", "t0", "marks"), made("b", "t0")]
-    assert said in notes_of(tmp_path / "uneven", uneven)
+    assert said in report_notes(tmp_path / "uneven", uneven)
     even = [*uneven, made("b", "t0", "marks")]
-    assert said not in notes_of(tmp_path / "even", even)
+    assert said not in report_notes(tmp_path / "even", even)
 
 
 def test_a_note_says_what_a_run_without_the_clean_condition_lacks(tmp_path):
     said = "The run has no clean condition, so there is no delta, no retention and no test."
-    assert said in notes_of(tmp_path / "marks", [made("a", "t0", "marks")])
+    assert said in report_notes(tmp_path / "marks", [made("a", "t0", "marks")])
     both = [made("a", "t0"), made("a", "t0", "marks")]
-    assert said not in notes_of(tmp_path / "both", both)
+    assert said not in report_notes(tmp_path / "both", both)
 
 
 def test_without_scipy_a_report_has_the_numbers_and_says_what_it_lacks(tmp_path, monkeypatch):
@@ -290,17 +290,17 @@ def test_beside_the_papers_table_stands_what_ours_is(tmp_path):
     found = [*scored("a", "clean", [1, 0]), *scored("a", "marks", [1, 1])]
     entries = ["clean", {"marks": {"number": 3}}]
     report = build_report(read_run(tmp_path / "run", found, corruptions=entries))
-    live = beside_paper(report)
+    live = compare_with_paper(report)
     assert live.notes[:2] == (
         f"Ours: 2 tasks on the provider 'embedded'. Other tasks, so {LOSSES}",
         "Not with the paper's parameters: marks.",
     )
     (*_, ours) = live.rows
     assert (ours.ours, ours.success, ours.average) == (True, {"clean": 0.5, "marks": 1.0}, None)
-    nowhere = beside_paper(replace(report, run=replace(report.run, provider="", changed=())))
+    nowhere = compare_with_paper(replace(report, run=replace(report.run, provider="", changed=())))
     assert nowhere.notes[0] == f"Ours: 2 tasks. Other tasks, so {LOSSES}"
     assert nowhere.notes[1:] == paper_table().notes
-    offline = beside_paper(replace(report, run=replace(report.run, kind="score")))
+    offline = compare_with_paper(replace(report, run=replace(report.run, kind="score")))
     assert offline.notes[0] == (
         "Ours are steps of recorded trajectories, scored one by one; the paper's are whole tasks."
         f" {LOSSES.capitalize()}"
@@ -311,13 +311,13 @@ def test_another_corruption_under_a_name_of_the_papers_is_no_column_of_it(tmp_pa
     found = [*scored("a", "clean", [1]), *scored("a", "marks", [1]), *scored("b", "marks", [0])]
     entries = ["clean", {"subtitle": {"as": "marks"}}]
     report = build_report(read_run(tmp_path / "run", found, corruptions=entries))
-    assert [row.success for row in beside_paper(report).rows[-2:]] == [{"clean": 1.0}, {}]
+    assert [row.success for row in compare_with_paper(report).rows[-2:]] == [{"clean": 1.0}, {}]
 
 
 def test_our_average_beside_the_papers_is_over_its_ten_columns(tmp_path):
     solved = {label: number for number, label in enumerate(CONDITIONS)}
     report = build_report(read_run(tmp_path / "run", whole("a", solved)))
-    assert beside_paper(report).rows[-1].average == pytest.approx(0.45)
+    assert compare_with_paper(report).rows[-1].average == pytest.approx(0.45)
 
 
 # The block of a model card

@@ -10,12 +10,12 @@ import pytest
 pytest.importorskip("statsmodels", reason="needs the extra [online]")
 
 from hijack_data.cli import main
-from online_env.bench import statistics
-from online_env.bench.reading import Run, read
 from online_env.report import ReportError, build_report, formats
 from online_env.report.compare import compare
 from online_env.report.document import ReportDocument
-from online_env.report.leaderboard import leaderboard, rankings_of, read_all
+from online_env.report.leaderboard import leaderboard, rank_agents, read_reports
+from online_env.results import statistics
+from online_env.results.reading import Run, read
 
 from support.reported import CONDITIONS, made, read_run, run_of, scored, whole
 
@@ -165,7 +165,7 @@ def runs(tmp_path):
 
 def test_agents_are_ranked_where_the_setting_is_the_same(runs):
     run_of(runs / "c", whole("other", dict.fromkeys(CONDITIONS, 9)), max_steps=99)
-    boards = rankings_of(read_all(runs))
+    boards = rank_agents(read_reports(runs))
     assert [[(x.rank, x.row.agent, x.place) for x in board.lines] for board in boards] == [
         [(None, "oracle", "a"), (1, "strong", "deep/b"), (2, "weak", "a")],
         [(1, "other", "c")],
@@ -176,7 +176,7 @@ def test_agents_are_ranked_where_the_setting_is_the_same(runs):
 def test_what_lacks_episodes_has_no_rank(runs):
     path = runs / "a" / "records.jsonl"
     path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:-1]))
-    (board,) = rankings_of(read_all(runs))
+    (board,) = rank_agents(read_reports(runs))
     ranks = {line.row.agent: (line.rank, line.why) for line in board.lines}
     assert ranks["weak"] == (None, "1 of 200 episodes are missing")
     assert ranks["strong"] == (1, "")
@@ -186,7 +186,7 @@ def test_a_run_that_was_broken_off_hides_no_column_of_the_others(runs):
     """It comes first, and has the clean condition of three tasks alone."""
     path = runs / "a" / "records.jsonl"
     path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:3]))
-    (board,) = rankings_of(read_all(runs))
+    (board,) = rank_agents(read_reports(runs))
     assert board.labels == CONDITIONS
     assert board.title.startswith("10 tasks, 10 conditions, 1 seeds")
     values = {line.row.agent: line.values for line in board.lines}
@@ -198,7 +198,7 @@ def test_an_episode_that_is_there_twice_has_no_rank(runs):
     path = runs / "deep" / "b" / "records.jsonl"
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join([*lines, lines[0].replace(b'"score": 1.0', b'"score": 0.0')]))
-    (board,) = rankings_of(read_all(runs))
+    (board,) = rank_agents(read_reports(runs))
     ranks = {line.row.agent: (line.rank, line.why) for line in board.lines}
     assert ranks["weak"] == (1, "")
     said = "1 line of the run cannot be read"
@@ -209,7 +209,7 @@ def test_a_finished_report_counts_as_a_run(runs, capsys, tmp_path):
     run_of(tmp_path / "elsewhere" / "a", whole("weak", SOLVED))
     _, out, _ = hijack(capsys, "report", tmp_path / "elsewhere" / "a", "--format", "json")
     (runs / "mine.report.json").write_text(out)
-    (board,) = rankings_of(read_all(runs))
+    (board,) = rank_agents(read_reports(runs))
     found = [(line.place, line.rank) for line in board.lines if line.row.agent == "weak"]
     assert found == [("a", 2), ("mine.report.json", 2)]  # alike, so they share the rank
 
@@ -217,9 +217,9 @@ def test_a_finished_report_counts_as_a_run(runs, capsys, tmp_path):
 def test_a_run_and_its_own_report_count_once(runs, capsys):
     _, out, _ = hijack(capsys, "report", runs / "deep" / "b", "--format", "json")
     (runs / "b.report.json").write_text(out)
-    found = read_all(runs)
+    found = read_reports(runs)
     assert found.problems == ()
-    (board,) = rankings_of(found)
+    (board,) = rank_agents(found)
     assert [(line.place, line.rank) for line in board.lines if line.rank] == [
         ("b.report.json", 1),
         ("a", 2),
@@ -230,7 +230,7 @@ def test_a_copy_from_while_the_run_went_on_is_named(runs):
     shutil.copytree(runs / "deep" / "b", runs / "copy")
     path = runs / "copy" / "records.jsonl"
     path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:60]))
-    found = read_all(runs)
+    found = read_reports(runs)
     assert [place for place, _ in found.reports] == ["a", "deep/b"]
     assert found.problems == ("copy: is the run of deep/b, with other episodes",)
 
@@ -243,8 +243,8 @@ def test_symbolic_links_are_followed_once_and_never_up(runs, tmp_path, capsys):
     (runs / "again").symlink_to(far)
     (runs / "itself").symlink_to(runs)
     (runs / "a-too").symlink_to("a")
-    assert [place for place, _ in read_all(runs).reports] == ["a", "again/b"]
-    assert read_all(runs).problems == ()
+    assert [place for place, _ in read_reports(runs).reports] == ["a", "again/b"]
+    assert read_reports(runs).problems == ()
     (runs / "up").symlink_to(tmp_path)
     (runs / "gone").symlink_to("nowhere")
     (runs / "round").symlink_to("round")
@@ -254,13 +254,13 @@ def test_symbolic_links_are_followed_once_and_never_up(runs, tmp_path, capsys):
     assert "left out: gone: is a symbolic link to nowhere, which cannot be reached" in err
     assert "left out: round: is a symbolic link to round, which cannot be reached" in err
     assert f"left out: up: is a symbolic link to {tmp_path}, a folder above" in err
-    assert [place for place, _ in read_all(runs).reports] == ["a", "again/b"]
+    assert [place for place, _ in read_reports(runs).reports] == ["a", "again/b"]
 
 
 def test_a_page_has_no_paths_of_this_machine(runs, tmp_path):
     (runs / "bad").mkdir()
     (runs / "bad" / "run.json").write_text("{")
-    assert str(tmp_path) not in leaderboard(read_all(runs))
+    assert str(tmp_path) not in leaderboard(read_reports(runs))
 
 
 def test_the_page_names_what_was_left_out(runs, capsys, tmp_path):
@@ -271,7 +271,7 @@ def test_the_page_names_what_was_left_out(runs, capsys, tmp_path):
     assert code == 1
     assert "left out: " in err
     page = (tmp_path / "board.html").read_text()
-    assert page == leaderboard(read_all(runs))
+    assert page == leaderboard(read_reports(runs))
     assert "&lt;bad&gt;" in page
     assert "<bad>" not in page
     assert page.index("strong") < page.index("weak")
@@ -285,7 +285,7 @@ def test_logs_without_a_head_are_not_ranked_against_each_other(tmp_path):
         log = Run(folder=tmp_path / name, records=whole(name, dict.fromkeys(CONDITIONS, solved)))
         text = formats.write(ReportDocument(report=build_report(log)), "json")
         (runs / f"{name}.report.json").write_text(text)
-    (board,) = rankings_of(read_all(runs))
+    (board,) = rank_agents(read_reports(runs))
     said = "a log without run.json, so its setting is not known"
     assert {(line.rank, line.why) for line in board.lines} == {(None, said)}
 
@@ -297,17 +297,17 @@ def test_tasks_of_one_name_from_other_files_are_other_tasks(runs):
     agent = {"x": {"path": "/a/x.py", "sha256": "3" * 64}}
     for name, code in (("c", mine), ("d", moved), ("e", edited), ("f", agent)):
         run_of(runs / name, whole("x", SOLVED), code=code)
-    boards = rankings_of(read_all(runs))
+    boards = rank_agents(read_reports(runs))
     places = sorted(sorted({line.place for line in board.lines}) for board in boards)
     assert places == [["a", "deep/b", "f"], ["c", "d"], ["e"]]
 
 
 def test_a_board_says_that_its_runs_are_of_different_versions(runs):
-    assert "different versions" not in rankings_of(read_all(runs))[0].title
+    assert "different versions" not in rank_agents(read_reports(runs))[0].title
     head = runs / "a" / "run.json"
     data = json.loads(head.read_text())
     head.write_text(json.dumps(data | {"versions": {"agenthijack": "9.0"}}))
-    (board,) = rankings_of(read_all(runs))
+    (board,) = rank_agents(read_reports(runs))
     assert "different versions of agenthijack: 0." in board.title
     assert board.title.endswith(", 9.0")
 

@@ -8,12 +8,12 @@ import pytest
 
 pytest.importorskip("statsmodels", reason="needs the extra [online]")
 
-from online_env.report import ReportError, build_report, formats, words
+from online_env.report import ReportError, build_report, formats, formatting
 from online_env.report.ablations import Ablation
 from online_env.report.document import ReportDocument
 from online_env.report.figures import WIDTH, retention_panels, success_panels
-from online_env.report.grouped import grouped_panel
-from online_env.report.leaderboard import FoundReports, rankings_of, read_all
+from online_env.report.leaderboard import ReportFolder, rank_agents, read_reports
+from online_env.report.level_figure import grouped_panel
 from online_env.report.model import AgentSummary, Cell, RunIdentity, RunReport
 
 from support.reported import read_run, run_of, scored
@@ -170,31 +170,31 @@ def test_a_page_marks_a_loss_that_the_test_shows(p, lost):
 @pytest.mark.parametrize(
     ("shown", "wanted"),
     [
-        (words.percent(None), ""),
-        (words.percent(0.4565), "45.6"),
-        (words.percent(0.05, "+"), "+5.0"),
-        (words.percent(-0.05, "+"), "-5.0"),
-        (words.interval(0.1, None), ""),
-        (words.interval(-0.1, 0.25, "+"), "[-10.0, +25.0]"),
-        (words.kept(0.5, None), "[50.0, …)"),
-        (words.kept(None, None), ""),
-        (words.kept(0.5, 1.25), "[50.0, 125.0]"),
-        (words.p_value(None), ""),
-        (words.p_value(0.00049), "<0.001"),
-        (words.p_value(0.0005), "0.001"),
-        (words.p_value(1.0), "1.000"),
-        (words.number(None), ""),
-        (words.number(2.25, 0), "2"),
-        (words.money(None), ""),
-        (words.money(0.125), "0.12"),
-        (words.count(None), ""),
-        (words.count(0), "0"),
-        (words.count(12_345_678_901), "12.3G"),
-        (words.worst((), None), ""),
-        (words.worst((), 0.5), "none"),
-        (words.worst(("marks", "lock"), 0.25), "marks, lock 25.0"),
-        (words.given(None), ""),
-        (words.given(("task", "plan")), "the task and the plan"),
+        (formatting.percent(None), ""),
+        (formatting.percent(0.4565), "45.6"),
+        (formatting.percent(0.05, "+"), "+5.0"),
+        (formatting.percent(-0.05, "+"), "-5.0"),
+        (formatting.interval(0.1, None), ""),
+        (formatting.interval(-0.1, 0.25, "+"), "[-10.0, +25.0]"),
+        (formatting.retention_interval(0.5, None), "[50.0, …)"),
+        (formatting.retention_interval(None, None), ""),
+        (formatting.retention_interval(0.5, 1.25), "[50.0, 125.0]"),
+        (formatting.p_value(None), ""),
+        (formatting.p_value(0.00049), "<0.001"),
+        (formatting.p_value(0.0005), "0.001"),
+        (formatting.p_value(1.0), "1.000"),
+        (formatting.number(None), ""),
+        (formatting.number(2.25, 0), "2"),
+        (formatting.money(None), ""),
+        (formatting.money(0.125), "0.12"),
+        (formatting.count(None), ""),
+        (formatting.count(0), "0"),
+        (formatting.count(12_345_678_901), "12.3G"),
+        (formatting.worst((), None), ""),
+        (formatting.worst((), 0.5), "none"),
+        (formatting.worst(("marks", "lock"), 0.25), "marks, lock 25.0"),
+        (formatting.privileged_inputs(None), ""),
+        (formatting.privileged_inputs(("task", "plan")), "the task and the plan"),
     ],
 )
 def test_numbers_are_written_alike_everywhere(shown, wanted):
@@ -212,8 +212,8 @@ def ranked(*rows, **identity):
     """Rank agents of one run; returns ranks, reasons and the order."""
     run = RunIdentity(name="run", kind="bench", head_sha256="a" * 64, **identity)
     report = RunReport(run=run, summaries=rows)
-    found = FoundReports(folder=None, reports=(("here", report),), problems=())
-    (board,) = rankings_of(found)
+    found = ReportFolder(folder=None, reports=(("here", report),), problems=())
+    (board,) = rank_agents(found)
     return [(line.rank, line.row.agent, line.why) for line in board.lines]
 
 
@@ -264,7 +264,7 @@ def test_a_board_of_offline_steps_says_so_and_more_agents_come_first(tmp_path):
     run_of(tmp_path / "live", scored("a", "marks", [1, 0]))
     offline = [record for name in ("b", "c") for record in scored(name, "marks", [1, 0, 0])]
     run_of(tmp_path / "steps", offline, kind="score")
-    steps, live = rankings_of(read_all(tmp_path))
+    steps, live = rank_agents(read_reports(tmp_path))
     assert steps.title == (
         "offline steps, 3 tasks, 1 conditions, 1 seeds, at most 15 actions, provider embedded,"
         " recovery policy none"
@@ -278,5 +278,5 @@ def test_a_file_is_no_folder_of_runs(tmp_path):
     path = tmp_path / "report.json"
     path.touch()
     with pytest.raises(ReportError) as error:
-        read_all(path)
+        read_reports(path)
     assert str(error.value) == f"{path}: is no folder; --leaderboard takes a folder of runs"

@@ -12,11 +12,11 @@ import yaml
 pytest.importorskip("statsmodels", reason="needs the extra [online]")
 
 from hijack_data.cli import main
-from online_env.bench import reading, records, scores
-from online_env.report import build_report, formats, words
+from online_env.report import build_report, formats, formatting
 from online_env.report.compare import compare
 from online_env.report.document import ReportDocument
 from online_env.report.paper import COLUMNS, paper_table
+from online_env.results import reading, records, scores
 
 from support.chromium import chromium
 from support.reported import CONDITIONS, made, read_run, run_of, scored, whole
@@ -225,11 +225,11 @@ def test_the_name_of_a_folder_is_no_markup(tmp_path):
     [(999, "999"), (1000, "1k"), (999_499, "999k"), (999_500, "1M"), (999_999_999, "1G")],
 )
 def test_counts_as_people_read_them(value, shown):
-    assert words.count(value) == shown
+    assert formatting.count(value) == shown
 
 
 def test_small_numbers_are_not_nothing(tmp_path):
-    assert words.percent(-0.0001, "+") == "+0.0"
+    assert formatting.percent(-0.0001, "+") == "+0.0"
     found = [*scored("a", "clean", [1.0] * 20), *scored("a", "marks", [0.0] * 20)]
     document = ReportDocument(report=build_report(read_run(tmp_path / "run", found)))
     assert " <0.001 " in formats.write(document, "terminal")

@@ -12,10 +12,10 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("pyarrow", reason="needs the extra [hf]")
 
 from hijack_data.errors import ParameterError
-from online_env.bench import records
 from online_env.bench.config import Bench, override
-from online_env.scoring.cases import question_of
-from online_env.scoring.parts import part_rows
+from online_env.results import records
+from online_env.results.parts import part_rows
+from online_env.scoring.cases import choose_question
 from online_env.scoring.run import ScoreRun, ScoreSettings
 from pipelines import build, open_dataset
 from pipelines.exports import export
@@ -50,7 +50,7 @@ def played(folder, agent, out, ask=None):
     settings = ScoreSettings(
         dataset=folder,
         agents=override(Bench(), agent=agent).agents,
-        question=question_of(folder, ask),
+        question=choose_question(folder, ask),
     )
     run = ScoreRun(settings)
     with run.begin(out, resume=False):
@@ -106,6 +106,6 @@ def test_summaries(folders, agents, tmp_path):
 def test_an_export_for_something_else(folders, tmp_path):
     export(folders[0], tmp_path / "chat", to="chat")
     with pytest.raises(ParameterError, match="is an export for 'chat'"):
-        question_of(tmp_path / "chat", None)
+        choose_question(tmp_path / "chat", None)
     with pytest.raises(ParameterError, match="holds no steps"):
-        question_of(folders[1], "steps")
+        choose_question(folders[1], "steps")

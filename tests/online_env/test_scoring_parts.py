@@ -8,11 +8,11 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from rich.console import Console
 
-from online_env.bench.reading import Run
+from online_env.report.parts_table import show_parts
+from online_env.results.parts import part_rows
+from online_env.results.reading import Run
 from online_env.scoring.onlookers import is_reminder, overlap
-from online_env.scoring.parts import part_rows
 from online_env.scoring.progress import ScoreDisplay
-from online_env.scoring.tables import show_parts
 
 from support.reported import made
 

@@ -18,8 +18,8 @@ pytest.importorskip("pyarrow", reason="needs the extra [hf]")
 from hijack_data.actions import write_pyautogui
 from hijack_data.errors import HijackError
 from hijack_data.types import Action
-from online_env.bench import records
 from online_env.bench.config import Bench, override
+from online_env.results import records
 from online_env.scoring.run import ScoreRun, ScoreSettings
 from pipelines import build, open_dataset
 

@@ -11,12 +11,12 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 from hijack_data.cli import main
 from hijack_data.errors import HijackError, ParameterError
 from hijack_data.types import Action
-from online_env.bench import records
+from online_env.results import records
 from online_env.scoring import run
 from online_env.scoring.answers import read_answer
-from online_env.scoring.cases import Selection, cases_of
-from online_env.scoring.outlines import outline_of
-from online_env.scoring.rules import Distance, WantedStep, compare, same_keys, unanswered
+from online_env.scoring.cases import Selection, select_cases
+from online_env.scoring.outlines import target_outline
+from online_env.scoring.rules import Distance, ExpectedStep, compare, same_keys, unanswered
 
 from support.reported import made
 
@@ -24,7 +24,7 @@ SIZE = (100, 100)
 
 
 def wanted(action, **more):
-    return WantedStep(action=action, size=SIZE, **more)
+    return ExpectedStep(action=action, size=SIZE, **more)
 
 
 # Keys
@@ -128,14 +128,14 @@ def test_an_answer_without_an_action_lacks_every_part_that_the_step_has():
 def test_an_outline_that_is_none_is_an_error_of_the_row_and_no_crash(extra, said):
     """A row of which nothing can be asked is invalid; the agent is not to blame."""
     with pytest.raises(ParameterError) as error:
-        outline_of(extra, (1.0, 1.0))
+        target_outline(extra, (1.0, 1.0))
     assert said in str(error.value)
     assert len(str(error.value)) < 400
 
 
 @pytest.mark.parametrize("extra", ["", "{}", '["target_polygon"]', '{"about": "target_polygon"}'])
 def test_a_row_without_an_outline_has_none(extra):
-    assert outline_of(extra, (1.0, 1.0)) == ()
+    assert target_outline(extra, (1.0, 1.0)) == ()
 
 
 # Which rows
@@ -167,16 +167,16 @@ class Heads:
 
 
 def test_corrupted_rows_without_a_clean_one_are_counted():
-    found = cases_of(Heads(), "steps", Selection())
+    found = select_cases(Heads(), "steps", Selection())
     assert Counter(case.corruption for case in found.cases) == {
         "clean": 1,
         "marks": 2,
         "resolution": 2,
     }
     assert (found.unpaired, found.unscored) == (2, 0)
-    marks = cases_of(Heads(), "steps", Selection(corruptions=("marks",)))
+    marks = select_cases(Heads(), "steps", Selection(corruptions=("marks",)))
     assert (marks.labels, marks.unpaired) == (("clean", "marks"), 1)
-    first = cases_of(Heads(), "steps", Selection(limit=1))
+    first = select_cases(Heads(), "steps", Selection(limit=1))
     assert ({case.task for case in first.cases}, first.unpaired) == ({"t0"}, 0)
     assert [case.number for case in found.cases] == list(range(5))
 
@@ -194,7 +194,7 @@ def test_corrupted_rows_without_a_clean_one_are_counted():
 )
 def test_what_a_dataset_does_not_have_is_named_with_what_it_has(chosen, said):
     with pytest.raises(ParameterError) as error:
-        cases_of(Heads(), "steps", chosen)
+        select_cases(Heads(), "steps", chosen)
     assert str(error.value) == said
 
 
@@ -213,7 +213,7 @@ def test_a_time_limit_that_no_json_holds_is_refused_before_the_run(timeout, tmp_
 def test_ctrl_c_while_rows_are_written_appends_none_of_them_twice(tmp_path, monkeypatch):
     """A row that is there twice would damage the run, which could not be gone on with."""
     out = tmp_path / "run"
-    found = [made("a", f"t{number}") for number in range(run.MOST_HELD + 5)]
+    found = [made("a", f"t{number}") for number in range(run.MAX_UNWRITTEN_ROWS + 5)]
     records.create(out, {}, [record["id"] for record in found]).release()
     monkeypatch.setattr(os, "fsync", lambda _: signal.raise_signal(signal.SIGINT))
     with pytest.raises(KeyboardInterrupt):
@@ -222,7 +222,7 @@ def test_ctrl_c_while_rows_are_written_appends_none_of_them_twice(tmp_path, monk
     kept = records.read(out)
     assert kept.damaged == []
     assert [record["id"] for record in kept.records] == [
-        record["id"] for record in found[: run.MOST_HELD]
+        record["id"] for record in found[: run.MAX_UNWRITTEN_ROWS]
     ]
 
 

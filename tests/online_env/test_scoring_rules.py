@@ -8,11 +8,11 @@ from hijack_data.errors import ParameterError
 from hijack_data.types import Action
 from online_env.scoring.answers import read_answer
 from online_env.scoring.onlookers import is_reminder, overlap
-from online_env.scoring.outlines import outline_of
+from online_env.scoring.outlines import target_outline
 from online_env.scoring.rules import (
     HELP,
     Distance,
-    WantedStep,
+    ExpectedStep,
     compare,
     inside,
     same_keys,
@@ -24,7 +24,7 @@ SIZE = (1000, 2000)
 
 
 def wanted(action, **more):
-    return WantedStep(action=action, size=SIZE, **more)
+    return ExpectedStep(action=action, size=SIZE, **more)
 
 
 def parts(verdict):
@@ -125,11 +125,11 @@ def test_the_outline_of_a_box_has_the_pixels_of_the_box():
 
 def test_an_outline_scales_with_the_picture():
     extra = '{"target_polygon": [[0, 0], [100, 0], [0, 100]]}'
-    assert outline_of(extra, (0.5, 0.25)) == ((0, 0), (50, 0), (0, 25))
-    assert outline_of('{"thought": "target_polygon"}', (1, 1)) == ()
-    assert outline_of(None, (1, 1)) == ()
+    assert target_outline(extra, (0.5, 0.25)) == ((0, 0), (50, 0), (0, 25))
+    assert target_outline('{"thought": "target_polygon"}', (1, 1)) == ()
+    assert target_outline(None, (1, 1)) == ()
     with pytest.raises(ParameterError, match="three points"):
-        outline_of('{"target_polygon": [[0, 0], [100, "0"]]}', (1, 1))
+        target_outline('{"target_polygon": [[0, 0], [100, "0"]]}', (1, 1))
 
 
 def test_both_ends_of_a_drag_count():

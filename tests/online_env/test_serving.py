@@ -23,13 +23,13 @@ from online_env.serving.errors import (
 )
 from online_env.serving.running import TOKEN, ServeOptions, adjusted, read_token
 from online_env.serving.sessions import DesktopSession
-from online_env.tasks import sets
+from online_env.tasks import task_sets
 
 from support.episodes import CLICK
 from support.live import Marking
 from support.serving import TASKS, Desktops, pool_of, service_on, until
 
-NINE = {"clean": None, **{name: hj.get(name) for name in hj.names()}}
+NINE = {"clean": None, **{name: hj.make_corruption(name) for name in hj.corruption_names()}}
 
 
 def test_an_episode_is_played_and_the_desktop_is_free_again():
@@ -413,8 +413,8 @@ def test_what_is_not_served_is_refused(given, error, words):
 
 
 def test_servers_are_for_training_unless_they_are_told_otherwise():
-    bench = Bench(tasks=sets.members("small"))
-    held_out = set(sets.members("held_out"))
+    bench = Bench(tasks=task_sets.members("small"))
+    held_out = set(task_sets.members("held_out"))
     training = ServeOptions(bench=bench).draws()
     assert training.tasks
     assert not held_out & set(training.tasks)
@@ -434,7 +434,7 @@ def test_nothing_to_draw_is_an_error():
     with pytest.raises(ParameterError, match="no corruption is left"):
         EpisodeDraws(TASKS, {})
     with pytest.raises(ParameterError, match="the clean condition is not among"):
-        EpisodeDraws(TASKS, {"marks": hj.get("marks")}, clean=0.5)
+        EpisodeDraws(TASKS, {"marks": hj.make_corruption("marks")}, clean=0.5)
 
 
 # ---- options

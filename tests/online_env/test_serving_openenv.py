@@ -22,7 +22,7 @@ from click.testing import CliRunner
 from openenv.core.generic_client import GenericEnvClient
 
 from online_env.serving import openenv_env
-from online_env.serving.cli import serve
+from online_env.serving.serve_command import serve
 
 from support.episodes import CLICK
 from support.serving import Desktops, server, until

@@ -11,7 +11,7 @@ pytest.importorskip("jinja2", reason=needs.ONLINE)
 
 from online_env.tasks import TASKS, checking, get, suite
 
-NAMES = sorted(suite.listed())
+NAMES = sorted(suite.class_references())
 
 
 def test_no_two_tasks_have_one_name() -> None:

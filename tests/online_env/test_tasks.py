@@ -23,10 +23,10 @@ from online_env.desktops.protocol import RunResult
 from online_env.embedded.sites.hosts import forms
 from online_env.embedded.sites.state import SiteState
 from online_env.errors import DesktopError, DesktopTimeoutError
-from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.folder_desktop import FolderDesktop
 from online_env.tasks.hand import Hand
 from online_env.tasks.kit import shop
-from online_env.tasks.tree import nodes
+from online_env.tasks.tree_nodes import read_tree
 
 SEEDS = st.integers(0, 2**64 - 1)
 SPACE = "https://accessibility.ubuntu.example.org/ns"
@@ -65,16 +65,16 @@ def test_names_and_get() -> None:
 @given(SEEDS)
 def test_what_is_to_be_written_can_be_typed_and_saved(seed: int) -> None:
     task = tasks.get("write_note", seed)
-    lines = task.drawn.text.split("\n")
+    lines = task.values.text.split("\n")
     assert len(set(lines)) == len(lines) in (2, 3)
     assert all(line == line.strip() and line.isprintable() for line in lines)
-    assert re.fullmatch(r"[a-z]+-\d\d\.txt", task.drawn.file)
-    assert task.drawn.text in task.instruction
-    assert task.drawn.file in task.instruction
+    assert re.fullmatch(r"[a-z]+-\d\d\.txt", task.values.file)
+    assert task.values.text in task.instruction
+    assert task.values.file in task.instruction
 
 
 def test_some_texts_need_more_than_a_keyboard_has() -> None:
-    texts = [tasks.get("write_note", seed).drawn.text for seed in range(20)]
+    texts = [tasks.get("write_note", seed).values.text for seed in range(20)]
     assert any("<" in t for t in texts)
     assert any(ord(c) > 0x370 for t in texts for c in t)
 
@@ -82,7 +82,7 @@ def test_some_texts_need_more_than_a_keyboard_has() -> None:
 @given(SEEDS)
 def test_the_file_to_rename_is_there_and_its_new_name_is_free(seed: int) -> None:
     task = tasks.get("rename_file", seed)
-    drawn = task.drawn
+    drawn = task.values
     assert drawn.old == drawn.names[0]
     assert drawn.new not in drawn.names
     assert len(set(drawn.names)) == 4
@@ -92,7 +92,7 @@ def test_the_file_to_rename_is_there_and_its_new_name_is_free(seed: int) -> None
 
 @given(SEEDS)
 def test_the_site_accepts_what_is_to_be_registered(seed: int) -> None:
-    wanted = tasks.get("register_course", seed).drawn.wanted
+    wanted = tasks.get("register_course", seed).values.wanted
     posted = {key: value if isinstance(value, list) else [value] for key, value in wanted.items()}
     assert forms._registration(posted) == wanted
     assert forms._problems(wanted, agreed=True) == {}
@@ -101,7 +101,7 @@ def test_the_site_accepts_what_is_to_be_registered(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_the_instruction_says_all_that_is_to_be_registered(seed: int) -> None:
     task, choices = tasks.get("register_course", seed), forms.content()
-    wanted, text = task.drawn.wanted, task.instruction
+    wanted, text = task.values.wanted, task.instruction
     assert all(wanted[key] in text for key in ("name", "email", "country", "notes"))
     assert choices["courses"][wanted["course"]]["name"] in text
     assert choices["levels"][wanted["level"]] in text
@@ -115,10 +115,10 @@ def test_a_cart_that_something_was_in_for_a_while_is_as_before(tmp_path: Path) -
     machine = tasks.Machine(FolderDesktop(tmp_path / "home"), SiteState(tmp_path / "sites"))
     machine.remember()
     shop.fill(machine, {"mug": 1})
-    assert list(machine.untouched_sites()) == ["shop.test was used to change something"]
-    assert list(machine.untouched_sites(but=["shop"])) == []
+    assert list(machine.unexpected_site_changes()) == ["shop.test was used to change something"]
+    assert list(machine.unexpected_site_changes(but=["shop"])) == []
     shop.fill(machine, {})
-    assert list(machine.untouched_sites()) == []
+    assert list(machine.unexpected_site_changes()) == []
 
 
 def test_the_form_needs_the_local_internet() -> None:
@@ -182,7 +182,7 @@ def test_a_desktop_that_cannot_tell_does_not_say_that_there_is_nothing(
 
 
 def test_nodes_of_a_tree() -> None:
-    found = nodes(TREE)
+    found = read_tree(TREE)
     assert [(n.app, n.role, n.name, n.box) for n in found] == [
         ("Thunar", "application", "Thunar", None),
         ("Thunar", "frame", "x & y", (10, 20, 40, 61)),
@@ -203,17 +203,17 @@ def test_nodes_of_a_tree() -> None:
 )
 def test_what_is_no_tree_is_reported(text: str) -> None:
     with pytest.raises(DesktopError, match=r"cannot be read: .* is not well-formed XML"):
-        nodes(text)
+        read_tree(text)
 
 
 def test_a_tree_with_entities_is_refused() -> None:
     bomb = '<!DOCTYPE a [<!ENTITY e SYSTEM "file:///etc/passwd">]><a><b name="x">&e;</b></a>'
     with pytest.raises(DesktopError, match="has a DOCTYPE, which is refused"):
-        nodes(bomb)
+        read_tree(bomb)
 
 
 def test_the_hand_finds_by_role_name_application_and_state() -> None:
-    hand = Hand(Picture(TREE), patience=0)
+    hand = Hand(Picture(TREE), timeout=0)
     assert hand.find("frame", "x & y").role == "frame"
     assert hand.find(("text", "entry"), app="thunar", state="focused").role == "entry"
     for roles, name, app, state in (
@@ -230,10 +230,10 @@ def test_the_hand_finds_by_role_name_application_and_state() -> None:
 
 def test_the_hand_scrolls_only_for_what_is_not_in_sight() -> None:
     picture = Picture(TREE)
-    Hand(picture, patience=0).find("entry", scroll=True)
+    Hand(picture, timeout=0).find("entry", scroll=True)
     assert picture.ran == []
     with pytest.raises(DesktopTimeoutError):
-        Hand(picture, patience=0.15).find("link", scroll=True)
+        Hand(picture, timeout=0.15).find("link", scroll=True)
     assert picture.ran
     assert set(picture.ran) == {"pyautogui.scroll(-2)"}
 

@@ -19,7 +19,7 @@ pytest.importorskip("jinja2", reason=needs.ONLINE)
 
 from online_env.embedded.sites.state import SITES, SiteState
 from online_env.tasks import Machine, Task, get, names
-from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.folder_desktop import FolderDesktop
 from online_env.tasks.kit.mail import own_text
 
 CHANGES: dict[str, Callable[[str], str]] = {
@@ -43,7 +43,7 @@ def begin_done(task: Task, folder: str) -> Machine:
         (home / name).mkdir()
     task.prepare(machine)
     machine.remember()
-    task.right(machine)
+    task.right_result(machine)
     return machine
 
 

@@ -29,39 +29,39 @@ class KeepList(Task):
         return {"word": word, "file": f"list-{stream.integer(1, 99)}.txt"}
 
     def prepare(self, machine):
-        machine.write(f"Documents/{self.drawn.file}", "bread\n")
+        machine.write(f"Documents/{self.values.file}", "bread\n")
 
     def problems(self, machine):
-        path = f"Documents/{self.drawn.file}"
-        yield from machine.untouched(path)
-        if machine.text(path) != f"{self.drawn.word}\n":
+        path = f"Documents/{self.values.file}"
+        yield from machine.unexpected_changes(path)
+        if machine.text(path) != f"{self.values.word}\n":
             yield "it has other words"
 
     def oracle(self, hand):
         """Not played here."""
 
-    def wrong(self):
-        path, word = f"Documents/{self.drawn.file}", self.drawn.word
+    def wrong_results(self):
+        path, word = f"Documents/{self.values.file}", self.values.word
         return {
-            "elsewhere": lambda m: m.write(self.drawn.file, f"{word}\n"),
+            "elsewhere": lambda m: m.write(self.values.file, f"{word}\n"),
             "half": lambda m: m.write(path, word[:2]),
             "too much": lambda m: m.write(path, f"{word}\nbread\n"),
         }
 
-    def right(self, machine):
-        machine.write(f"Documents/{self.drawn.file}", f"{self.drawn.word}\n")
+    def right_result(self, machine):
+        machine.write(f"Documents/{self.values.file}", f"{self.values.word}\n")
 
 
 class Careless(KeepList):
     def problems(self, machine):
-        if machine.text(f"Documents/{self.drawn.file}") != f"{self.drawn.word}\n":
+        if machine.text(f"Documents/{self.values.file}") != f"{self.values.word}\n":
             yield "it has other words"
 
 
 class Lenient(KeepList):
     def problems(self, machine):
-        yield from machine.untouched(f"Documents/{self.drawn.file}")
-        if (machine.text(f"Documents/{self.drawn.file}") or "") == "bread\n":
+        yield from machine.unexpected_changes(f"Documents/{self.values.file}")
+        if (machine.text(f"Documents/{self.values.file}") or "") == "bread\n":
             yield "it is as it was"
 
 
@@ -79,9 +79,9 @@ class Pairs(KeepList):
     """Two of its values go together, so a judge with one of another seed finds nothing."""
 
     def problems(self, machine):
-        words = {self.variant(self.seed).drawn.file: self.drawn.word}
-        yield from machine.untouched(f"Documents/{self.drawn.file}")
-        if machine.text(f"Documents/{self.drawn.file}") != f"{words[self.drawn.file]}\n":
+        words = {self.variant(self.seed).values.file: self.values.word}
+        yield from machine.unexpected_changes(f"Documents/{self.values.file}")
+        if machine.text(f"Documents/{self.values.file}") != f"{words[self.values.file]}\n":
             yield "it has other words"
 
 
@@ -93,7 +93,7 @@ class NotThere(KeepList):
     infeasible = "there is no such list"
 
     def problems(self, machine):
-        return machine.untouched()
+        return machine.unexpected_changes()
 
 
 class Raises(KeepList):

@@ -15,7 +15,7 @@ from hijack_data.conformance.base import Result
 from online_env.embedded.desktop import EmbeddedDesktop
 from online_env.errors import DesktopError, MissingPackageError
 from online_env.tasks import TASKS, checking
-from online_env.tasks.folder import FolderDesktop
+from online_env.tasks.folder_desktop import FolderDesktop
 
 TASK = """\
 from online_env.tasks import Task
@@ -29,18 +29,18 @@ class WriteWord(Task):
         return {{"word": stream.choice(("tea", "milk", "rye", "oil"))}}
 
     def problems(self, machine):
-        yield from machine.untouched("word.txt")
-        if machine.text("word.txt") != self.drawn.word:
+        yield from machine.unexpected_changes("word.txt")
+        if machine.text("word.txt") != self.values.word:
             yield "it has other words"
 
     def oracle(self, hand):
-        hand._desktop.write_file(hand.path("word.txt"), self.drawn.word.encode())
+        hand._desktop.write_file(hand.path("word.txt"), self.values.word.encode())
 
-    def wrong(self):
+    def wrong_results(self):
         return {{n: lambda m, n=n: m.write("word.txt", n) for n in ("a", "b", "c")}}
 
-    def right(self, machine):
-        machine.write("word.txt", self.drawn.word)
+    def right_result(self, machine):
+        machine.write("word.txt", self.values.word)
 """
 
 
@@ -71,13 +71,13 @@ def judgement(folder: Path, old: str, new: str) -> Result:
     ("old", "new", "problem"),
     [
         (
-            'self.drawn.word:\n            yield "it',
-            'self.drawn.wort:\n            yield "it',
+            'self.values.word:\n            yield "it',
+            'self.values.wort:\n            yield "it',
             "seed 0: AttributeError: 'types.SimpleNamespace' object has no attribute 'wort' "
             "(my_task.py, line 13)",
         ),
         (
-            'machine.write("word.txt", self.drawn.word)',
+            'machine.write("word.txt", self.values.word)',
             "machine.write(1 / 0, 1)",
             "seed 0: ZeroDivisionError: division by zero (my_task.py, line 23)",
         ),
@@ -175,8 +175,8 @@ def test_a_sound_task_passes_on_a_desktop(tmp_path: Path, desktop: Played) -> No
 def test_a_task_that_cannot_be_prepared_there_fails_and_is_not_left_out(
     tmp_path: Path, desktop: Played, statement: str, problem: str
 ) -> None:
-    # In the folder of the first check, `opens` is never called.
-    opens = f"def opens(self, machine):\n        {statement}\n\n    def draw"
+    # In the folder of the first check, `initial_app` is never called.
+    opens = f"def initial_app(self, machine):\n        {statement}\n\n    def draw"
     (result,) = played(tmp_path, "def draw", opens)
     assert result.check == "setup"
     assert result.problem.startswith(problem)
@@ -188,7 +188,7 @@ def test_an_oracle_that_raises_or_does_another_thing_fails(tmp_path: Path, deskt
     assert [result.check for result in found] == ["do_nothing", "oracle", "teardown"]
     problem = "AttributeError: 'Hand' object has no attribute 'nothing' (my_task.py, line 17)"
     assert found[1].problem == problem
-    found = played(tmp_path, "self.drawn.word.encode()", 'b"coffee"')
+    found = played(tmp_path, "self.values.word.encode()", 'b"coffee"')
     assert found[1].problem == "it has other words"
 
 

@@ -116,4 +116,6 @@ def browsing(recording: Any) -> Path:
 @pytest.fixture
 def nine(small: Any) -> dict[str, Any]:
     """All nine, those of the picture as they fit the small screens."""
-    return {name: small.get(name, None) or hj.get(name) for name in hj.names()}
+    return {
+        name: small.get(name, None) or hj.make_corruption(name) for name in hj.corruption_names()
+    }

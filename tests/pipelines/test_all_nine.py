@@ -23,7 +23,7 @@ import hijack_data as hj
 from hijack_data.actions import parse_pyautogui
 from hijack_data.cli import hijack
 from pipelines import build, open_dataset, render, verify
-from pipelines.building.report import BuildReport
+from pipelines.building.build_report import BuildReport
 from pipelines.dataset.stats import stats
 from pipelines.exports import export
 from pipelines.readers import names
@@ -76,7 +76,7 @@ MAYBE_OPEN = (
     " no elements"
 )
 # The pack's desktop is shown where that is asked for; these screens are of a Mac.
-UNKNOWN: dict[str, Any] = {"foreign": True, "platform": "macos"}
+UNKNOWN: dict[str, Any] = {"allow_platform_mismatch": True, "platform": "macos"}
 FOREIGN: dict[str, Any] = {**UNKNOWN, "apps": "gimp"}
 BROWSING: dict[str, Any] = {**UNKNOWN, "apps": "chrome"}
 
@@ -310,7 +310,7 @@ def test_every_format_has_a_case() -> None:
     apart = {"images", "screenspot_v2", "screenspot_pro", "osworld_g"}
     apart |= {"aitz", "atif", "browser_use", "guiact", "lerobot"}
     assert {case.reader for case in CASES.values()} == set(names()) - apart
-    assert set(PICTURE + MACHINE) == set(hj.names())
+    assert set(PICTURE + MACHINE) == set(hj.corruption_names())
 
 
 def test_each_corruption_has_rows_or_a_reason(built: Built) -> None:

@@ -10,7 +10,7 @@ from hijack_data.types import Action, Trajectory
 from pipelines import build, open_dataset
 from pipelines.exports import export
 from pipelines.readers import Rejected, detect_format, get_reader
-from pipelines.readers.pictures import read_picture
+from pipelines.readers.recorded_pictures import read_picture
 
 from support.formats import atif, png, write_json
 

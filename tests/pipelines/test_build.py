@@ -10,10 +10,10 @@ import pytest
 from PIL import Image
 
 import hijack_data as hj
-from hijack_data.files import load_image
-from pipelines import build, inspect, open_dataset, verify
-from pipelines.building.card import _size_category
-from pipelines.building.rows import RowSettings
+from hijack_data.file_io import load_image
+from pipelines import build, inspect_source, open_dataset, verify
+from pipelines.building.dataset_card import _size_category
+from pipelines.building.step_rows import RowSettings
 from pipelines.dataset.columns import COLUMNS
 from pipelines.errors import BuildError
 from pipelines.readers import get_reader
@@ -282,7 +282,7 @@ def test_without_dev_shm_there_are_no_workers_and_it_is_said(
         raise OSError(errno.EROFS, "Read-only file system")
 
     monkeypatch.setattr("multiprocessing.synchronize.SemLock.__init__", read_only)
-    planners = {"marks": hj.get("marks")}
+    planners = {"marks": hj.make_corruption("marks")}
     source = recording()
     with pytest.raises(BuildError, match=r"no worker processes here .*/dev/shm.*--workers 1"):
         build(source, tmp_path / "out", corruptions=planners, workers=2)
@@ -444,7 +444,7 @@ def test_planners_are_told_all_that_is_known(
     add_line(folder, good_line("t1", 0, **point, apps=["vlc"], image="images/t0-0.png"))
     seen: list[tuple[hj.Scene, dict[str, Any]]] = []
 
-    class Watcher(hj.Augmentation):
+    class Watcher(hj.plugin.Augmentation):
         def plan(self, scene: hj.Scene, **key: Any) -> hj.Plan:
             seen.append((scene, key))
             return hj.Plan.clean(scene.size)
@@ -481,9 +481,9 @@ def test_the_fingerprint_covers_every_pixel_of_the_source(recording: Any, tmp_pa
 def test_row_groups_stay_small(
     recording: Any, small: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pipelines.building.writers.GROUP_ROWS", 4)
+    monkeypatch.setattr("pipelines.building.parquet_writer.GROUP_ROWS", 4)
     build(recording(), tmp_path / "rows", corruptions=small)
-    monkeypatch.setattr("pipelines.building.writers.GROUP_BYTES", 1)
+    monkeypatch.setattr("pipelines.building.parquet_writer.GROUP_BYTES", 1)
     build(tmp_path / "source", tmp_path / "bytes", corruptions=small)
     groups = [
         pq.ParquetFile(tmp_path / name / "data" / "train-00000.parquet").num_row_groups
@@ -569,7 +569,7 @@ def test_pictures_that_could_be_read_in_two_ways(
     assert "animated, 3 frames; save the one frame" in report.examples[0]
     tried = build(folder, tmp_path / "dry", corruptions=small, dry_run=True)
     assert [text for text in tried.notes if note in text]
-    assert [text for text in inspect(folder, corruptions=small).notes if note in text]
+    assert [text for text in inspect_source(folder, corruptions=small).notes if note in text]
     assert verify(tmp_path / "out", source=folder).ok
 
 

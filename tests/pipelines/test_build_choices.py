@@ -13,7 +13,7 @@ import pytest
 import hijack_data as hj
 from hijack_data.types import Trajectory
 from pipelines import build, open_dataset, verify
-from pipelines.building.replacing import replaced
+from pipelines.building.replacement import replacement_folder
 from pipelines.building.splits import Splits, choose_splits
 from pipelines.errors import BuildError, SourceError
 
@@ -281,7 +281,10 @@ def test_the_old_dataset_stays_where_renaming_fails(
         return rename(self, target)
 
     monkeypatch.setattr(Path, "rename", refuse)
-    with pytest.raises(BuildError, match="cannot be replaced"), replaced(out, True) as fresh:
+    with (
+        pytest.raises(BuildError, match="cannot be replaced"),
+        replacement_folder(out, True) as fresh,
+    ):
         fresh.mkdir()
     assert contents(out) == old
 

@@ -30,7 +30,7 @@ def quarantined(out: Path) -> list[dict[str, str]]:
 
 def test_shards_are_cut_between_trajectories(recording: Any, tmp_path: Path) -> None:
     folder = recording(trajectories=4, steps=3)
-    items = list(Sources.of(folder).read())
+    items = list(Sources.open(folder).read())
     for per_shard, expected in (
         (1, [1, 1, 1, 1]),
         (6, [1] * 4),
@@ -67,12 +67,16 @@ def test_names_of_corruptions(recording: Any, assets: Path, tmp_path: Path) -> N
     folder = recording(trajectories=1, steps=1)
     visual = [
         "clean",
-        *(name for name in hj.names() if name in ("pop_ups", "resolution", "marks", "subtitle")),
+        *(
+            name
+            for name in hj.corruption_names()
+            if name in ("pop_ups", "resolution", "marks", "subtitle")
+        ),
     ]
     assert list(build(folder, tmp_path / "a").rows) == visual
     assert list(build(folder, tmp_path / "b", corruptions="all", assets=assets).rows) == [
         "clean",
-        *hj.names(),
+        *hj.corruption_names(),
     ]
     assert list(build(folder, tmp_path / "c", corruptions="marks, resolution").rows) == [
         "clean",

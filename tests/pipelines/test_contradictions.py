@@ -11,15 +11,16 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("isal", reason="needs the extra [hf]")
 
-from hijack_data.corruption import get
-from hijack_data.runs.run_log import slug_of
+from hijack_data.corruption import make_corruption
+from hijack_data.runs.run_log import episode_slug
 from online_env import tasks
-from online_env.bench import origin, records, runner
+from online_env.bench import runner
 from online_env.bench.episodes import play
 from online_env.bench.jobs import Job
 from online_env.environment import CorruptedEnv, Setting
+from online_env.results import origin, records
 from pipelines.proof.rebuild import rebuild
-from pipelines.proof.retrace.facts import FIELDS
+from pipelines.proof.run_checks.field_checks import FIELDS
 
 from support.edited_runs import (
     both,
@@ -38,7 +39,11 @@ from support.recorded import Silent, Teller, config, no_machine
 
 ROOT = Path(__file__).resolve().parents[2]
 TASK, SEED = "write_note", 3
-PLANNERS = {"clean": None, "marks": get("marks"), "app_minimization": get("app_minimization")}
+PLANNERS = {
+    "clean": None,
+    "marks": make_corruption("marks"),
+    "app_minimization": make_corruption("app_minimization"),
+}
 JOBS = [Job("do_nothing", TASK, label, SEED) for label in PLANNERS]
 CLEAN, MARKS, MINIMISED = (job.id for job in JOBS)
 
@@ -155,7 +160,7 @@ def given_other_name(name):
 
     def tamper(run):
         for label, old in zip(PLANNERS, (CLEAN, MARKS, MINIMISED), strict=True):
-            new = slug_of(f"{TASK}-{SEED}", label, SEED, name, 0)
+            new = episode_slug(f"{TASK}-{SEED}", label, SEED, name, 0)
             renamed(old, new, agent=name)(run)
         configured(lambda data: data.update(agents=[name]))(run)
 

@@ -220,7 +220,14 @@ def test_pictures_over_an_event_avoid_its_target(
 
 @pytest.mark.parametrize(
     ("step", "expected"),
-    [(0, [1]), (2, [4]), ((0, 4), [1, 8]), (hj.Every(2), [4, 8]), (-1, [1]), ((-1, 1), [1, 2])],
+    [
+        (0, [1]),
+        (2, [4]),
+        ((0, 4), [1, 8]),
+        (hj.plugin.Every(2), [4, 8]),
+        (-1, [1]),
+        ((-1, 1), [1, 2]),
+    ],
 )
 def test_steps_are_counted_from_0_whatever_their_numbers(
     step: Any, expected: list[int], recording: Any, assets: Path, tmp_path: Path
@@ -230,7 +237,7 @@ def test_steps_are_counted_from_0_whatever_their_numbers(
     folder = with_apps(
         recording(trajectories=1, steps=5), ["chrome"], step=lambda row: numbers[row["step"]]
     )
-    kind = hj.Verification if not isinstance(step, hj.Every) else hj.AppMinimization
+    kind = hj.Verification if not isinstance(step, hj.plugin.Every) else hj.AppMinimization
     build(folder, tmp_path / "out", corruptions={"x": kind(step=step)}, assets=assets)
     assert [row["step"] for row in rows_by_label(tmp_path / "out")["x"]] == expected
 
@@ -291,7 +298,7 @@ def test_elements_are_looked_for_where_none_are_recorded(
         looked.append(image)
         return hj.Scene(image.shape[:2], [(200, 100, 250, 120)], **known)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("pipelines.building.rows.scene_from", found)
+    monkeypatch.setattr("pipelines.building.step_rows.scene_from", found)
     report = build(folder, tmp_path / "out", assets=assets, corruptions="accidental_touch")
     assert report.rows["accidental_touch"] == 1
     (row,) = rows_by_label(tmp_path / "out")["accidental_touch"]

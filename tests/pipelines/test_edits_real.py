@@ -15,7 +15,7 @@ RECORDINGS = Path(__file__).resolve().parents[2] / "examples" / "recordings"
 FIVE = "multi_apps,accidental_touch,app_minimization,network_error,verification"
 # At the fourth step, where it acts by default, two of our recordings show an open menu.
 OURS = {
-    **{name: hj.get(name) for name in FIVE.split(",")},
+    **{name: hj.make_corruption(name) for name in FIVE.split(",")},
     "accidental_touch": hj.AccidentalTouch(step=2),
 }
 
@@ -148,7 +148,15 @@ def test_real_recordings_of_a_foreign_desktop(shared_data: Path, tmp_path: Path)
     """Asked for, and with the application named, they are made, and each says what it is."""
     pytest.importorskip("cv2")
     source, out = shared_data / "trajectories" / "agentnet_raw", tmp_path / "out"
-    build(source, out, corruptions=FIVE, clean=False, output="lazy", foreign=True, apps="chrome")
+    build(
+        source,
+        out,
+        corruptions=FIVE,
+        clean=False,
+        output="lazy",
+        allow_platform_mismatch=True,
+        apps="chrome",
+    )
     found = {row["corruption"]: row["fidelity"] for row in open_dataset(out)}
     assert set(found.values()) == {"foreign"}
     assert found.keys() == set(FIVE.split(",")) - {"accidental_touch"}  # no menu of a browser there
@@ -166,7 +174,13 @@ def test_osworld_in_a_browser(tmp_path: Path) -> None:
     about: dict[str, Any] = {"id": "x", "instruction": "find it", "related_apps": ["chrome"]}
     (task,) = (folder / "examples" / "gimp").iterdir()
     write_json(task, about)
-    report = build(folder, tmp_path / "out", corruptions="network_error", clean=False, foreign=True)
+    report = build(
+        folder,
+        tmp_path / "out",
+        corruptions="network_error",
+        clean=False,
+        allow_platform_mismatch=True,
+    )
     assert dict(report.rows) == {"network_error": 1}
     (row,) = open_dataset(tmp_path / "out")
     assert (row["fidelity"], row["action_code"], row["step"]) == ("foreign", "WAIT", 1)

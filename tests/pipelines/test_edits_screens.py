@@ -38,7 +38,7 @@ def test_a_screen_of_nearly_the_same_shape_is_scaled_down(
     size: tuple[int, int], assets: Path
 ) -> None:
     found, picture = edit("lock", assets, size=size)
-    scaled = hj.Plan("x-v1", (400, 640), ops=(hj.Resample(size),))
+    scaled = hj.Plan("x-v1", (400, 640), ops=(hj.plugin.Resample(size),))
     assert np.array_equal(picture, hj.apply(scaled, pixels(2, 640, 400)))
     assert found.fidelity == "composited"
     assert found.notes == (f"lock-large was scaled from 640x400 to {size[1]}x{size[0]}",)
@@ -139,8 +139,8 @@ def test_where_no_window_is_open_none_is_minimised(assets: Path) -> None:
 
 
 def test_on_a_foreign_desktop_the_application_must_be_known_all_the_same(several: Path) -> None:
-    """`foreign` changes the desktop, not the rule about the application."""
-    about: dict[str, Any] = {"platform": "windows", "foreign": True}
+    """`allow_platform_mismatch` changes the desktop, not the rule about the application."""
+    about: dict[str, Any] = {"platform": "windows", "allow_platform_mismatch": True}
     assert edit("minimise", several, apps=("Chromium",), **about)[0].response.action.type == "click"
     for apps, reason in (
         (("thunderbird",), r"what the recording uses \(thunderbird\)"),

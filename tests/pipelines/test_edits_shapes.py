@@ -12,8 +12,8 @@ import hijack_data as hj
 from hijack_data.pack import SHIPPED, AssetPack
 from hijack_data.plan import Effect, Paste
 from hijack_data.rng import Stream
-from pipelines.edits import EDITS, NotApplicable, layout
-from pipelines.edits.pages import error_page
+from pipelines.edits import EDITS, NotApplicable, screen_layout
+from pipelines.edits.browser_pages import error_page
 
 from support.frames import drawn, frame_of
 
@@ -109,7 +109,7 @@ def test_every_edit_is_made_at_any_size_or_says_why_not(kind: str) -> None:
 
 @pytest.mark.parametrize("size", [(759, 1213), (768, 1024), (1920, 1080), (1440, 3440)])
 def test_a_lock_screen_is_a_cut_wallpaper_and_a_centred_dialog(size: tuple[int, int]) -> None:
-    made = layout.lock_screen(PACK, size, Stream(1, "t", "t"), NOBODY)
+    made = screen_layout.lock_screen(PACK, size, Stream(1, "t", "t"), NOBODY)
     assert made is not None
     wallpaper, dialog = sources(made.ops)
     (height, width), (h, w) = size, dialog.shape[:2]
@@ -125,7 +125,7 @@ def test_a_lock_screen_is_a_cut_wallpaper_and_a_centred_dialog(size: tuple[int, 
 def test_a_panel_spans_the_width_and_keeps_its_ends(size: tuple[int, int]) -> None:
     height, width = size
     for asset in PACK.pictures("desktop", screen=(1080, 1920))[:4]:
-        bar = layout.panel(asset, size)
+        bar = screen_layout.panel(asset, size)
         assert bar is not None
         found = hj.apply(hj.Plan("t-v1", size, ops=bar.ops), np.full((*size, 3), 7, np.uint8))
         recorded, strip = asset.pixels()[-37:], found[-37:]
@@ -143,13 +143,13 @@ def test_icons_are_unscaled_and_stand_where_the_desktop_puts_them() -> None:
     for size in ((720, 1280), (768, 1366), (1080, 1920), (1440, 2560)):
         asset = PACK.pictures("desktop", screen=size)[0]
         recorded = {target.box for target in asset.targets if target.role == "icon"}
-        made = layout.desktop(PACK, size, Stream(1, "t", "t"), NOBODY)
+        made = screen_layout.desktop(PACK, size, Stream(1, "t", "t"), NOBODY)
         assert made is not None
         assert recorded <= set(made.boxes)
 
 
 def test_what_brings_a_window_back_moves_with_the_panel() -> None:
-    made = layout.desktop(PACK, (758, 1212), Stream(3, "t", "t"), NOBODY)
+    made = screen_layout.desktop(PACK, (758, 1212), Stream(3, "t", "t"), NOBODY)
     assert made is not None
     assert made.asset.recover is not None
     recorded, moved = made.asset.recover, made.mapped(made.asset.recover)

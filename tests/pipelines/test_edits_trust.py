@@ -16,7 +16,7 @@ import hijack_data as hj
 from hijack_data import pack as pack_module
 from hijack_data.pack import AssetPack
 from pipelines import build, open_dataset, render, verify
-from pipelines.building.rows import RowCounts, RowSettings, rows_of
+from pipelines.building.step_rows import RowCounts, RowSettings, make_rows
 from pipelines.dataset.columns import COLUMNS
 from pipelines.errors import BuildError
 from pipelines.readers import get_reader
@@ -222,7 +222,9 @@ def test_a_recording_may_name_the_key_of_its_draws(
         trajectory = replace(items[0], id=name, sample=sample)  # type: ignore[type-var]
         step = trajectory.steps[0]  # type: ignore[union-attr]
         settings = RowSettings(planners, lazy=True, clean=False, assets=str(assets))
-        rows = rows_of(trajectory, step, Path(step.image).read_bytes(), "x", settings, RowCounts())  # type: ignore[arg-type]
+        rows = make_rows(
+            trajectory, step, Path(step.image).read_bytes(), "x", settings, RowCounts()
+        )  # type: ignore[arg-type]
         made.append(list(rows))
     digests = [[row["plan_digest"] for row in rows] for rows in made]
     assert digests[0] == digests[1] == digests[2] != digests[3]

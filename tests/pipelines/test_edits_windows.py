@@ -85,7 +85,7 @@ def test_without_known_applications_none_is_another(assets: Path, tmp_path: Path
     with pytest.raises(NotApplicable, match=r"does not say which applications it uses.*--apps"):
         window(assets, apps=())
     with pytest.raises(NotApplicable, match=r"does not say which applications it uses.*--apps"):
-        window(assets, apps=(), platform="windows", foreign=True)
+        window(assets, apps=(), platform="windows", allow_platform_mismatch=True)
 
 
 @pytest.mark.parametrize(
@@ -299,7 +299,12 @@ def test_a_menu_of_the_panel_hangs_from_the_panel(tmp_path: Path) -> None:
         touch(folder, [(40, 88, 70, 100)], without_app=False)
     with pytest.raises(NotApplicable, match="names no application whose menus could open"):
         touch(
-            folder, [(40, 188, 73, 200)], without_app=False, apps=(), platform="linux", foreign=True
+            folder,
+            [(40, 188, 73, 200)],
+            without_app=False,
+            apps=(),
+            platform="linux",
+            allow_platform_mismatch=True,
         )
 
 
@@ -354,7 +359,7 @@ def test_menus_are_of_the_recordings_own_application(tmp_path: Path) -> None:
     ):
         with pytest.raises(NotApplicable, match=reason):
             touch(folder, ELEMENTS, apps=apps)
-    about: dict[str, Any] = {"platform": "windows", "foreign": True}
+    about: dict[str, Any] = {"platform": "windows", "allow_platform_mismatch": True}
     with pytest.raises(NotApplicable, match="was recorded of firefox"):
         touch(folder, [(280, 5, 318, 15), (2, 5, 42, 15)], apps=("firefox",), **about)
     found = touch(folder, [(280, 5, 318, 15), (2, 5, 42, 15)], apps=("chrome",), **about)
@@ -429,6 +434,6 @@ def test_no_menu_opens_over_a_menu(tmp_path: Path) -> None:
             before=(CLICK,),
             recorded=False,
             platform="macos",
-            foreign=True,
+            allow_platform_mismatch=True,
             **at,
         )

@@ -17,8 +17,8 @@ import pytest
 
 import hijack_data as hj
 from pipelines import build, verify
-from pipelines.building.rows import RowSettings
 from pipelines.building.shards import ShardTask, shard_tasks
+from pipelines.building.step_rows import RowSettings
 from pipelines.engines import ray as engine
 from pipelines.errors import BuildError, SourceError
 from pipelines.sources import Sources
@@ -39,7 +39,7 @@ SOON = {
 }
 
 
-class Marks(hj.Augmentation):
+class Marks(hj.plugin.Augmentation):
     """Marks, whose planning calls `deed` first."""
 
     needs_elements = False
@@ -235,7 +235,7 @@ def test_a_node_that_dies(recording: Any, cluster: Any, tmp_path: Path) -> None:
 def test_mistakes_reach_the_caller(
     deed: Any, reason: str, recording: Any, cluster: Any, tmp_path: Path
 ) -> None:
-    class Live(hj.Augmentation):
+    class Live(hj.plugin.Augmentation):
         def plan(self, scene: hj.Scene, **key: Any) -> hj.Plan:
             return hj.NetworkError().plan(scene, **{**key, "step": -1})
 
@@ -254,14 +254,14 @@ def test_strict_stops_at_the_first_bad_input(recording: Any, cluster: Any, tmp_p
 
 
 def tasks_of(source: Path) -> list[ShardTask]:
-    return list(shard_tasks(Sources.of(source).read(), 1, 2, print))
+    return list(shard_tasks(Sources.open(source).read(), 1, 2, print))
 
 
 def test_the_source_is_read_as_shards_are_done(
     recording: Any, cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(engine, "FIRST", 1)
-    monkeypatch.setattr(engine, "MOST", 2)
+    monkeypatch.setattr(engine, "FIRST_WAVE_SHARDS", 1)
+    monkeypatch.setattr(engine, "MAX_WAVE_SHARDS", 2)
     tasks, taken = tasks_of(recording(trajectories=9, steps=1)), []
 
     def source() -> Iterator[ShardTask]:
@@ -350,12 +350,12 @@ MARK = "AGENTHIJACK_TEST_RAY"
 AGENTS = {"ray::DashboardAgent", "ray::RuntimeEnvAgent"}
 SHORT = """
 import sys
-from pipelines import cli
-from pipelines.building.options import BuildOptions
+from pipelines import dataset_commands
+from pipelines.building.build_options import BuildOptions
 
 if __name__ == "__main__":
     BuildOptions.__init__.__kwdefaults__["rows_per_shard"] = 1
-    cli.build(sys.argv[1:])
+    dataset_commands.build(sys.argv[1:])
 """
 
 

@@ -12,11 +12,11 @@ import pytest
 import hijack_data as hj
 from hijack_data.errors import MissingDependencyError, UnknownNameError
 from pipelines import build
-from pipelines.building.rows import RowSettings
 from pipelines.building.shards import ShardTask, build_shard, shard_tasks
+from pipelines.building.step_rows import RowSettings
 from pipelines.dataset.manifest import libraries
 from pipelines.engines import ray as engine
-from pipelines.engines import ray_connection, remote
+from pipelines.engines import ray_connection, remote_worker
 from pipelines.errors import BuildError
 from pipelines.sources import Sources
 
@@ -24,53 +24,55 @@ MARKS = hj.Marks(number=4, mark_size=8)
 
 
 def task_of(source: Path) -> ShardTask:
-    (task,) = shard_tasks(Sources.of(source).read(), 500, 2, print)
+    (task,) = shard_tasks(Sources.open(source).read(), 500, 2, print)
     return task
 
 
 @pytest.fixture
-def errand(tmp_path: Path) -> remote.Errand:
+def job(tmp_path: Path) -> remote_worker.ShardJob:
     out = tmp_path / "shared"
     (out / ".build").mkdir(parents=True)
     (out / "data").mkdir()
     (out / ".build" / "token").write_text("abc")
-    return remote.Errand(RowSettings((("marks", MARKS),)), out, "abc", libraries(False), None, {})
+    return remote_worker.ShardJob(
+        RowSettings((("marks", MARKS),)), out, "abc", libraries(False), None, {}
+    )
 
 
 def test_a_node_that_sees_other_files_or_has_other_libraries(
-    errand: remote.Errand, recording: Any, monkeypatch: pytest.MonkeyPatch
+    job: remote_worker.ShardJob, recording: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(remote, "PATIENCE", 0)
+    monkeypatch.setattr(remote_worker, "SHARED_FILE_TIMEOUT_S", 0)
     task = task_of(recording(trajectories=1, steps=2))
-    record = remote.make({"task": task}, errand)["made"]
-    assert record == build_shard(task, errand.settings, errand.out)
-    (errand.out / "data" / record.file).unlink(missing_ok=True)
+    record = remote_worker.make({"task": task}, job)["made"]
+    assert record == build_shard(task, job.settings, job.out)
+    (job.out / "data" / record.file).unlink(missing_ok=True)
 
     def refused(task: ShardTask, **changes: Any) -> str:
-        error = remote.make({"task": task}, replace(errand, **changes))["made"]
+        error = remote_worker.make({"task": task}, replace(job, **changes))["made"]
         assert isinstance(error, BuildError)
         return str(error)
 
-    assert str(errand.out) in refused(task, token="abd")
-    assert "all nodes share" in refused(task, out=errand.out / "elsewhere")
-    assert "pillow" in refused(task, libraries={**errand.libraries, "pillow": "1.0"})
+    assert str(job.out) in refused(task, token="abd")
+    assert "all nodes share" in refused(task, out=job.out / "elsewhere")
+    assert "pillow" in refused(task, libraries={**job.libraries, "pillow": "1.0"})
     assert "recorded pictures" in refused(task, assets={"sha256": "0"})
     picture = Path(task.trajectories[0].steps[1].image)
     picture.write_bytes(picture.read_bytes() + b"more")
     assert str(task.root) in refused(task)
     shutil.rmtree(task.root)
     assert "does not see the pictures" in refused(task)
-    assert not list(errand.out.rglob("*.parquet.*"))
+    assert not list(job.out.rglob("*.parquet.*"))
 
 
 def test_a_shard_that_was_written_elsewhere(
-    errand: remote.Errand, recording: Any, monkeypatch: Any
+    job: remote_worker.ShardJob, recording: Any, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr(remote, "PATIENCE", 0)
+    monkeypatch.setattr(remote_worker, "SHARED_FILE_TIMEOUT_S", 0)
     task = task_of(recording(trajectories=1, steps=1))
-    record = build_shard(task, errand.settings, errand.out)
-    assert engine._record(record, "n1", errand.out) is record
-    for other in (errand.out / "local", errand.out):
+    record = build_shard(task, job.settings, job.out)
+    assert engine._record(record, "n1", job.out) is record
+    for other in (job.out / "local", job.out):
         with pytest.raises(
             BuildError,
             match=rf"{other}/data/train-00000.parquet: the node n1 wrote.*all nodes share",

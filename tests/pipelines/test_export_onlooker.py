@@ -21,10 +21,10 @@ from hijack_data.errors import ParameterError, ParameterTypeError
 from pipelines import build, open_dataset
 from pipelines.errors import BuildError, DatasetError
 from pipelines.exports import export
-from pipelines.exports.onlooker.change import TOLERANCE
+from pipelines.exports.onlooker.messages import NOT_THE_AGENT
 from pipelines.exports.onlooker.sampling import NEEDED
-from pipelines.exports.onlooker.steps import RowFrame, frames_by_step
-from pipelines.exports.onlooker.words import NOT_THE_AGENT
+from pipelines.exports.onlooker.screen_change import TOLERANCE
+from pipelines.exports.onlooker.step_frames import RowFrame, frames_by_step
 
 TABLES = ("reminders", "summaries", "recovery")
 ROOT = Path(__file__).resolve().parents[2]

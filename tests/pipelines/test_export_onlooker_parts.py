@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from hijack_data.types import ACTION_TYPES
 from pipelines.dataset.columns import ACTION
-from pipelines.exports.onlooker.change import TOLERANCE, ScreenChange, measure
+from pipelines.exports.onlooker.messages import MAX_QUOTED_CHARS, describe_action, summary_messages
 from pipelines.exports.onlooker.sampling import KINDS, NEEDED, OnlookerSampler
-from pipelines.exports.onlooker.words import QUOTED, did, summary_messages
+from pipelines.exports.onlooker.screen_change import TOLERANCE, ScreenChange, measure
 
 frames = st.lists(
     st.tuples(st.integers(0, 3), st.sampled_from(["clean", "marks", "touch", "lock"])),
@@ -82,10 +82,10 @@ def test_each_kind_is_drawn_as_often() -> None:
 
 def test_words_for_every_action() -> None:
     empty: dict[str, Any] = dict.fromkeys(ACTION)
-    found = {kind: did({**empty, "type": kind}, "") for kind in ACTION_TYPES}
+    found = {kind: describe_action({**empty, "type": kind}, "") for kind in ACTION_TYPES}
     assert len(set(found.values())) == len(ACTION_TYPES)
     full = {**empty, "x": 1, "y": 2, "x2": 3, "y2": 4, "text": 'a "b"\n', "keys": ["ctrl", "s"]}
-    says = lambda kind, **more: did(  # noqa: E731
+    says = lambda kind, **more: describe_action(  # noqa: E731
         {**full, "type": kind, **more}, ""
     )
     assert says("right_click", keys=["shift"]) == "right-clicked at (1, 2) while holding shift"
@@ -100,7 +100,7 @@ def test_words_for_every_action() -> None:
     assert says("type", keys=None) == r'typed "a \"b\"\n"'
     assert (says("hotkey"), says("key_up", keys=["alt"])) == ("pressed ctrl+s", "let go of alt")
     long = says("type", keys=None, text="x" * 999)
-    assert long == f'typed "{"x" * QUOTED}..."'
+    assert long == f'typed "{"x" * MAX_QUOTED_CHARS}..."'
     assert [
         message["content"].count("<image>")
         for message in summary_messages("<image>", "<image>", "<image>")

@@ -11,8 +11,8 @@ from PIL import Image
 
 import hijack_data as hj
 from hijack_data.errors import ImageTypeError
-from hijack_data.files import decode_image, sha256_of
-from pipelines.dataset.images import HEAD, LEVEL, Base, deflate, encode, touched
+from hijack_data.file_io import decode_image, pixel_sha256
+from pipelines.dataset.image_codec import HEAD, LEVEL, BaseImage, changed_rows, deflate, encode
 
 
 @given(st.integers(1, 40), st.integers(1, 40), st.integers(0, 2**32 - 1), st.booleans())
@@ -29,7 +29,7 @@ def test_what_is_encoded_decodes_to_the_same_pixels(
 def test_an_array_that_is_a_view_encodes_like_its_copy() -> None:
     image = np.random.default_rng(1).integers(0, 256, (30, 40, 3), dtype=np.uint8)[::2, ::-1]
     assert encode(image) == encode(image.copy())
-    assert sha256_of(image) == sha256_of(image.copy())
+    assert pixel_sha256(image) == pixel_sha256(image.copy())
 
 
 def test_pillow_sees_a_plain_rgb_png() -> None:
@@ -59,10 +59,10 @@ def test_a_part_encoded_again_is_the_whole_encoded_again(
         end = data.draw(st.integers(first + 1, height))
         after[first:end] = numbers.integers(0, 4, (end - first, width, 3), dtype=np.uint8)
         rows.append((first, end))
-    base = Base(before)
-    assert base.png_of(after, rows) == encode(after)
-    assert base.sha256_of(after, rows) == sha256_of(after)
-    assert (base.png, base.sha256) == (encode(before), sha256_of(before))
+    base = BaseImage(before)
+    assert base.encode_variant(after, rows) == encode(after)
+    assert base.hash_variant(after, rows) == pixel_sha256(after)
+    assert (base.png, base.sha256) == (encode(before), pixel_sha256(before))
 
 
 @pytest.mark.parametrize("name", ["pop_ups", "marks", "subtitle"])
@@ -75,8 +75,8 @@ def test_a_plan_changes_no_row_but_those_it_touches(name: str, size: tuple[int, 
         "subtitle": {"font_size": 9, "padding": 5},
     }
     for sample in range(5):
-        plan = hj.get(name, **small[name]).plan(hj.Scene(size), seed=1, sample=sample)
-        rows = touched(plan)
+        plan = hj.make_corruption(name, **small[name]).plan(hj.Scene(size), seed=1, sample=sample)
+        rows = changed_rows(plan)
         assert rows
         inside = np.zeros(size[0], bool)
         for first, end in rows:
@@ -87,8 +87,8 @@ def test_a_plan_changes_no_row_but_those_it_touches(name: str, size: tuple[int, 
 
 
 def test_what_changes_the_size_touches_everything() -> None:
-    assert touched(hj.Resolution().plan(hj.Scene((200, 320)), seed=1)) is None
-    assert touched(hj.Plan.clean((200, 320))) == []
+    assert changed_rows(hj.Resolution().plan(hj.Scene((200, 320)), seed=1)) is None
+    assert changed_rows(hj.Plan.clean((200, 320))) == []
 
 
 @pytest.mark.parametrize("turn", [0, 1])

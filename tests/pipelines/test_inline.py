@@ -2,7 +2,7 @@ import pytest
 
 import hijack_data as hj
 from hijack_data.errors import UnknownNameError
-from pipelines.building.inline import parse
+from pipelines.building.inline_corruptions import parse
 from pipelines.errors import BuildError
 
 
@@ -29,7 +29,7 @@ from pipelines.errors import BuildError
         ("none", {}),
     ],
 )
-def test_a_line_of_corruptions(text: str, expected: dict[str, hj.Corruption]) -> None:
+def test_a_line_of_corruptions(text: str, expected: dict[str, hj.plugin.Corruption]) -> None:
     found = parse(text)
     assert found.planners == expected
     assert list(found.planners) == list(expected)

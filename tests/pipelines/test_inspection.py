@@ -9,9 +9,9 @@ from click.testing import CliRunner
 
 import hijack_data as hj
 from hijack_data.cli import hijack
-from pipelines import build, inspect
+from pipelines import build, inspect_source
 from pipelines.errors import BuildError, SourceError
-from pipelines.inspection import UNKNOWN, coordinates_of
+from pipelines.inspection import UNKNOWN, coordinate_space
 from pipelines.readers import names
 
 from support.events import with_apps
@@ -28,7 +28,7 @@ def test_what_a_source_holds(
         good_line("new", 0, image="images/t0-0.png", action={"type": "wait"}, apps=["chrome"]),
     )
     (folder / "notes.json").write_text("{}")
-    found = inspect(folder, corruptions=small, sample=2)
+    found = inspect_source(folder, corruptions=small, sample=2)
     assert found.formats == {"jsonl": [5, 13]}
     assert (found.trajectories, found.steps) == (5, 13)
     assert (found.sizes, found.actions) == ({"320x200": 13}, {"click": 12, "wait": 1})
@@ -44,7 +44,7 @@ def test_what_a_source_holds(
 def test_the_outlook_is_that_of_the_build(
     browsing: Path, nine: Any, assets: Path, tmp_path: Path
 ) -> None:
-    found = inspect(browsing, corruptions=nine, assets=assets, sample=9)
+    found = inspect_source(browsing, corruptions=nine, assets=assets, sample=9)
     report = build(browsing, tmp_path / "out", corruptions=nine, assets=assets)
     assert found.outlook is not None
     assert (found.outlook.rows, found.outlook.not_applicable) == (
@@ -60,14 +60,14 @@ def test_the_outlook_is_that_of_the_build(
         {"apps": "chrome"},
         {"apps": "chrome", "platform": "linux-xfce"},
         {"platform": "windows"},
-        {"platform": "windows", "foreign": True},
+        {"platform": "windows", "allow_platform_mismatch": True},
     ],
 )
 def test_the_outlook_follows_what_the_user_states(
     options: dict[str, Any], recording: Any, nine: Any, assets: Path, tmp_path: Path
 ) -> None:
     source = with_apps(recording(trajectories=1, steps=2), [], platform=lambda row: None)
-    found = inspect(source, corruptions=nine, assets=assets, **options)
+    found = inspect_source(source, corruptions=nine, assets=assets, **options)
     report = build(source, tmp_path / "out", corruptions=nine, assets=assets, **options)
     assert found.outlook is not None
     assert (found.outlook.rows, found.outlook.not_applicable) == (
@@ -83,15 +83,15 @@ def test_the_outlook_follows_the_stated_coordinates_and_boxes(tmp_path: Path) ->
     chat.mkdir()
     write_lines(chat / "a.jsonl", [_fractions()])
     (chat / "0.png").write_bytes(png())
-    assert inspect(chat, corruptions="resolution").rejected
+    assert inspect_source(chat, corruptions="resolution").rejected
     for space, readable in (("fractions", 1), ("pixels", 0)):
-        found = inspect(chat, corruptions="resolution", coordinates=space)
+        found = inspect_source(chat, corruptions="resolution", coordinates=space)
         report = build(chat, tmp_path / space, corruptions="resolution", coordinates=space)
         assert found.steps == report.rows["clean"] == readable
     with pytest.raises(BuildError, match="boxes 'xywh'"):
-        inspect(chat, boxes="xywh")
+        inspect_source(chat, boxes="xywh")
     with pytest.raises(BuildError, match="did you mean 'fractions'"):
-        inspect(chat, coordinates="fraction")
+        inspect_source(chat, coordinates="fraction")
 
 
 def _fractions() -> dict[str, Any]:
@@ -105,10 +105,10 @@ def test_a_sample_of_each_format_and_source(tmp_path: Path) -> None:
     for place, name in (("a/one", "osworld"), ("a/two", "webvoyager"), ("b", "osworld")):
         (tmp_path / place).mkdir(parents=True)
         FORMATS[name](tmp_path / place)
-    found = inspect([tmp_path / "a", tmp_path / "b"], corruptions="resolution", sample=1)
+    found = inspect_source([tmp_path / "a", tmp_path / "b"], corruptions="resolution", sample=1)
     assert found.formats == {"osworld": [2, 4], "webvoyager": [1, 2]}
     assert found.looked_at == (3, 6)
-    assert inspect(tmp_path / "b", sample=0).outlook is None
+    assert inspect_source(tmp_path / "b", sample=0).outlook is None
 
 
 def test_facts_are_those_of_the_build_over_all_rows(
@@ -121,7 +121,7 @@ def test_facts_are_those_of_the_build_over_all_rows(
         more = {"domain": domain, "platform": None, "apps": ["chrome"]}
         add_line(source, good_line(name, 0, image="images/t0-0.png", **more))
     options: dict[str, Any] = {"corruptions": "verification", "assets": assets}
-    found = inspect(source, sample=1, **options)
+    found = inspect_source(source, sample=1, **options)
     assert found.platforms == {"linux-xfce": 4, "android": 1, "web": 1, UNKNOWN: 1}
     assert found.screens == {"desktop": 4, "phone": 1, "web page": 1, UNKNOWN: 1}
     assert found.apps == {"chrome": 7}
@@ -134,14 +134,14 @@ def test_facts_are_those_of_the_build_over_all_rows(
 
 @pytest.mark.parametrize("name", names())
 def test_every_reader_says_what_its_coordinates_are(name: str) -> None:
-    assert coordinates_of(name) not in ("", UNKNOWN)
+    assert coordinate_space(name) not in ("", UNKNOWN)
 
 
 def test_pictures_inside_records_have_a_size_too(tmp_path: Path) -> None:
     for name in ("anthropic", "parquet"):
         (tmp_path / name).mkdir()
         FORMATS[name](tmp_path / name)
-    assert inspect(tmp_path, sample=0).sizes == {"400x200": 4}
+    assert inspect_source(tmp_path, sample=0).sizes == {"400x200": 4}
 
 
 def test_the_command(recording: Any, add_line: Any) -> None:
@@ -170,7 +170,7 @@ def test_the_command(recording: Any, add_line: Any) -> None:
 def test_the_command_takes_what_a_build_takes(recording: Any, assets: Path) -> None:
     source = with_apps(recording(trajectories=1, steps=1), [], platform=lambda row: None)
     command = ["inspect", str(source), "--corruptions", "verification", "--assets", str(assets)]
-    options = ["--apps", "chrome", "--platform", "windows", "--foreign", "--json"]
+    options = ["--apps", "chrome", "--platform", "windows", "--allow-platform-mismatch", "--json"]
     result = CliRunner().invoke(hijack, [*command, *options])
     assert result.exit_code == 0, result.output
     data = json.loads(result.output)
@@ -184,5 +184,5 @@ def test_the_command_takes_what_a_build_takes(recording: Any, assets: Path) -> N
 
 def test_there_is_nothing_to_inspect(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="is empty"):
-        inspect(tmp_path)
+        inspect_source(tmp_path)
     assert hj.HijackError in SourceError.__mro__

@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from hijack_data.apps import names_of
+from hijack_data.apps import collect_apps
 from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError, ParameterError, ParameterTypeError
 from hijack_data.platforms import as_platform, find_platform
 from hijack_data.types import Trajectory
-from pipelines import build, inspect, open_dataset, verify
-from pipelines.building.folder import parameters_in
+from pipelines import build, inspect_source, open_dataset, verify
+from pipelines.building.output_folder import parameters_in
 from pipelines.errors import BuildError, SourceError
-from pipelines.knowledge import SIDECAR, knowledge_of
+from pipelines.knowledge import SIDECAR, read_knowledge
 from pipelines.readers import get_reader
 
 from support.events import FIVE, with_apps
@@ -203,13 +203,13 @@ def without(folder: Path) -> Path:
         (
             {"platform": "windows"},
             None,
-            r"shows windows, and the pictures are of an Xfce .* --foreign \(in Python",
+            r"shows windows, and the pictures are of an Xfce .* --allow-platform-mismatch \(in Python",
         ),
-        ({"platform": "windows", "foreign": True}, "foreign", ""),
-        ({"foreign": True}, None, UNSAID),
-        ({"platform": "xfce", "foreign": True}, "recorded", ""),
-        ({"platform": "android", "foreign": True}, None, "show a phone"),
-        ({"platform": "web", "foreign": True}, None, "show a web page"),
+        ({"platform": "windows", "allow_platform_mismatch": True}, "foreign", ""),
+        ({"allow_platform_mismatch": True}, None, UNSAID),
+        ({"platform": "xfce", "allow_platform_mismatch": True}, "recorded", ""),
+        ({"platform": "android", "allow_platform_mismatch": True}, None, "show a phone"),
+        ({"platform": "web", "allow_platform_mismatch": True}, None, "show a web page"),
     ],
 )
 def test_our_desktop_is_shown_on_its_own_platform_or_on_request(
@@ -235,8 +235,8 @@ def test_options_hold_where_the_source_does_not_say(
     shard = Path("data", "train-00000.parquet")
     assert (tmp_path / "plain" / shard).read_bytes() == (tmp_path / "told" / shard).read_bytes()
     with_apps(browsing, ["chrome"], platform=lambda row: "linux")
-    known = knowledge_of(browsing, platform="linux-xfce")
-    assert {item.platform for item in known.told(get_reader("jsonl").read(browsing))} == {
+    known = read_knowledge(browsing, platform="linux-xfce")
+    assert {item.platform for item in known.complete(get_reader("jsonl").read(browsing))} == {
         "linux-xfce"
     }  # type: ignore[union-attr]
 
@@ -251,7 +251,7 @@ def test_apps_of_all_trajectories_are_checked_against_each(
         add_line(
             source, good_line(name, 0, image="images/t0-0.png", instruction=instruction, apps=None)
         )
-    found = inspect(source, apps="chrome", sample=0)
+    found = inspect_source(source, apps="chrome", sample=0)
     assert found.apps == {"chrome": 2, "not said": 1}
     assert any("instruction names another program, such as crop" in note for note in found.notes)
     add_line(source, good_line("mail", 0, image="images/t0-0.png", apps=["Thunderbird"]))
@@ -260,19 +260,23 @@ def test_apps_of_all_trajectories_are_checked_against_each(
         build(source, tmp_path / "out", apps="chrome")
     entry = {"match": "mail", "apps": ["thunderbird"]}
     (source / SIDECAR).write_text(json.dumps({"recordings": [entry]}))
-    assert inspect(source, apps="chrome", sample=0).apps["thunderbird"] == 1
+    assert inspect_source(source, apps="chrome", sample=0).apps["thunderbird"] == 1
 
 
 @pytest.mark.parametrize("name", ["windows", "Windows 11", "macOS", "Ubuntu 22.04"])
 def test_a_platform_is_no_application(name: str) -> None:
-    assert names_of([name, "VLC"]) == {"vlc"}
+    assert collect_apps([name, "VLC"]) == {"vlc"}
 
 
 def test_a_phone_stays_one_whatever_the_option_says(recording: Any, tmp_path: Path) -> None:
     source = with_apps(recording(trajectories=1, steps=1), [], domain=lambda row: "mobile")
     with_apps(source, [], platform=lambda row: None)
     report = build(
-        source, tmp_path / "out", corruptions="verification", platform="linux-xfce", foreign=True
+        source,
+        tmp_path / "out",
+        corruptions="verification",
+        platform="linux-xfce",
+        allow_platform_mismatch=True,
     )
     assert "show a phone" in str(report.not_applicable)
 
@@ -280,18 +284,25 @@ def test_a_phone_stays_one_whatever_the_option_says(recording: Any, tmp_path: Pa
 def test_manifest_and_card_know_what_was_told(recording: Any, assets: Path, tmp_path: Path) -> None:
     source, out = without(recording(trajectories=1, steps=1)), tmp_path / "out"
     options: dict[str, Any] = {"corruptions": "multi_apps", "assets": assets}
-    told = {"apps": ["Google Chrome", "code"], "platform": "Win11", "foreign": True}
+    told = {"apps": ["Google Chrome", "code"], "platform": "Win11", "allow_platform_mismatch": True}
     build(source, out, **options, **told)
     parameters = parameters_in(out)
     assert parameters["recordings"] == {"apps": ["chrome", "vscode"], "platform": "windows"}
-    assert parameters["foreign"] is True
-    assert "--apps chrome,vscode --platform windows --foreign" in (out / "README.md").read_text()
-    for other in ({**told, "apps": "gimp"}, {**told, "platform": None}, {**told, "foreign": False}):
+    assert parameters["allow_platform_mismatch"] is True
+    assert (
+        "--apps chrome,vscode --platform windows --allow-platform-mismatch"
+        in (out / "README.md").read_text()
+    )
+    for other in (
+        {**told, "apps": "gimp"},
+        {**told, "platform": None},
+        {**told, "allow_platform_mismatch": False},
+    ):
         with pytest.raises(BuildError, match="was begun with other parameters"):
             build(source, out, resume=True, **options, **other)
     assert build(source, out, resume=True, **options, **told).kept == 1
     build(source, tmp_path / "plain", **options)
-    assert not {"recordings", "foreign"} & parameters_in(tmp_path / "plain").keys()
+    assert not {"recordings", "allow_platform_mismatch"} & parameters_in(tmp_path / "plain").keys()
 
 
 @pytest.mark.parametrize(
@@ -341,7 +352,7 @@ def test_a_file_in_the_source_says_it_by_trajectory(
         "recordings:\n- {match: t0, apps: [Chromium]}\n- {match: 't[01]', apps: [vlc], platform:"
         " xfce}\n"
     )
-    items = list(knowledge_of(source, "gimp", "macos").told(get_reader("jsonl").read(source)))
+    items = list(read_knowledge(source, "gimp", "macos").complete(get_reader("jsonl").read(source)))
     found = [(item.id, item.apps, item.platform) for item in items if isinstance(item, Trajectory)]
     assert found == [
         ("t0", ("chrome",), "linux-xfce"),

@@ -16,10 +16,10 @@ from PIL import Image
 
 import hijack_data as hj
 from hijack_data.cli import hijack
-from hijack_data.labels.rows import params_json
+from hijack_data.labels.dataset_rows import params_json
 from pipelines import build, open_dataset, render, verify
 from pipelines.dataset.columns import BASE
-from pipelines.dataset.lazy import plan_of, stored_plan
+from pipelines.dataset.lazy_rows import row_plan, stored_plan
 from pipelines.errors import DatasetError
 
 from support.rows import assert_same_rows, load
@@ -84,7 +84,7 @@ def test_each_picture_is_stored_once(
     recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "pipelines.building.writers.GROUP_ROWS", 3
+        "pipelines.building.parquet_writer.GROUP_ROWS", 3
     )  # a group must not end inside a step
     _, lazy = pair(recording(), tmp_path)
     (file,) = (lazy / "data").iterdir()
@@ -101,7 +101,7 @@ def test_each_picture_is_stored_once(
 def test_groups_close_at_both_limits(
     group_bytes: int, recording: Any, tmp_path: Path, monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr("pipelines.building.writers.GROUP_BYTES", group_bytes)
+    monkeypatch.setattr("pipelines.building.parquet_writer.GROUP_BYTES", group_bytes)
     _, lazy = pair(recording(), tmp_path)
     (file,) = (lazy / "data").iterdir()
     assert pq.ParquetFile(file).num_row_groups == (6 if group_bytes == 1 else 2)
@@ -306,7 +306,9 @@ def test_the_configuration_and_the_card_of_a_lazy_build(recording: Any, tmp_path
     st.text(min_size=1, max_size=8),
     st.integers(0, 2**31 - 1),
 )
-def test_recipes_give_back_the_plan(spec: hj.Corruption, seed: int, sample: str, step: int) -> None:
+def test_recipes_give_back_the_plan(
+    spec: hj.plugin.Corruption, seed: int, sample: str, step: int
+) -> None:
     plan = spec.plan(hj.Scene((600, 800)), seed=seed, sample=sample, step=step)
     row = {
         "id": "x",
@@ -317,7 +319,7 @@ def test_recipes_give_back_the_plan(spec: hj.Corruption, seed: int, sample: str,
     }
     recipe = stored_plan(plan, row)
     assert len(recipe) < 80
-    assert plan_of({**row, "plan": recipe, "plan_digest": plan.digest()}, plan.size) == plan
+    assert row_plan({**row, "plan": recipe, "plan_digest": plan.digest()}, plan.size) == plan
     other = stored_plan(plan, {**row, "seed": seed ^ 1})
     assert hj.Plan.from_json(other) == plan if other != recipe else not hasattr(spec, "number")
 

@@ -39,7 +39,7 @@ def shards(folder: Path) -> dict[str, bytes]:
 @pytest.fixture
 def fresh(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Forget what is loaded: now, and after the test."""
-    registry.names()
+    registry.corruption_names()
     kept = dict(registry.CORRUPTIONS.entries)
 
     def forget() -> None:
@@ -100,8 +100,8 @@ def test_files_in_use_are_recorded(recording: Any, tmp_path: Path, fresh: Any, s
     source = recording()
     made: dict[str, Any] = {
         "none": small["marks"],
-        "one": hj.OneOf([hj.Sequence([small["marks"], hj.get("one")])]),
-        "two": hj.Schedule(lambda epoch: hj.get("two")),
+        "one": hj.OneOf([hj.Sequence([small["marks"], hj.make_corruption("one")])]),
+        "two": hj.Schedule(lambda epoch: hj.make_corruption("two")),
     }
     for name, planner in made.items():
         build(source, tmp_path / name, corruptions={"x": planner})
@@ -149,7 +149,9 @@ def test_a_corruption_that_raises_is_named_and_the_others_are_built(
 ) -> None:
     loading.load_file(write(tmp_path, code="1 // 0"))
     made = build(
-        recording(), tmp_path / "out", corruptions={"x": hj.get("bar"), "m": small["marks"]}
+        recording(),
+        tmp_path / "out",
+        corruptions={"x": hj.make_corruption("bar"), "m": small["marks"]},
     )
     assert dict(made.rows) == {"clean": 6, "x": 0, "m": 6}
     ((reason, count),) = made.not_applicable["x"].items()

@@ -12,7 +12,7 @@ import pytest
 
 import hijack_data as hj
 from pipelines import build, open_dataset
-from pipelines.dataset.access import RowReader
+from pipelines.dataset.row_reader import RowReader
 from pipelines.errors import DatasetError
 
 PLANNERS: dict[str, Any] = {"marks": hj.Marks(number=4, mark_size=8), "half": hj.Resolution()}
@@ -138,8 +138,8 @@ def test_one_row_reads_one_row_group(dataset: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_caches_are_bounded(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipelines.dataset.access.OPEN_FILES", 1)
-    monkeypatch.setattr("pipelines.dataset.access.GROUPS", 1)
+    monkeypatch.setattr("pipelines.dataset.row_reader.OPEN_FILES", 1)
+    monkeypatch.setattr("pipelines.dataset.row_reader.GROUPS", 1)
     rows = open_dataset(dataset)
     names = [row["id"] for row in rows]
     assert [rows[i]["id"] for i in (38, 0, 20, 37, 1)] == [names[i] for i in (38, 0, 20, 37, 1)]

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from pipelines import build, open_dataset
-from pipelines.building import reading
-from pipelines.building.options import DEFAULTS, BuildKeywords, BuildOptions
+from pipelines.building import item_buffer
+from pipelines.building.build_options import DEFAULTS, BuildKeywords, BuildOptions
 from pipelines.errors import BuildError
 from pipelines.readers.jsonl import Jsonl
 
@@ -76,7 +76,7 @@ def test_progress_reads_a_small_source_once(
         return real(self, source)
 
     monkeypatch.setattr(Jsonl, "read", counted)
-    monkeypatch.setattr(reading, "KEPT_STEPS", kept_steps)
+    monkeypatch.setattr(item_buffer, "MAX_BUFFERED_STEPS", kept_steps)
     calls: list[tuple[int, int]] = []
     build(
         recording(),

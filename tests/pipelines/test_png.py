@@ -13,15 +13,15 @@ from isal import isal_zlib
 from PIL import ExifTags, Image
 
 from hijack_data.errors import ImageError
-from hijack_data.files import decode_image
+from hijack_data.file_io import decode_image
 from hijack_data.kernels.cpu import jit
-from pipelines.dataset import png
-from pipelines.dataset.images import decode, encode
+from pipelines.dataset import png_decoder
+from pipelines.dataset.image_codec import decode, encode
 
 
 @pytest.fixture(autouse=True)
 def compiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jit._state, "forgone", jit.START)
+    monkeypatch.setattr(jit._state, "forgone", jit.NUMBA_LOADING_MS)
 
 
 def chunk(name: bytes, body: bytes) -> bytes:
@@ -41,7 +41,7 @@ def png_file(
     packed = zlib.compress(raw)
     parts = (packed[:5], packed[5:])
     body = b"".join(chunk(b"IDAT", part) for part in parts)
-    return png.SIGNATURE + chunk(b"IHDR", header) + extra + body + chunk(b"IEND", b"")
+    return png_decoder.SIGNATURE + chunk(b"IHDR", header) + extra + body + chunk(b"IEND", b"")
 
 
 def filtered(width: int, height: int, channels: int, seed: int, kinds: list[int]) -> bytes:
@@ -72,9 +72,9 @@ def test_every_filter_is_undone_as_pillow_does(
 ) -> None:
     pytest.importorskip("numba")
     data = png_file(
-        width, height, filtered(width, height, png.CHANNELS[colour], seed, kinds), colour
+        width, height, filtered(width, height, png_decoder.CHANNELS[colour], seed, kinds), colour
     )
-    found = png.read(data, isal_zlib)
+    found = png_decoder.read(data, isal_zlib)
     assert found is not None
     assert np.array_equal(found, pillow(data))
     assert found.flags.writeable
@@ -84,7 +84,7 @@ def test_the_kernel_is_the_function_that_was_compiled() -> None:
     raw = np.frombuffer(filtered(5, 6, 4, 1, [4, 3, 2, 1, 0]), np.uint8).reshape(6, 21)
     out = np.empty((6, 5, 3), np.uint8)
     with np.errstate(over="ignore"):
-        png._unfilter(raw, out)
+        png_decoder._unfilter(raw, out)
     assert np.array_equal(out, pillow(png_file(5, 6, raw.tobytes(), 6)))
 
 
@@ -93,8 +93,10 @@ def test_the_first_pictures_are_left_to_pillow_until_numba_has_paid_for_itself(
 ) -> None:
     pytest.importorskip("numba")
     data = png_file(30, 20, filtered(30, 20, 3, 0, [4, 1]))
-    monkeypatch.setattr(jit._state, "forgone", jit.START - 2.5 * png.SAVES * 30 * 20)
-    found = [png.read(data, isal_zlib) is not None for _ in range(5)]
+    monkeypatch.setattr(
+        jit._state, "forgone", jit.NUMBA_LOADING_MS - 2.5 * png_decoder.SAVES * 30 * 20
+    )
+    found = [png_decoder.read(data, isal_zlib) is not None for _ in range(5)]
     assert found == [False, False, False, True, True]
     assert np.array_equal(decode(data, "x"), pillow(data))
 
@@ -102,7 +104,7 @@ def test_the_first_pictures_are_left_to_pillow_until_numba_has_paid_for_itself(
 def test_what_needs_no_compiled_reader_waits_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jit._state, "forgone", 0.0)
     data = png_file(30, 20, filtered(30, 20, 3, 0, [2]))
-    found = png.read(data, isal_zlib)
+    found = png_decoder.read(data, isal_zlib)
     assert found is not None
     assert np.array_equal(found, pillow(data))
 
@@ -111,7 +113,7 @@ def test_real_screenshots(shared_data: Path) -> None:
     read = 0
     for file in sorted((shared_data / "screenshots").glob("*.png"))[::7]:
         data = file.read_bytes()
-        found = png.read(data, isal_zlib)
+        found = png_decoder.read(data, isal_zlib)
         assert np.array_equal(decode(data, "x"), decode_image(data, "x")[0]), file.name
         read += found is not None
     assert read >= 8
@@ -134,19 +136,19 @@ GOOD = png_file(3, 2, filtered(3, 2, 3, 0, [4, 1]))
         png_file(2**31 - 1, 2**31 - 1, b""),
         b"",
         b"rubbish",
-        png.SIGNATURE,
+        png_decoder.SIGNATURE,
         *(GOOD[:end] for end in (20, 40, 60, len(GOOD) - 12, len(GOOD) - 1)),
     ],
 )
 def test_what_is_not_for_this_reader(data: bytes) -> None:
-    assert png.read(data, isal_zlib) is None
+    assert png_decoder.read(data, isal_zlib) is None
 
 
 @given(st.integers(0, len(GOOD) - 1), st.integers(1, 255))
 def test_a_changed_byte_never_gives_another_picture(at: int, change: int) -> None:
     damaged = bytearray(GOOD)
     damaged[at] ^= change
-    found = png.read(bytes(damaged), isal_zlib)
+    found = png_decoder.read(bytes(damaged), isal_zlib)
     assert found is None or np.array_equal(found, pillow(GOOD))
 
 
@@ -168,7 +170,7 @@ def orientation_chunks() -> dict[str, bytes]:
 @pytest.mark.parametrize("name", list(orientation_chunks()))
 def test_a_picture_that_is_to_be_turned_is_left_to_pillow_and_refused(name: str) -> None:
     data = png_file(3, 2, filtered(3, 2, 3, 0, [2]), extra=orientation_chunks()[name])
-    assert png.read(data, isal_zlib) is None
+    assert png_decoder.read(data, isal_zlib) is None
     with pytest.raises(ImageError, match="its EXIF orientation 6 turns it"):
         decode(data, "x")
 
@@ -183,7 +185,7 @@ def test_other_texts_are_passed_over() -> None:
     )
     for extra in (*texts, b"".join(texts)):
         data = png_file(3, 2, filtered(3, 2, 3, 0, [2]), extra=extra)
-        assert np.array_equal(png.read(data, isal_zlib), pillow(data))
+        assert np.array_equal(png_decoder.read(data, isal_zlib), pillow(data))
         assert np.array_equal(decode(data, "x"), pillow(data))
 
 
@@ -207,18 +209,21 @@ def test_a_wrong_sum_of_the_pixels_is_found() -> None:
     packed[-1] ^= 1
     header = struct.pack(">II5B", 3, 2, 8, 2, 0, 0, 0)
     data = (
-        png.SIGNATURE + chunk(b"IHDR", header) + chunk(b"IDAT", bytes(packed)) + chunk(b"IEND", b"")
+        png_decoder.SIGNATURE
+        + chunk(b"IHDR", header)
+        + chunk(b"IDAT", bytes(packed))
+        + chunk(b"IEND", b"")
     )
-    assert png.read(data, isal_zlib) is None
+    assert png_decoder.read(data, isal_zlib) is None
 
 
 def test_without_numba_pillow_reads_what_our_own_writer_did_not_make(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(jit, "available", lambda: False)
-    assert png.read(GOOD, isal_zlib) is None
+    assert png_decoder.read(GOOD, isal_zlib) is None
     assert np.array_equal(decode(GOOD, "x"), pillow(GOOD))
     ours = encode(pillow(GOOD))
-    assert np.array_equal(png.read(ours, isal_zlib), pillow(GOOD))  # type: ignore[arg-type]
+    assert np.array_equal(png_decoder.read(ours, isal_zlib), pillow(GOOD))  # type: ignore[arg-type]
     with pytest.raises(ImageError, match="x: damaged or cut off"):
         decode(GOOD[:50], "x")

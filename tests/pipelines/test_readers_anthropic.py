@@ -6,7 +6,7 @@ import pytest
 
 from hijack_data.types import Action, Trajectory
 from pipelines.readers import Rejected, detect_format, get_reader
-from pipelines.readers.pictures import read_picture
+from pipelines.readers.recorded_pictures import read_picture
 
 from support.formats import anthropic, png, text_of, write_json, write_lines
 

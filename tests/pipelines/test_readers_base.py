@@ -12,10 +12,10 @@ from pipelines.readers import (
     FileReader,
     Rejected,
     detect_format,
-    files,
     get_reader,
     names,
     register,
+    safe_files,
 )
 
 PLAIN = '{"trajectory_id": "a", "step": 0}'
@@ -129,12 +129,12 @@ def test_a_registered_reader_is_detected(tmp_path: Path, monkeypatch: pytest.Mon
 def test_a_name_decides_without_a_look_into_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pipelines.readers import heads
+    from pipelines.readers import file_head
 
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("the file was opened to find out its format")
 
-    monkeypatch.setattr(heads, "first_records", refuse)
+    monkeypatch.setattr(file_head, "first_records", refuse)
     (tmp_path / "trajectories.jsonl").write_text(PLAIN)
     assert detect_format(tmp_path) == "jsonl"
 
@@ -142,15 +142,15 @@ def test_a_name_decides_without_a_look_into_the_file(
 def test_the_beginning_of_a_file_is_read_once_for_all_readers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pipelines.readers import heads
+    from pipelines.readers import file_head
 
     opened: list[Path] = []
 
     def first_records(path: Path) -> list[Any]:
         opened.append(path)
-        return files.first_records(path)
+        return safe_files.first_records(path)
 
-    monkeypatch.setattr(heads, "first_records", first_records)
+    monkeypatch.setattr(file_head, "first_records", first_records)
     (tmp_path / "any.jsonl").write_text(AGENTNET)
     assert detect_format(tmp_path) == "agentnet"
     assert opened == [tmp_path / "any.jsonl"]
@@ -184,9 +184,9 @@ def test_a_registered_reader_may_be_recognized_by_the_first_records(
 def test_a_json_file_that_is_too_large_is_known_by_its_first_record(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pipelines.readers import heads
+    from pipelines.readers import file_head
 
-    monkeypatch.setattr(heads, "MAX_RECORD", 10)
+    monkeypatch.setattr(file_head, "MAX_RECORD_BYTES", 10)
     (tmp_path / "a.json").write_text('[{"messages": [], "images": ["a.png"]}, {"cut off')
     assert detect_format(tmp_path) == "chat"
 

@@ -11,9 +11,9 @@ from hijack_data.types import Trajectory
 from pipelines import build
 from pipelines.dataset.manifest import read_manifest
 from pipelines.readers import Rejected, get_reader
-from pipelines.readers.boxes import box_in, form_of
-from pipelines.readers.choices import ReaderOptions, with_choices
+from pipelines.readers.box_forms import box_in, detect_form
 from pipelines.readers.fields import FieldError
+from pipelines.readers.reader_options import ReaderOptions, with_choices
 
 from support.formats import png, write_table
 
@@ -108,7 +108,7 @@ def test_boxes_mean_the_same_in_every_form(size: Any, data: Any) -> None:
 def test_what_is_no_box(bad: Any) -> None:
     with pytest.raises(FieldError):
         box_in(("pixels", "xyxy"), bad, (200, 400), "bbox")
-    assert form_of([bad, [300, 100, 390, 190]], lambda _: (200, 400), ReaderOptions()) == (
+    assert detect_form([bad, [300, 100, 390, 190]], lambda _: (200, 400), ReaderOptions()) == (
         "pixels",
         "xyxy",
     )
@@ -122,5 +122,5 @@ def test_pictures_are_looked_at_only_as_far_as_it_matters() -> None:
         return (200, 400)
 
     boxes = [list(PLAIN), list(FAR), *[list(PLAIN)] * 100]
-    assert form_of(boxes, size, ReaderOptions()) == ("pixels", "xyxy")
+    assert detect_form(boxes, size, ReaderOptions()) == ("pixels", "xyxy")
     assert asked == [0, 1]

@@ -14,8 +14,8 @@ from hijack_data.types import Action, Trajectory
 from pipelines import build, open_dataset
 from pipelines.exports import export
 from pipelines.readers import Rejected, detect_format, get_reader
-from pipelines.readers.choices import ReaderOptions, with_choices
-from pipelines.readers.pictures import read_picture
+from pipelines.readers.reader_options import ReaderOptions, with_choices
+from pipelines.readers.recorded_pictures import read_picture
 
 from support.formats import png, ui_tars, write_json, write_lines, write_table
 

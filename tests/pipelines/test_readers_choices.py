@@ -15,9 +15,9 @@ from pipelines import build, open_dataset
 from pipelines.dataset.manifest import read_manifest
 from pipelines.errors import BuildError
 from pipelines.readers import Rejected, get_reader
-from pipelines.readers.choices import COORDINATES, ReaderOptions, with_choices
-from pipelines.readers.dialects import recorded
 from pipelines.readers.fields import FieldError
+from pipelines.readers.reader_options import COORDINATES, ReaderOptions, with_choices
+from pipelines.readers.recorded_actions import recorded
 
 from support.formats import png, screenagent, write_json, write_lines
 

@@ -9,9 +9,20 @@ from hypothesis import strategies as st
 from hijack_data.coords import CoordMap
 from hijack_data.errors import ActionError, ImageError
 from hijack_data.types import Action, Step
-from pipelines.readers.dialects import RecordedStep, code_of, first_action, observed_code
 from pipelines.readers.fields import FieldError
-from pipelines.readers.pictures import in_json, in_parquet, picture_file, picture_name, read_picture
+from pipelines.readers.recorded_actions import (
+    RecordedStep,
+    first_action,
+    observed_code,
+    raw_action_text,
+)
+from pipelines.readers.recorded_pictures import (
+    in_json,
+    in_parquet,
+    picture_file,
+    picture_name,
+    read_picture,
+)
 
 from support.formats import png, text_of, write_table
 
@@ -20,7 +31,7 @@ HALF = CoordMap((100, 200), SIZE)
 
 
 def observed(code: Any, dialect: str, coords: CoordMap = HALF) -> Any:
-    text = code_of(code, "action")
+    text = raw_action_text(code, "action")
     made = observed_code(coords, RecordedStep(0, "", Action("other"), text, dialect=dialect))
     assert (
         observed_code(
@@ -145,12 +156,12 @@ def test_values_that_a_dataset_cannot_hold(raw: Any, dialect: str) -> None:
 def test_code_that_cannot_be_kept() -> None:
     for raw in ({"a": float("nan")}, {"a": {1, 2}}, {"a": "\ud800"}):
         with pytest.raises(FieldError):
-            code_of(raw, "action")
+            raw_action_text(raw, "action")
     deep: Any = []
     for _ in range(100_000):
         deep = [deep]
     with pytest.raises(FieldError, match="cannot be kept"):
-        code_of(deep, "action")
+        raw_action_text(deep, "action")
 
 
 def test_pictures_inside_other_files(tmp_path: Path) -> None:

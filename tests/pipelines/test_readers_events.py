@@ -10,7 +10,7 @@ import hijack_data as hj
 from hijack_data.types import Action, Trajectory
 from pipelines import build, open_dataset, verify
 from pipelines.readers import Rejected, detect_format, get_reader
-from pipelines.readers.pictures import read_picture
+from pipelines.readers.recorded_pictures import read_picture
 
 from support.formats import chat_code, png, write_table
 

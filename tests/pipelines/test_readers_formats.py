@@ -19,7 +19,7 @@ from hijack_data.types import Trajectory
 from pipelines import build, verify
 from pipelines.errors import SourceError
 from pipelines.readers import Rejected, detect_format, get_reader, names
-from pipelines.readers.pictures import read_picture
+from pipelines.readers.recorded_pictures import read_picture
 
 from support.formats import FORMATS, HEIGHT, PLACELESS, POINT, SETS, WIDTH, png
 

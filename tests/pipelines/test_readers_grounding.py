@@ -11,7 +11,7 @@ from hijack_data.types import Action, Trajectory
 from pipelines import build, open_dataset
 from pipelines.errors import SourceError
 from pipelines.readers import Rejected, detect_format, get_reader
-from pipelines.readers.choices import ReaderOptions, with_choices
+from pipelines.readers.reader_options import ReaderOptions, with_choices
 
 from support.formats import grounding, png, write_json, write_lines
 

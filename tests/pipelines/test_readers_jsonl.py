@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from hijack_data.types import ACTION_TYPES, Action, Trajectory
-from pipelines.readers import Rejected, fields, files, get_reader
+from pipelines.readers import Rejected, fields, get_reader, safe_files
 from pipelines.readers.fields import ACTION_FIELDS, REQUIRED, FieldError
-from pipelines.readers.plain import FIELDS, SCHEMA
+from pipelines.readers.plain_fields import FIELDS, SCHEMA
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -196,7 +196,7 @@ def test_a_line_that_is_no_record(
     folder = recording()
     add_line(folder, data)
     if reason == "longer than":
-        monkeypatch.setattr(files, "MAX_RECORD", 2000)
+        monkeypatch.setattr(safe_files, "MAX_RECORD_BYTES", 2000)
     add_line(folder, good_line("t0", 8, image="images/t0-0.png"))
     trajectories, rejected = read(folder)
     assert [r.where for r in rejected] == ["line 7"]

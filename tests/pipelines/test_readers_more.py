@@ -9,8 +9,8 @@ import pytest
 
 from hijack_data.types import Action, Trajectory
 from pipelines.readers import RecordedTrajectory, Rejected, detect_format, get_reader
-from pipelines.readers.pictures import read_picture
-from pipelines.readers.screens import screen_of
+from pipelines.readers.recorded_pictures import read_picture
+from pipelines.readers.recording_facts import stated_screen
 
 from support.formats import Shots, android_control, cua, gui_odyssey, png, write_json, write_table
 
@@ -212,7 +212,7 @@ def test_multimodal_mind2web(tmp_path: Path) -> None:
         "",
     ]
     assert {t.steps[0].target_box for t in found} == {(80, 40, 120, 60)}
-    assert {(t.instruction, screen_of(t)) for t in found} == {("buy it", "web page")}
+    assert {(t.instruction, stated_screen(t)) for t in found} == {("buy it", "web page")}
     assert [(r.where, r.field) for r in rejected] == [
         ("row 3", "operation.op"),
         ("row 4", "pos_candidates"),

@@ -7,7 +7,7 @@ import pytest
 
 from hijack_data.types import Action, Trajectory
 from pipelines.readers import Rejected, get_reader
-from pipelines.readers.pictures import read_picture
+from pipelines.readers.recorded_pictures import read_picture
 
 from support.formats import openai, png, url, write_json, write_lines
 

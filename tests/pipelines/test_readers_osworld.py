@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from hijack_data.types import Action, Trajectory
-from pipelines.readers import Rejected, detect_format, files, get_reader
+from pipelines.readers import Rejected, detect_format, get_reader, safe_files
 
 from support.formats import TASK, osworld, png, write_json, write_lines
 
@@ -286,7 +286,7 @@ def test_pictures_of_the_authors_corrupted_runs_are_not_taken_for_clean_ones(
 
 
 def test_bad_lines_and_empty_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(files, "MAX_RECORD", 3000)
+    monkeypatch.setattr(safe_files, "MAX_RECORD_BYTES", 3000)
     osworld(tmp_path)
     good = (tmp_path / RECORDS).read_bytes()
     (tmp_path / RECORDS).write_bytes(b"\xff\n" + good + b'{"a": "' + b"x" * 5000 + b'"}\n[]\n')

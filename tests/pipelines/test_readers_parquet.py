@@ -13,9 +13,9 @@ import hijack_data as hj
 from hijack_data.types import Action, Trajectory
 from pipelines import build
 from pipelines.readers import Rejected, detect_format, get_reader
-from pipelines.readers.boxes import box_in
+from pipelines.readers.box_forms import box_in
 from pipelines.readers.fields import FieldError
-from pipelines.readers.pictures import read_picture
+from pipelines.readers.recorded_pictures import read_picture
 
 from support.formats import png, write_table
 

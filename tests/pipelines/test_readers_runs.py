@@ -29,7 +29,7 @@ SCREEN = (720, 1280)
 
 @pytest.fixture(autouse=True)
 def no_waiting(monkeypatch):
-    monkeypatch.setattr("online_env.environment.episode.WAIT", 0.0)
+    monkeypatch.setattr("online_env.environment.episode.WAIT_S", 0.0)
 
 
 def played(

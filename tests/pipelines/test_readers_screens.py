@@ -11,7 +11,7 @@ from hijack_data.errors import ParameterError
 from hijack_data.types import Trajectory
 from pipelines import build
 from pipelines.readers import RecordedTrajectory, base, get_reader, register
-from pipelines.readers.screens import screen_of
+from pipelines.readers.recording_facts import stated_screen
 
 from support.formats import FORMATS, SETS
 
@@ -25,7 +25,7 @@ def test_formats_that_show_pages_or_phones_say_so(tmp_path: Path) -> None:
     for name in every:
         first, *_ = get_reader(name).read(every[name](tmp_path / name))
         assert isinstance(first, Trajectory)
-        found[name] = screen_of(first)
+        found[name] = stated_screen(first)
     desktops = ("agentnet", "grounding", "osworld", "runs", "screenagent")
     pages = dict.fromkeys(("browser_use", "guiact", "webvoyager"), "web page")
     phones = dict.fromkeys(("aitz", "android_control", "gui_odyssey"), "phone")
@@ -51,10 +51,10 @@ def test_formats_that_show_pages_or_phones_say_so(tmp_path: Path) -> None:
     ],
 )
 def test_the_domain_says_it_where_the_reader_does_not(domain: str, expected: str | None) -> None:
-    assert screen_of(Trajectory("t", "webvoyager", "", (), domain)) == expected
-    assert screen_of(RecordedTrajectory("t", "x", "", (), domain)) == expected
+    assert stated_screen(Trajectory("t", "webvoyager", "", (), domain)) == expected
+    assert stated_screen(RecordedTrajectory("t", "x", "", (), domain)) == expected
     for said in ("desktop", "web page", "phone"):
-        assert screen_of(RecordedTrajectory("t", "x", "", (), domain, screen=said)) == said  # type: ignore[arg-type]
+        assert stated_screen(RecordedTrajectory("t", "x", "", (), domain, screen=said)) == said  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("screen", ["webpage", "", 3, ["phone"]])

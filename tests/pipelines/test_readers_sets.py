@@ -10,7 +10,7 @@ from PIL import Image
 
 from hijack_data.types import Action, Trajectory
 from pipelines.readers import Rejected, detect_format, get_reader
-from pipelines.readers.pictures import read_picture
+from pipelines.readers.recorded_pictures import read_picture
 
 from support.formats import aitz, browser_use, guiact, png, write_json, write_table
 

@@ -131,7 +131,7 @@ class Case:
 
     def build(self, out: Path, **more: Any) -> None:
         planners = {
-            label: hj.get(name, **given)
+            label: hj.make_corruption(name, **given)
             for label, (name, given) in self.options["corruptions"].items()
         }
         build(self.source, out, **{**self.options, "corruptions": planners, **more})

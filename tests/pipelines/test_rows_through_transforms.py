@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 import hijack_data as hj
-from hijack_data.actions.recorded import SCREENAGENT, SIZELESS
+from hijack_data.actions.recorded_actions import SCREENAGENT, SIZELESS
 from hijack_data.coords import CoordMap
 from hijack_data.errors import LabelError
 from hijack_data.labels import Move
-from hijack_data.labels.rows import dialect_of, moved_code
+from hijack_data.labels.dataset_rows import detect_dialect, map_action_code
 from hijack_data.plan import Plan
 from hijack_data.types import Action
 from pipelines import build, open_dataset
-from pipelines.readers.dialects import RecordedStep, observed_code
+from pipelines.readers.recorded_actions import RecordedStep, observed_code
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("torchvision")
@@ -233,10 +233,12 @@ CLICK, DRAG = Action("click", 961, 541), Action("drag", 100, 200, 300, 400)
 def test_the_dialect_of_a_row_is_told_by_what_it_says(
     code: str, dialect: str, action: Action
 ) -> None:
-    found = dialect_of(code, action, SIZE)
+    found = detect_dialect(code, action, SIZE)
     assert found == dialect or (found, dialect) == (SIZELESS, "ui_tars")
     step = RecordedStep(0, "", action, code, dialect=dialect)
-    assert moved_code(code, action, Move(SIZE, SMALL)) == observed_code(CoordMap(SMALL, SIZE), step)
+    assert map_action_code(code, action, Move(SIZE, SMALL)) == observed_code(
+        CoordMap(SMALL, SIZE), step
+    )
 
 
 def test_a_dialect_that_cannot_be_told_is_an_error() -> None:
@@ -246,4 +248,4 @@ def test_a_dialect_that_cannot_be_told_is_an_error() -> None:
         '{"do": "click", "at": [961, 541]}',
     ):
         with pytest.raises(LabelError, match="nothing says in which dialect; declare it"):
-            moved_code(code, CLICK, Move(SIZE, SMALL))
+            map_action_code(code, CLICK, Move(SIZE, SMALL))

@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 
 import hijack_data as hj
-from hijack_data.files import encode_png, write_atomic
+from hijack_data.file_io import encode_png, write_atomic
 from hijack_data.types import Trajectory
 from pipelines import build, open_dataset, verify
 from pipelines.errors import BuildError, SourceError
 from pipelines.readers import Rejected, survey
-from pipelines.sources import Sources, published
+from pipelines.sources import Sources, public_name
 
 from support.formats import FORMATS
 
@@ -35,7 +35,7 @@ def shards(out: Path) -> dict[str, str]:
 
 
 def read(*paths: Path) -> tuple[list[Trajectory], list[Rejected]]:
-    items = [read.item for read in Sources.of(list(paths)).read()]
+    items = [read.item for read in Sources.open(list(paths)).read()]
     return [i for i in items if isinstance(i, Trajectory)], [
         i for i in items if isinstance(i, Rejected)
     ]
@@ -67,7 +67,7 @@ def test_a_mixed_folder_is_read_by_all_its_readers(mixed: Path, tmp_path: Path) 
     assert rejected == []
     assert sorted(t.source for t in trajectories) == sorted(FORMATS)
     assert all(len(t.steps) == 2 for t in trajectories)
-    assert Sources.of(mixed).unread == []
+    assert Sources.open(mixed).unread == []
     report = build(mixed, tmp_path / "out", corruptions=HALF)
     assert dict(report.rows) == {"clean": 2 * len(FORMATS), "half": 2 * len(FORMATS)}
     assert (report.rejected, report.notes) == (0, ())
@@ -93,7 +93,7 @@ def test_a_mixed_folder_gives_the_same_bytes_wherever_it_lies_and_however_it_is_
 def test_a_format_is_read_alike_whether_it_was_found_or_named(name: str, tmp_path: Path) -> None:
     (tmp_path / "source").mkdir()
     FORMATS[name](tmp_path / "source")
-    found, named = (Sources.of(tmp_path / "source", given).read() for given in (None, name))
+    found, named = (Sources.open(tmp_path / "source", given).read() for given in (None, name))
     assert [read.item for read in found] == [read.item for read in named]
 
 
@@ -345,7 +345,7 @@ def test_names_that_are_not_utf8(
     ],
 )
 def test_a_dataset_names_its_source_without_the_machine(given: str, expected: str) -> None:
-    assert published(given) == expected
+    assert public_name(given) == expected
 
 
 def test_no_absolute_path_is_published(recording: Any, add_line: Any, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 import hijack_data as hj
-import pipelines.building.rows
+import pipelines.building.step_rows
 from pipelines import build, verify
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -162,7 +162,7 @@ def test_ctrl_c(workers: int, whole: Any, config: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     script = (
         "import sys\nfrom pipelines import cli\n"
-        "from pipelines.building.options import BuildOptions\n"
+        "from pipelines.building.build_options import BuildOptions\n"
         "BuildOptions.__init__.__kwdefaults__['rows_per_shard'] = 1\n"
         "if __name__ == '__main__':\n    cli.build(sys.argv[1:])\n"
     )
@@ -206,13 +206,13 @@ def test_ctrl_c(workers: int, whole: Any, config: Path, tmp_path: Path) -> None:
 def test_several_corruptions_of_one_screenshot_decode_it_once(
     recording: Any, small: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real, calls = pipelines.building.rows.decode, []
+    real, calls = pipelines.building.step_rows.decode, []
 
     def counted(data: bytes, name: str) -> Any:
         calls.append(name)
         return real(data, name)
 
-    monkeypatch.setattr(pipelines.building.rows, "decode", counted)
+    monkeypatch.setattr(pipelines.building.step_rows, "decode", counted)
     for output in ("materialised", "lazy"):
         calls.clear()
         planners = {**small, "more": hj.Marks(number=2), "most": hj.Marks(number=3)}
@@ -228,15 +228,15 @@ def test_what_rows_of_a_step_share_is_compressed_once(
 ) -> None:
     """A subtitle leaves most bands of the picture alone: only those that it touches are compressed
     again."""
-    import pipelines.dataset.images
+    import pipelines.dataset.image_codec
 
-    real, bands = pipelines.dataset.images._band, []
+    real, bands = pipelines.dataset.image_codec._band, []
 
     def counted(image: Any, k: int) -> Any:
         bands.append(k)
         return real(image, k)
 
-    monkeypatch.setattr(pipelines.dataset.images, "_band", counted)
+    monkeypatch.setattr(pipelines.dataset.image_codec, "_band", counted)
     words = {"words": hj.Subtitle(subtitle_text="hello", font_size=12, padding=5)}
     build(recording(trajectories=1, steps=1), tmp_path / "out", corruptions=words)
     assert bands[:9] == list(range(9))

@@ -66,7 +66,7 @@ def test_a_row_that_is_missing(dataset: Path) -> None:
 def other_plan(rows: list[dict[str, Any]]) -> None:
     plan = hj.Plan.from_json(rows[3]["plan"])
     moved = hj.Plan(
-        plan.corruption, plan.size, plan.params, (hj.Paste(plan.ops[0].sprite, ((1, 1),)),)
+        plan.corruption, plan.size, plan.params, (hj.plugin.Paste(plan.ops[0].sprite, ((1, 1),)),)
     )  # type: ignore[union-attr]
     rows[3].update(plan=moved.to_json(), plan_digest=moved.digest())
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from online_env.agents.agent_files import read_agent
 from online_env.agents.chat.agent import make_agent
 from online_env.agents.chat.endpoint import RetryWaits
 from online_env.agents.chat.run import ChatRun
-from online_env.agents.files import read_agent
 
 AT_ONCE = RetryWaits(first=0.0, longest=0.0)
 SIZE = (54, 96)

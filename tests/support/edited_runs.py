@@ -7,7 +7,7 @@ import numpy as np
 from PIL import Image
 
 from hijack_data import apply
-from hijack_data.files import sha256_of
+from hijack_data.file_io import pixel_sha256
 from hijack_data.plan import Plan
 from hijack_data.runs.run_head import config_digest
 from hijack_data.runs.run_log import digest_of
@@ -122,7 +122,7 @@ def both_pictures_and_hash(run):
     clean = np.array(Image.open(folder / "frames/0001.png"))
     seen = apply(Plan.from_data(rows[1]["plan"]), clean)
     Image.fromarray(seen).save(folder / "frames/0001.seen.png")
-    rows[1] |= {"image_sha256": sha256_of(clean), "seen_sha256": sha256_of(seen)}
+    rows[1] |= {"image_sha256": pixel_sha256(clean), "seen_sha256": pixel_sha256(seen)}
     write_lines(folder / "steps.jsonl", rows)
 
 
@@ -131,7 +131,7 @@ def replaced_by_clean(run):
     folder = home(run)
     rows = read_lines(folder / "steps.jsonl")
     clean = Plan.clean((360, 640))
-    picture_hash = sha256_of(np.array(Image.open(folder / "frames/0001.png")))
+    picture_hash = pixel_sha256(np.array(Image.open(folder / "frames/0001.png")))
     rows[1] |= {
         "plan": clean.to_data(),
         "plan_digest": clean.digest(),
@@ -147,7 +147,7 @@ def all_clean(run):
     rows = read_lines(folder / "steps.jsonl")
     clean = Plan.clean((360, 640))
     for row in rows:
-        hashed = sha256_of(np.array(Image.open(folder / row["image"])))
+        hashed = pixel_sha256(np.array(Image.open(folder / row["image"])))
         row |= {
             "plan": clean.to_data(),
             "plan_digest": clean.digest(),

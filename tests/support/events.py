@@ -13,7 +13,7 @@ COMBINED: dict[str, Any] = {
     ),
     "half": hj.Sequence([hj.Resolution(), hj.AppMinimization(step=1)]),
     "dots": hj.Sequence([hj.AccidentalTouch(step=(1, 2)), hj.Marks(number=4, mark_size=8)]),
-    "mix": hj.OneOf([hj.Verification(step=hj.Every(1)), hj.Marks(number=3, mark_size=6)]),
+    "mix": hj.OneOf([hj.Verification(step=hj.plugin.Every(1)), hj.Marks(number=3, mark_size=6)]),
     "both": hj.Sequence(
         [hj.AccidentalTouch(step=2), hj.AppMinimization(step=2), hj.Verification(step=2)]
     ),

@@ -26,7 +26,7 @@ def frame_of(
     apps: tuple[str, ...] = ("editor",),
     domain: str = "",
     platform: Any = "linux-xfce",
-    foreign: bool = False,
+    allow_platform_mismatch: bool = False,
     before: tuple[hj.Action, ...] = (),
     recorded: bool = True,
     instruction: str = "do it",
@@ -53,7 +53,7 @@ def frame_of(
         image=image,
         pack=AssetPack.load(pack),
         stream=Stream(seed, "test", "t"),
-        foreign=foreign,
+        allow_platform_mismatch=allow_platform_mismatch,
     )
 
 

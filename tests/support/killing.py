@@ -147,7 +147,7 @@ def _build(
         shared[:8] = done.to_bytes(8, "big")
 
     planners = {
-        label: hj.get(name, **parameters)
+        label: hj.make_corruption(name, **parameters)
         for label, (name, parameters) in options.pop("corruptions").items()
     }
     with patch.object(Path, "replace", counted):

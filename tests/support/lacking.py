@@ -61,7 +61,7 @@ def main(order: dict[str, Any]) -> None:
         sys.modules.pop(name, None)  # what starts before us may have it
     sys.meta_path[:] = [Without(finder, order["modules"]) for finder in sys.meta_path]
     from hijack_data.cli import main as hijack
-    from pipelines.viewer import cli as viewer
+    from pipelines.viewer import view_command as viewer
 
     viewer.serve = lambda *_: None  # a page would be served until Ctrl-C
     results: dict[str, Any] = {}

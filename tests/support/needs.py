@@ -152,7 +152,7 @@ def network_namespaces() -> None:
 def osworld() -> Path:
     """The folder of OSWorld's own environment; skips where there is none."""
     place = Path(os.environ.get("AGENTHIJACK_OSWORLD_VENV", venv.DEFAULT))
-    if venv.tier_of(place) is None:
+    if venv.installed_tier(place) is None:
         skip(f"OSWorld's environment is not in {place}", f"{HIJACK} osworld setup")
     return place
 

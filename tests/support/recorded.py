@@ -9,11 +9,12 @@ import yaml
 
 import hijack_data as hj
 from hijack_data.config import dump
-from online_env.bench import records, runner
+from online_env.bench import runner
 from online_env.bench.episodes import play
 from online_env.bench.jobs import Job
 from online_env.effects import base
 from online_env.environment import CorruptedEnv
+from online_env.results import records
 
 from .live import AT_ONCE, FakeDesktop, FakeStage, Mark
 
@@ -107,7 +108,7 @@ def no_machine():
     """Effects that do nothing, and no waiting, while a run is played."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(base.EFFECTS.entries, "minimise", Minimise())
-        patch.setattr("online_env.environment.episode.WAIT", 0.0)
+        patch.setattr("online_env.environment.episode.WAIT_S", 0.0)
         yield
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.plan import CLEAN
-from online_env.bench import reading, records
 from online_env.report.identity import NINE
+from online_env.results import reading, records
 
 CONDITIONS = (CLEAN, *NINE)
 

@@ -57,7 +57,11 @@ def service_on(
 ):
     """A service that runs, and is ended after the block."""
     if planners is None:
-        planners = {"clean": None, "marks": hj.get("marks"), "subtitle": hj.get("subtitle")}
+        planners = {
+            "clean": None,
+            "marks": hj.make_corruption("marks"),
+            "subtitle": hj.make_corruption("subtitle"),
+        }
     settings = EvalSettings(max_steps=4, settle=AT_ONCE, log=log, agent="client")
     service = DesktopService(
         pool_of(desktops, count, line=line, patience=patience),

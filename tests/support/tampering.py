@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from pipelines.dataset.manifest import DIGEST, FILE_HASHES, digest_of
+from pipelines.dataset.manifest import DIGEST, FILE_HASHES, manifest_digest
 from pipelines.dataset.shard import file_sha256
 
 
@@ -26,5 +26,5 @@ def renew(dataset: Path, change: Callable[[dict[str, Any]], object] | None = Non
         if (dataset / name).is_file()
     ]
     manifest[FILE_HASHES] = {name: file_sha256(dataset / name) for name in files}
-    manifest[DIGEST] = digest_of(manifest)
+    manifest[DIGEST] = manifest_digest(manifest)
     path.write_text(json.dumps(manifest))

@@ -12,11 +12,12 @@ import yaml
 
 import hijack_data as hj
 from hijack_data.config import dump
-from hijack_data.runs.run_log import slug_of
-from online_env.bench import records, runner
+from hijack_data.runs.run_log import episode_slug
+from online_env.bench import runner
 from online_env.bench.episodes import play
 from online_env.environment import CorruptedEnv
 from online_env.environment.stage import Setting
+from online_env.results import records
 
 from .live import AT_ONCE, FakeDesktop, FakeStage
 from .recorded import Silent, Straw, no_machine
@@ -169,9 +170,9 @@ def play_run(folder: Path, cast: Cast | None = None) -> Path:
     return folder
 
 
-def id_of(task: str, label: str, agent: str) -> str:
+def episode_id(task: str, label: str, agent: str) -> str:
     """The id of an episode that `play_run` plays."""
-    return slug_of(f"{task}-7", label, 7, agent, 0)
+    return episode_slug(f"{task}-7", label, 7, agent, 0)
 
 
 def _log_requests(folder: Path, name: str, turns: int) -> None:

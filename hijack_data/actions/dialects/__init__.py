@@ -13,17 +13,17 @@ from typing import Any
 from ...errors import ActionError, ParameterError, UnknownNameError, suggest
 from ...smart_resize import smart_resize
 from ...types import Action, Size, as_size
-from ..allowed import fenced_spans
+from ..agent_actions import fenced_spans
 from ..scaling import Scaling
+from .action_rules import CallReader
 from .computer_13 import map_computer_13, parse_computer_13
+from .computer_tool_code import anthropic_code, computer_13_code, openai_code
+from .computer_tools import map_anthropic, map_openai, parse_anthropic, parse_openai
 from .opencua import fenced_code, map_fenced, parse_fenced
 from .pyautogui_code import map_code
 from .pyautogui_parse import parse_pyautogui
 from .qwen import QWEN
-from .rules import CallReader
-from .tables import AUTOGLM, COGAGENT, GEMINI, GLM, HOLO, INTERNVL, SHOWUI
-from .tool_calls import map_anthropic, map_openai, parse_anthropic, parse_openai
-from .tool_code import anthropic_code, computer_13_code, openai_code
+from .table_dialects import AUTOGLM, COGAGENT, GEMINI, GLM, HOLO, INTERNVL, SHOWUI
 from .ui_tars import check_ui_tars, map_ui_tars, parse_ui_tars, ui_tars_code
 
 PIXELS = 0
@@ -51,7 +51,7 @@ class Dialect:
     is_text: bool = True
 
 
-def _of_table(reader: CallReader, unit: int, is_text: bool = True) -> Dialect:
+def _table_dialect(reader: CallReader, unit: int, is_text: bool = True) -> Dialect:
     def check(reply: object, _: Scaling) -> Any:
         return reader.check(reply, unit)
 
@@ -59,7 +59,7 @@ def _of_table(reader: CallReader, unit: int, is_text: bool = True) -> Dialect:
     return Dialect(reader.parse, mapped, reader.write, unit, is_text)
 
 
-def _of_ui_tars(unit: int) -> Dialect:
+def _ui_tars_dialect(unit: int) -> Dialect:
     def check(reply: object, _: Scaling) -> Any:
         return check_ui_tars(reply, unit)
 
@@ -86,24 +86,24 @@ _TABLE: Mapping[str, Dialect] = {
         computer_13_code,
         is_text=False,
     ),
-    "ui_tars": _of_ui_tars(1000),
-    "ui_tars_1.5": _of_ui_tars(RESIZED),
-    "qwen2.5_vl": _of_table(QWEN, RESIZED),
-    "qwen3_vl": _of_table(QWEN, 1000),
+    "ui_tars": _ui_tars_dialect(1000),
+    "ui_tars_1.5": _ui_tars_dialect(RESIZED),
+    "qwen2.5_vl": _table_dialect(QWEN, RESIZED),
+    "qwen3_vl": _table_dialect(QWEN, 1000),
     "openai": Dialect(parse_openai, map_openai, openai_code, is_text=False),
     "anthropic": Dialect(parse_anthropic, map_anthropic, anthropic_code, is_text=False),
-    "seed": _of_ui_tars(1000),
+    "seed": _ui_tars_dialect(1000),
     "opencua": Dialect(parse_fenced, map_fenced, fenced_code, RESIZED),
-    "gui_owl": _of_table(QWEN, 1000),
-    "mai_ui": _of_table(QWEN, 999),
-    "glm": _of_table(GLM, 1000),
-    "cogagent": _of_table(COGAGENT, 1000),
-    "autoglm": _of_table(AUTOGLM, 1000),
-    "showui": _of_table(SHOWUI, 1),
-    "internvl": _of_table(INTERNVL, 1000),
-    "holo1.5": _of_table(HOLO, RESIZED),
-    "holo2": _of_table(HOLO, 1000),
-    "gemini": _of_table(GEMINI, 1000, is_text=False),
+    "gui_owl": _table_dialect(QWEN, 1000),
+    "mai_ui": _table_dialect(QWEN, 999),
+    "glm": _table_dialect(GLM, 1000),
+    "cogagent": _table_dialect(COGAGENT, 1000),
+    "autoglm": _table_dialect(AUTOGLM, 1000),
+    "showui": _table_dialect(SHOWUI, 1),
+    "internvl": _table_dialect(INTERNVL, 1000),
+    "holo1.5": _table_dialect(HOLO, RESIZED),
+    "holo2": _table_dialect(HOLO, 1000),
+    "gemini": _table_dialect(GEMINI, 1000, is_text=False),
 }
 DIALECTS = tuple(_TABLE)
 # Dialects in fractions of the picture, each with the largest fraction; dialects in pixels of the

@@ -7,10 +7,18 @@ from typing import Any
 
 from ...errors import ActionError, shown
 from ...types import Action
-from ..program.signatures import SPECIAL
+from ..pyautogui_functions import SPECIAL_WORDS
 from ..scaling import Scaling
-from .fields import as_fields, at, click_type, key_names, number, text, unknown
-from .unmapped import check_fields
+from .field_checks import (
+    action_at,
+    as_fields,
+    click_type,
+    key_names,
+    number,
+    refuse_unknown_action,
+    text,
+)
+from .unmapped_fields import check_fields
 
 DIALECT = "computer_13"
 NAMES = (
@@ -27,7 +35,7 @@ NAMES = (
     "KEY_DOWN",
     "KEY_UP",
     "HOTKEY",
-    *SPECIAL,
+    *SPECIAL_WORDS,
 )
 _NEED_POINT = ("MOVE_TO", "DRAG_TO")
 # A point is allowed in every action, and is mapped.
@@ -65,24 +73,24 @@ def parse_computer_13(action: object, scaling: Scaling) -> Action:
     place = None if raw is None else scaling.point(*raw)
     match name:
         case "MOVE_TO":
-            return at("move", place)
+            return action_at("move", place)
         case "DRAG_TO":
             x2, y2 = place or (None, None)
             return Action("drag", x2=x2, y2=y2)
         case "CLICK":
             clicks = given.get("num_clicks", 1)
-            return at(click_type(given.get("button", "left"), clicks), place)
+            return action_at(click_type(given.get("button", "left"), clicks), place)
         case "RIGHT_CLICK" | "DOUBLE_CLICK":
-            return at(name.lower(), place)
+            return action_at(name.lower(), place)
         case "MOUSE_DOWN" | "MOUSE_UP":
             is_left = click_type(given.get("button", "left"), 1) == "click"
-            return at(name.lower() if is_left else "other", place)
+            return action_at(name.lower() if is_left else "other", place)
         case "SCROLL":
             dx = number(given.get("dx", 0), "SCROLL dx")
             dy = number(given.get("dy", 0), "SCROLL dy")
             if dx and not dy:
-                return at("other", place)
-            return at("scroll", place, amount=dy)
+                return action_at("other", place)
+            return action_at("scroll", place, amount=dy)
         case "TYPING":
             return Action("type", text=text(given.get("text"), "TYPING text"))
         case "HOTKEY":
@@ -90,11 +98,11 @@ def parse_computer_13(action: object, scaling: Scaling) -> Action:
         case "PRESS" | "KEY_DOWN" | "KEY_UP":
             return Action(_KEYS[name], keys=key_names(given.get("key"), f"{name} key"))
         case _:
-            return Action(SPECIAL[name])
+            return Action(SPECIAL_WORDS[name])
 
 
 def _fields(action: object) -> dict[str, Any]:
-    if isinstance(action, str) and action in SPECIAL:
+    if isinstance(action, str) and action in SPECIAL_WORDS:
         return {"action_type": action}
     return as_fields(action, DIALECT)
 
@@ -102,7 +110,7 @@ def _fields(action: object) -> dict[str, Any]:
 def _read(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     name = fields.get("action_type")
     if name not in NAMES:
-        unknown(DIALECT, name, NAMES)
+        refuse_unknown_action(DIALECT, name, NAMES)
     what = f"{DIALECT} {name}"
     if "parameters" not in fields:
         check_fields(fields, ("action_type", *_FIELDS), what)

@@ -12,11 +12,11 @@ from typing import cast
 
 from ...errors import ActionError, shown
 from ...types import Action
-from ..allowed import fenced_spans
-from ..program.signatures import AGENTNET_TRIPLE
-from ..program.source import ParsedSource, TextEdit, shallow, spliced
+from ..agent_actions import fenced_spans
+from ..pyautogui_functions import AGENTNET_TRIPLE
+from ..python_source import ParsedSource, TextEdit, apply_edits, refuse_deep_nesting
 from ..scaling import Scaling
-from .answers import answer_text
+from .answer_text import answer_text
 from .pyautogui_code import calls_pyautogui, map_code
 from .pyautogui_parse import parse_pyautogui
 from .pyautogui_write import write_pyautogui
@@ -33,7 +33,7 @@ def map_fenced(reply: object, scaling: Scaling) -> str:
     if not spans:
         return map_code(text, scaling, scaling.source)
     edits = [TextEdit(start, end, _map_block(text[start:end], scaling)) for start, end in spans]
-    return spliced(text, edits)
+    return apply_edits(text, edits)
 
 
 def parse_fenced(reply: object, scaling: Scaling) -> list[Action]:
@@ -73,7 +73,7 @@ def plain_code(code: str, scaling: Scaling) -> str:
     """
     if "computer" not in code:
         return code
-    with shallow():
+    with refuse_deep_nesting():
         source = ParsedSource(code)
         edits = [
             TextEdit(*source.span(node), "pyautogui.tripleClick")

@@ -23,9 +23,9 @@ from ..program.folding import Folder
 from ..program.guard import hidden_moves
 from ..program.names import Names
 from ..program.pointing import Pointing
-from ..program.signatures import POINTER, SPECIAL
-from ..program.source import ParsedSource, TextEdit, shallow
 from ..program.values import Bindings, Value
+from ..pyautogui_functions import POINTER, SPECIAL_WORDS
+from ..python_source import ParsedSource, TextEdit, refuse_deep_nesting
 from ..scaling import Scaling
 
 
@@ -41,9 +41,9 @@ def map_code(code: str, scaling: Scaling, screen: Size | None) -> str:
     Raises `ActionError`, with line and column, for what cannot be mapped.
     """
     check_text(code)
-    if code.strip() in SPECIAL:
+    if code.strip() in SPECIAL_WORDS:
         return code
-    with shallow():
+    with refuse_deep_nesting():
         return _Mapper(ParsedSource(code), scaling, screen).run()
 
 
@@ -80,10 +80,10 @@ class _PointNotes(Scaling):
 
 def calls_pyautogui(code: str) -> bool:
     """Return whether a text is code that calls pyautogui, or is WAIT, FAIL or DONE."""
-    if code.strip() in SPECIAL:
+    if code.strip() in SPECIAL_WORDS:
         return True
     try:
-        with shallow():
+        with refuse_deep_nesting():
             tree = ParsedSource(code).tree
     except ActionError:  # not Python
         return False

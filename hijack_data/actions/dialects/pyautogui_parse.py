@@ -11,12 +11,12 @@ from ..program.folding import Folder
 from ..program.guard import hidden_moves
 from ..program.names import Callee, Names
 from ..program.pointing import Pointing
-from ..program.signatures import AGENTNET_TRIPLE, KEYBOARD, POINTER, SPECIAL
-from ..program.source import ParsedSource, shallow
 from ..program.values import Bindings, MaybeValue
+from ..pyautogui_functions import AGENTNET_TRIPLE, KEYBOARD, POINTER, SPECIAL_WORDS
+from ..python_source import ParsedSource, refuse_deep_nesting
 from ..scaling import Scaling
-from .combine import CLIPBOARD, DRAG_BY, MOVE_BY, combine
-from .fields import click_type
+from .combine_calls import CLIPBOARD, DRAG_BY, MOVE_BY, combine
+from .field_checks import click_type
 from .pyautogui_code import check_text
 
 _PLAIN = {
@@ -60,14 +60,14 @@ def parse_pyautogui(code: str, size: Size | None, normalized: bool = False) -> A
         )
     checked = None if size is None else as_size(size)
     word = code.strip()
-    if word in SPECIAL:
-        return Action(SPECIAL[word])
+    if word in SPECIAL_WORDS:
+        return Action(SPECIAL_WORDS[word])
     scaling = Scaling.pixels(checked)
     screen = checked
     if normalized and checked:
         scaling = Scaling.fractions(checked)
         screen = None
-    with shallow():
+    with refuse_deep_nesting():
         calls = _Reader(ParsedSource(code), scaling, screen).run()
         return combine(calls, checked)
 

@@ -30,7 +30,7 @@ def write_pyautogui(action: Action) -> str:
     if action.type in _CODE:
         return _CODE[action.type](action)
     if action.type not in _POINTER:
-        raise cannot_say(action, "pyautogui")
+        raise unsupported_action_error(action, "pyautogui")
     pointed = _POINTER[action.type](action)
     held = action.keys or ()
     down = [f"pyautogui.keyDown({key!r})" for key in held]
@@ -38,7 +38,7 @@ def write_pyautogui(action: Action) -> str:
     return "\n".join([*down, pointed, *up])
 
 
-def cannot_say(action: Action, dialect: str) -> ActionError:
+def unsupported_action_error(action: Action, dialect: str) -> ActionError:
     """Return the error for an action that a dialect cannot express."""
     given = [field.name for field in fields(action) if getattr(action, field.name) is not None]
     given.remove("type")
@@ -75,7 +75,7 @@ def _drag(action: Action) -> str:
     start = _point(action.x, action.y)
     end = _point(action.x2, action.y2)
     if not end:
-        raise cannot_say(action, "pyautogui")
+        raise unsupported_action_error(action, "pyautogui")
     drag = f"pyautogui.dragTo({end}, button='left')"
     if not start:
         return drag
@@ -85,7 +85,7 @@ def _drag(action: Action) -> str:
 def _scroll(action: Action) -> str:
     place = _point(action.x, action.y)
     if action.amount is None:
-        raise cannot_say(action, "pyautogui")
+        raise unsupported_action_error(action, "pyautogui")
     notches = whole_notches(action.amount)
     if not place:
         return f"pyautogui.scroll({notches})"
@@ -94,13 +94,13 @@ def _scroll(action: Action) -> str:
 
 def _type(action: Action) -> str:
     if action.text is None:
-        raise cannot_say(action, "pyautogui")
+        raise unsupported_action_error(action, "pyautogui")
     return f"pyautogui.write({action.text!r})"
 
 
 def _keys(action: Action) -> tuple[str, ...]:
     if not action.keys:
-        raise cannot_say(action, "pyautogui")
+        raise unsupported_action_error(action, "pyautogui")
     return action.keys
 
 

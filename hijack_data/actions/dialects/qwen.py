@@ -16,31 +16,31 @@ from typing import Any, cast
 
 from ...errors import ActionError
 from ...types import Action
-from .answers import answer_text
-from .fields import as_fields, at, shown, unknown
-from .rules import (
+from .action_rules import (
     PIXELS_PER_NOTCH,
     ActionCall,
     Arguments,
     CallReader,
     Meaning,
     Rule,
-    ending,
-    pointing,
-    scrolled,
-    status,
-    unsayable,
+    end_rule,
+    point_rule,
+    scroll_meaning,
+    status_rule,
+    unsupported_rule,
 )
-from .syntax import (
+from .answer_text import answer_text
+from .call_syntax import (
     TOOL_CALL,
     Rebuild,
-    beside_name,
+    flat_call_decoder,
     holds_json,
     json_calls,
     rewriter,
     tool_call_blocks,
     xml_functions,
 )
+from .field_checks import action_at, as_fields, refuse_unknown_action, shown
 
 TOOLS = ("computer_use", "mobile_use")
 EXAMPLE = (
@@ -58,7 +58,7 @@ def _drag(given: Arguments) -> list[Meaning]:
     if len(found) != 1 or None not in starts:
         raise ActionError(f"{given.what} needs a coordinate to drag to; give one [x, y]")
     start = next((start for start in starts if start is not None), None)
-    return [Meaning(at("drag", start, x2=found[0][0], y2=found[0][1]))]
+    return [Meaning(action_at("drag", start, x2=found[0][0], y2=found[0][1]))]
 
 
 def _swipe(given: Arguments) -> list[Meaning]:
@@ -66,20 +66,20 @@ def _swipe(given: Arguments) -> list[Meaning]:
         # How far MAI-UI's swipe goes is up to the phone.
         place = given.optional_point("coordinate")
         given.direction()
-        return [Meaning(at("other", place), refusal=_PHONE)]
+        return [Meaning(action_at("other", place), refusal=_PHONE)]
     x2, y2 = given.point("coordinate2")
-    return [Meaning(at("drag", given.point("coordinate"), x2=x2, y2=y2))]
+    return [Meaning(action_at("drag", given.point("coordinate"), x2=x2, y2=y2))]
 
 
 def _scroll(given: Arguments) -> list[Meaning]:
     place = given.optional_point("coordinate")
-    return [Meaning(at("scroll", place, amount=given.number("pixels") / PIXELS_PER_NOTCH))]
+    return [Meaning(action_at("scroll", place, amount=given.number("pixels") / PIXELS_PER_NOTCH))]
 
 
 def _hscroll(given: Arguments) -> list[Meaning]:
     # The tool does not define which direction is positive; here it is right, as in pyautogui.
     notches = given.number("pixels") / PIXELS_PER_NOTCH
-    return [scrolled("right", notches, given.optional_point("coordinate"))]
+    return [scroll_meaning("right", notches, given.optional_point("coordinate"))]
 
 
 def _key(given: Arguments) -> list[Meaning]:
@@ -103,27 +103,27 @@ _COMPUTER: dict[str, Rule] = {
     "key": _key,
     "hotkey": _key,
     "type": _type,
-    "mouse_move": pointing("move", "coordinate"),
-    "click": pointing("click", "coordinate"),
-    "left_click": pointing("click", "coordinate", optional=True),
+    "mouse_move": point_rule("move", "coordinate"),
+    "click": point_rule("click", "coordinate"),
+    "left_click": point_rule("click", "coordinate", optional=True),
     "left_click_drag": _drag,
     "drag": _drag,
-    "right_click": pointing("right_click", "coordinate", optional=True),
-    "middle_click": pointing("middle_click", "coordinate", optional=True),
-    "double_click": pointing("double_click", "coordinate", optional=True),
-    "triple_click": pointing("triple_click", "coordinate", optional=True),
+    "right_click": point_rule("right_click", "coordinate", optional=True),
+    "middle_click": point_rule("middle_click", "coordinate", optional=True),
+    "double_click": point_rule("double_click", "coordinate", optional=True),
+    "triple_click": point_rule("triple_click", "coordinate", optional=True),
     "scroll": _scroll,
     "hscroll": _hscroll,
     "wait": _wait,
-    "terminate": status("status", ("failure", "fail")),
+    "terminate": status_rule("status", ("failure", "fail")),
     "answer": _answer,
-    "interact": ending("fail"),
-    "call_user": ending("fail"),
-    "ask_user": ending("fail"),
-    "long_press": unsayable(_PHONE, "coordinate"),
+    "interact": end_rule("fail"),
+    "call_user": end_rule("fail"),
+    "ask_user": end_rule("fail"),
+    "long_press": unsupported_rule(_PHONE, "coordinate"),
     "swipe": _swipe,
-    "system_button": unsayable(_PHONE),
-    "open": unsayable(_PHONE),
+    "system_button": unsupported_rule(_PHONE),
+    "open": unsupported_rule(_PHONE),
 }
 _NOTES = ("action", "keys", "text", "pixels", "time", "status", "button", "description")
 
@@ -159,7 +159,7 @@ def _block_calls(text: str, start: int) -> Iterator[ActionCall]:
     if text.lstrip().startswith("<function"):
         for tool, arguments, begin, end in xml_functions(text, start):
             if tool not in TOOLS:
-                unknown("tool_call", tool, TOOLS)
+                refuse_unknown_action("tool_call", tool, TOOLS)
             values = {name: argument.value for name, argument in arguments.items()}
             kept = {name: part for name, part in arguments.items() if name != "action"}
             action = values.pop("action", None)
@@ -183,9 +183,9 @@ def _read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
     """Return the action of a call, its fields, and a function that writes it with other fields."""
     whole = as_fields(value, "tool call")
     if "arguments" not in whole and "action" in whole:
-        return beside_name("action", "tool call")(whole)
+        return flat_call_decoder("action", "tool call")(whole)
     if whole.get("name") not in TOOLS:
-        unknown("tool_call", whole.get("name"), TOOLS)
+        refuse_unknown_action("tool_call", whole.get("name"), TOOLS)
     given: object = whole.get("arguments")
     as_text = isinstance(given, str)
     if as_text:  # as the API of chat completions writes it

@@ -15,27 +15,34 @@ from typing import Any
 from ...errors import ActionError, shown
 from ...types import Action
 from ..scaling import Scaling
-from .answers import answer_text
-from .fields import at
-from .rules import (
+from .action_rules import (
     DEFAULT_NOTCHES,
     ActionCall,
     Arguments,
     CallReader,
     Meaning,
     Rule,
-    ending,
-    pressing,
-    scrolled,
-    unsayable,
-    waiting,
+    end_rule,
+    press_rule,
+    scroll_meaning,
+    unsupported_rule,
+    wait_rule,
 )
-from .syntax import TOOL_CALL, WrittenArgument, rewriter, tool_call_blocks, unescaped, xml_functions
+from .answer_text import answer_text
+from .call_syntax import (
+    TOOL_CALL,
+    WrittenArgument,
+    rewriter,
+    tool_call_blocks,
+    unescape,
+    xml_functions,
+)
+from .field_checks import action_at
 from .ui_tars_text import Call as TextCall
 from .ui_tars_text import sections
 
 DIALECT = "UI-TARS"
-WAIT_SECONDS = 5.0  # the prompt says that wait() sleeps for 5 s
+WAIT_S = 5.0  # the prompt says that wait() sleeps for 5 s
 _PHONE = "a desktop has no such key or gesture of a phone"
 _ALIASES = {"point": "start_box", "start_point": "start_box", "end_point": "end_box"}
 _WITHOUT_POINT = (
@@ -54,24 +61,24 @@ def _aiming(kind: str) -> Rule:
     def rule(given: Arguments) -> list[Meaning]:
         place = given.point("start_box")
         _optional(given, "end_box")
-        return [Meaning(at(kind, place))]
+        return [Meaning(action_at(kind, place))]
 
     return rule
 
 
 def _drag(given: Arguments) -> list[Meaning]:
     x2, y2 = given.point("end_box")
-    return [Meaning(at("drag", given.point("start_box"), x2=x2, y2=y2))]
+    return [Meaning(action_at("drag", given.point("start_box"), x2=x2, y2=y2))]
 
 
 def _scroll(given: Arguments) -> list[Meaning]:
     place = _optional(given, "start_box")
     _optional(given, "end_box")
-    return [scrolled(given.direction(), DEFAULT_NOTCHES, place)]
+    return [scroll_meaning(given.direction(), DEFAULT_NOTCHES, place)]
 
 
 def _long_press(given: Arguments) -> list[Meaning]:
-    return [Meaning(at("other", given.point("start_box")), refusal=_PHONE)]
+    return [Meaning(action_at("other", given.point("start_box")), refusal=_PHONE)]
 
 
 def _optional(given: Arguments, name: str) -> tuple[int, int] | None:
@@ -93,16 +100,16 @@ RULES: dict[str, Rule] = {
     "mouse_down": _aiming("mouse_down"),
     "mouse_up": _aiming("mouse_up"),
     "drag": _drag,
-    "hotkey": pressing("key"),
+    "hotkey": press_rule("key"),
     "type": _type,
     "scroll": _scroll,
-    "wait": waiting(WAIT_SECONDS),
-    "finished": ending("done", "content"),
-    "call_user": ending("fail"),
+    "wait": wait_rule(WAIT_S),
+    "finished": end_rule("done", "content"),
+    "call_user": end_rule("fail"),
     "long_press": _long_press,
-    "open_app": unsayable(_PHONE),
-    "press_home": unsayable(_PHONE),
-    "press_back": unsayable(_PHONE),
+    "open_app": unsupported_rule(_PHONE),
+    "press_home": unsupported_rule(_PHONE),
+    "press_back": unsupported_rule(_PHONE),
 }
 
 
@@ -206,7 +213,7 @@ def _content(call: TextCall) -> str:
         raise ActionError(
             f"{call.name} needs a quoted text, got {shown(call.inside)}; write content='...'"
         )
-    return unescaped(match[2])
+    return unescape(match[2])
 
 
 _EVERY = CallReader(DIALECT, RULES, _all_calls)

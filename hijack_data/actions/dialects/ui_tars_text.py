@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from ...errors import ActionError, shown
-from .fields import unknown
+from .field_checks import refuse_unknown_action
 
 NAMES = (
     "click",
@@ -108,7 +108,7 @@ def _loose_calls(text: str, start: int) -> Iterator[Call]:
 
 def _call(match: re.Match[str]) -> Call:
     if match[1] not in NAMES:
-        unknown("UI-TARS", match[1], NAMES)
+        refuse_unknown_action("UI-TARS", match[1], NAMES)
     return Call(match[1], match[2], match.start(2))
 
 

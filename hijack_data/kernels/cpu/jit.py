@@ -18,7 +18,7 @@ from ...errors import HijackError, HijackWarning
 
 T = TypeVar("T")
 
-START = 600.0  # milliseconds that Numba and the kernels take to load, once in a process
+NUMBA_LOADING_MS = 600.0  # milliseconds that Numba and the kernels take to load, once in a process
 
 
 @dataclass
@@ -39,7 +39,7 @@ def worthwhile(milliseconds: float) -> bool:
     loading Numba. A command that corrupts a few pictures ends before that; a training run soon gets
     there.
     """
-    if _state.forgone < START:
+    if _state.forgone < NUMBA_LOADING_MS:
         _state.forgone += milliseconds
         return False
     return available()
@@ -47,7 +47,7 @@ def worthwhile(milliseconds: float) -> bool:
 
 def start() -> None:
     """Use compiled kernels from the next picture on, whether or not the loading time pays off."""
-    _state.forgone = START
+    _state.forgone = NUMBA_LOADING_MS
 
 
 def available() -> bool:
@@ -83,7 +83,7 @@ def give_up(error: Exception) -> None:
     warnings.warn(message, HijackWarning, stacklevel=3)
 
 
-def guarded(compiled: Callable[[], T], plain: Callable[[], T]) -> T:
+def call_with_fallback(compiled: Callable[[], T], plain: Callable[[], T]) -> T:
     """Return the result of a compiled kernel, or of the plain one if Numba fails.
 
     Errors of this library (a picture of the wrong shape, for example) are raised unchanged.
@@ -97,7 +97,7 @@ def guarded(compiled: Callable[[], T], plain: Callable[[], T]) -> T:
     return plain()
 
 
-def lazy(what: str) -> Callable[[Callable[[Any], T]], "_lru_cache_wrapper[T]"]:
+def compiled_on_first_use(what: str) -> Callable[[Callable[[Any], T]], "_lru_cache_wrapper[T]"]:
     """Decorate a function that compiles a kernel, so that it runs once, on first use.
 
     The function takes the module `numba` and returns the kernel. The decorated function takes no

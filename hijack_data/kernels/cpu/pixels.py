@@ -19,7 +19,7 @@ from ..stamps import Stamp
 from . import jit, resize
 
 LINE = 64  # bytes of a cache line
-RESAMPLE_SAVES = 3e-6  # milliseconds that the compiled kernel saves a byte
+RESAMPLE_SAVED_MS_PER_BYTE = 3e-6  # milliseconds that the compiled kernel saves a byte
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -182,9 +182,11 @@ def _blend(below: UInt8Array, form: _Form, at: _Offsets) -> None:
 
 def resample(image: UInt8Array, size: Size) -> UInt8Array:
     """Resize to `size` (height, width); a new array in the same channel order."""
-    if not jit.worthwhile(RESAMPLE_SAVES * image.size):
+    if not jit.worthwhile(RESAMPLE_SAVED_MS_PER_BYTE * image.size):
         return resample_plain(image, size)
-    return jit.guarded(lambda: resize.resample(image, size), lambda: resample_plain(image, size))
+    return jit.call_with_fallback(
+        lambda: resize.resample(image, size), lambda: resample_plain(image, size)
+    )
 
 
 def resample_plain(image: UInt8Array, size: Size) -> UInt8Array:

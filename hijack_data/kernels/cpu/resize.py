@@ -209,7 +209,7 @@ def _band(
                 _weighted_sum(rows + p * span + x, line, weights_of_y, n, to + x)
 
 
-@jit.lazy("the compiled resize")
+@jit.compiled_on_first_use("the compiled resize")
 def _kernel(numba: Any) -> Callable[..., None]:
     """Compile `_band`, or load it from Numba's cache on disk."""
     global _weighted_sum, _transpose, _across

@@ -21,7 +21,7 @@ from ...drawing.sprite import Sprite
 from ...resample import TABLE_BYTES, columns_first, weights
 from ...types import Size
 from .. import Stamp
-from ..rows import StampRows, rows_of, rows_of_sprite
+from ..stamp_rows import StampRows, sprite_rows, stamp_rows
 
 Array: TypeAlias = npt.NDArray[Any]
 ALIGNED = 16  # bytes
@@ -55,7 +55,9 @@ def paste_many(images: Sequence[Tensor], stamps: Sequence[list[Stamp]]) -> None:
     device = images[0].device
     with _at(device):
         key = ("device-rows", device, _stream(device))
-        tables = [rows_of(each, key, partial(_upload, key=key, device=device)) for each in stamps]
+        tables = [
+            stamp_rows(each, key, partial(_upload, key=key, device=device)) for each in stamps
+        ]
         ends = np.cumsum([len(table) for table in tables])
         jobs: list[tuple[int, ...]] = []
         for image, table, end in zip(images, tables, ends.tolist(), strict=True):
@@ -227,4 +229,4 @@ def _upload(sprite: Sprite, key: object, device: torch.device) -> StampRows:
     places: dict[int, tuple[int, int]] = {}
     for array, there in zip(arrays, sent, strict=True):
         places[id(array)] = (there.data_ptr(), there.stride(0))
-    return rows_of_sprite(sprite, lambda array: places[id(array)])
+    return sprite_rows(sprite, lambda array: places[id(array)])

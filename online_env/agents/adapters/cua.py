@@ -26,7 +26,7 @@ class CuaAgent(LoopAgent):
     """Plays as cua-agent's `ComputerAgent`.
 
     Its loop has no limit of its own. It ends with the episode, and fails if the model takes
-    `most_idle` turns one after the other without touching the computer.
+    `max_idle_turns` turns one after the other without touching the computer.
 
     Raises:
         ParameterError: `model` is empty.
@@ -36,7 +36,7 @@ class CuaAgent(LoopAgent):
     model: ClassVar[str] = ""  # as cua-agent names it, such as `openai/computer-use-preview`
     # More arguments of `ComputerAgent`, such as `only_n_most_recent_images`.
     options: ClassVar[Mapping[str, Any]] = {}
-    most_idle: ClassVar[int] = 5
+    max_idle_turns: ClassVar[int] = 5
 
     def __init__(self) -> None:
         super().__init__()
@@ -64,7 +64,7 @@ class CuaAgent(LoopAgent):
             words = _words(result) or words
             idle = 0 if computer.touched > before else idle + 1
             before = computer.touched
-            if idle >= self.most_idle:
+            if idle >= self.max_idle_turns:
                 raise HijackError(
                     f"{self.model} took {idle} turns without touching the computer; the last"
                     f" words: {words!r:.200}"

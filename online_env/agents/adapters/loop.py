@@ -24,13 +24,13 @@ from hijack_data.png import encode
 from hijack_data.types import Size, UInt8Array
 
 from ..base import DONE, FAIL, Observation
-from .reading import PYAUTOGUI, codes_of
+from .action_codes import PYAUTOGUI, read_action_codes
 
-MOST_LOOKS = 100  # looks at one picture, after which a loop counts as endless
-MOST_CALLS_AFTER_THE_END = 100
+MAX_LOOKS = 100  # looks at one picture, after which a loop counts as endless
+MAX_CALLS_AFTER_END = 100
 # Never set: a thread that waits for this event sleeps until the process ends.
 PARKED = threading.Event()
-ENDING = 5.0  # s for a loop to end after it is told that the episode is over
+SHUTDOWN_TIMEOUT_S = 5.0  # s for a loop to end after it is told that the episode is over
 
 
 class LoopEnd(BaseException):
@@ -72,9 +72,9 @@ class _Bridge:
         """
         self._check()
         self._looks += 1
-        if self._looks > MOST_LOOKS:
+        if self._looks > MAX_LOOKS:
             raise HijackError(
-                f"the loop looked {MOST_LOOKS} times at one picture; the screen changes with the"
+                f"the loop looked {MAX_LOOKS} times at one picture; the screen changes with the"
                 " next action, such as WAIT"
             )
         return self.picture.copy()
@@ -99,7 +99,7 @@ class _Bridge:
         if not self._over:
             return
         self._calls_after += 1
-        if self._calls_after > MOST_CALLS_AFTER_THE_END:
+        if self._calls_after > MAX_CALLS_AFTER_END:
             # A loop that catches every exception would keep a core busy.
             PARKED.wait()
         raise LoopEnd("the episode is over")
@@ -148,7 +148,7 @@ class LoopComputer:
             dialect: One of `hijack_data.actions.DIALECTS`.
             said: The model's words, for the record.
         """
-        codes, self._problem = codes_of(action, dialect, self.size)
+        codes, self._problem = read_action_codes(action, dialect, self.size)
         for code in codes:
             self._bridge.take(code, said)
             said = ""
@@ -169,7 +169,7 @@ class LoopAgent:
         loop: Called with a `LoopComputer` and the instruction; the method `run` if omitted.
     """
 
-    patience: ClassVar[float] = 600.0  # s that a loop may take for an action
+    action_timeout_s: ClassVar[float] = 600.0  # s that a loop may take for an action
 
     def __init__(self, loop: Loop | None = None) -> None:
         self._loop = loop
@@ -192,7 +192,7 @@ class LoopAgent:
         if self._bridge is not None:
             self._bridge.pictures.put(None)
         if self._thread is not None:
-            self._thread.join(ENDING)
+            self._thread.join(SHUTDOWN_TIMEOUT_S)
         self._bridge = None
         self._thread = None
 
@@ -207,10 +207,10 @@ class LoopAgent:
         else:
             self._bridge.pictures.put(obs["screenshot"])
         try:
-            turn = self._bridge.turns.get(timeout=self.patience)
+            turn = self._bridge.turns.get(timeout=self.action_timeout_s)
         except queue.Empty:
             name = type(self).__name__
-            raise HijackError(f"{name} took no action for {self.patience:g} s") from None
+            raise HijackError(f"{name} took no action for {self.action_timeout_s:g} s") from None
         if turn.last:
             self._bridge.turns.put(turn)  # asked again, it gives the same answer
         if turn.raised is not None:

@@ -17,7 +17,7 @@ from hijack_data.errors import ParameterError, ParameterTypeError
 from hijack_data.png import encode
 
 from ..base import Observation
-from .reading import osworld_codes
+from .action_codes import read_osworld_codes
 
 # The values of `observation_type` of agents that read the accessibility tree.
 TREES = ("a11y_tree", "som")
@@ -71,7 +71,7 @@ class OsworldAgent:
             )
         codes: list[str] = []
         for action in _listed(answer[1]):
-            codes += osworld_codes(action, size)
+            codes += read_osworld_codes(action, size)
         return _words(answer[0]), codes
 
 

@@ -16,7 +16,7 @@ from .usage import UsageMeter
 LANGUAGE = "English"
 # Characters of an answer that later requests repeat, so that a huge answer is not sent again in
 # full.
-MAX_SAID = 32_000
+MAX_ANSWER_CHARS = 32_000
 
 
 class ChatAgent:
@@ -160,7 +160,7 @@ class OnlookedAgent(ChatAgent):
 
 
 def _turn(picture: ScreenPicture, reply: Reply) -> Turn:
-    return Turn(picture=picture, said=reply.shown[:MAX_SAID], raw=reply.raw)
+    return Turn(picture=picture, said=reply.shown[:MAX_ANSWER_CHARS], raw=reply.raw)
 
 
 def make_agent(settings: AgentSettings, run: ChatRun | None = None) -> ChatAgent:

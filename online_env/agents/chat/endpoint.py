@@ -13,10 +13,10 @@ from hijack_data.errors import shown
 
 from ...errors import AgentSetupError, EndpointError
 from ..settings import ModelSettings, bad_key, can_be_sent
-from .query import ModelQuery, Reply, digest_of, logged, wired
-from .request_log import RequestRecorder, answer_of
+from .query import ModelQuery, Reply, logged, request_digest, wired
+from .request_log import RequestRecorder, logged_response
 from .usage import UsageMeter
-from .wires import ModelWire, wire_of
+from .wires import ModelWire, make_wire
 from .wires.common import EXTRA, RETRIES
 
 _AGAIN = frozenset({408, 409, 425, 429})  # statuses below 500 after which a request may succeed
@@ -63,7 +63,7 @@ class Endpoint:
         self._meter = meter
         self._recorder = recorder
         self._waits = waits
-        self._wire: ModelWire = wire_of(settings.client)
+        self._wire: ModelWire = make_wire(settings.client)
         self._key = "" if offline else _key_of(settings)
         self._client: Any = None
         self._closing: weakref.finalize[Any, Any] | None = None
@@ -85,7 +85,7 @@ class Endpoint:
         if line is None:
             line = self._sent(step, role, body)
             self._recorder.note(line)
-        reply = self._wire.read(answer_of(line))
+        reply = self._wire.read(logged_response(line))
         self._meter.add(
             reply.read, reply.written, self._settings.prices, line["seconds"], line["tries"]
         )
@@ -110,7 +110,7 @@ class Endpoint:
         line: dict[str, Any] = {
             "step": step,
             "role": role,
-            "sha256": digest_of(body),
+            "sha256": request_digest(body),
             "request": logged(body),
         }
         start = time.monotonic()

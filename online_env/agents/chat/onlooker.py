@@ -3,7 +3,7 @@
 import re
 from typing import ClassVar
 
-from hijack_data.runs.run_log import REINIT
+from hijack_data.actions.allowed import REINIT
 
 from ...errors import AgentSetupError
 from ..settings import AgentSettings, KnownError

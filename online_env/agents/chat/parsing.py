@@ -18,9 +18,9 @@ from hijack_data.actions import (
     fenced_blocks,
     map_code,
     read_action,
-    unreadable,
+    unreadable_action,
 )
-from hijack_data.actions.dialects.answers import answer_text
+from hijack_data.actions.dialects.answer_text import answer_text
 from hijack_data.actions.dialects.opencua import plain_code
 from hijack_data.actions.dialects.qwen import tool_call_text
 from hijack_data.errors import ActionError, HijackError
@@ -79,7 +79,7 @@ class ReplyParser:
         try:
             return self._read(reply, size)
         except HijackError as error:
-            return [unreadable(error, reply.shown[:_KEPT])]
+            return [unreadable_action(error, reply.shown[:_KEPT])]
 
     def _read(self, reply: Reply, size: Size) -> list[str]:
         # Calls of the API stand for themselves, whatever the words beside them.
@@ -150,11 +150,11 @@ class ReplyParser:
         """
         if self.coordinates == "resized":
             source = self._resized(size)
-            code = map_code(code, Scaling(source, size), source)
+            code = map_code(code, Scaling(source, size))
         elif self.coordinates == "thousandths":
-            code = map_code(code, Scaling.fractions(size, 1000), (1000, 1000))
+            code = map_code(code, Scaling.fractions(size, 1000))
         elif self.coordinates == "fractions":
-            code = map_code(code, Scaling.fractions(size), None)
+            code = map_code(code, Scaling.fractions(size))
         # AgentNet's `computer.wait()`, `.terminate(status='success')` and `.tripleClick(x, y)`
         return plain_code(code, Scaling.pixels(size)) if _AGENTNET.search(code) else code
 

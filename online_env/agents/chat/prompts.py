@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from hijack_data.config.tree import MappingNode, Position, Problems, ScalarNode, kind_of
+from hijack_data.config.nodes import MappingNode, Position, Problems, ScalarNode, kind_of
 from hijack_data.config.yaml_reader import read_yaml
 from hijack_data.errors import UnknownNameError, suggest
 

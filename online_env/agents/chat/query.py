@@ -114,16 +114,16 @@ class Reply:
 
 
 @dataclass
-class Said:
+class ChatMessage:
     """One message: a role and parts, which are texts and pictures."""
 
     role: str
     parts: list[str | ScreenPicture] = field(default_factory=list[str | ScreenPicture])
 
 
-def messages(query: ModelQuery) -> list[Said]:
+def messages(query: ModelQuery) -> list[ChatMessage]:
     """Return the messages of a conversation in text; no two neighbours have the same role."""
-    found: list[Said] = []
+    found: list[ChatMessage] = []
     if query.prompt.first:
         _add(found, "user", query.prompt.first)
     for index, turn in enumerate(query.turns):
@@ -140,11 +140,11 @@ def messages(query: ModelQuery) -> list[Said]:
     return found
 
 
-def _add(found: list[Said], role: str, part: str | ScreenPicture) -> None:
+def _add(found: list[ChatMessage], role: str, part: str | ScreenPicture) -> None:
     if part == "" and role == "user":
         return
     if not found or found[-1].role != role:
-        found.append(Said(role))
+        found.append(ChatMessage(role))
     found[-1].parts.append(part)
 
 
@@ -167,7 +167,7 @@ def logged(body: Any) -> Any:
     return _walked(body, logged)
 
 
-def digest_of(body: Any) -> str:
+def request_digest(body: Any) -> str:
     """Return the SHA-256 of a request, which is the same on every machine."""
     text = json.dumps(logged(body), sort_keys=True, ensure_ascii=False)
     return hashlib.sha256(text.encode("utf-8", "backslashreplace")).hexdigest()

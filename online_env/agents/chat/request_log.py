@@ -10,12 +10,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
-from hijack_data.files import make_folder, unwritable
+from hijack_data.file_io import make_folder, unwritable
 from hijack_data.runs.amounts import is_amount, is_count
 from hijack_data.runs.run_log import REQUESTS
 
 from ...errors import AgentSetupError, EndpointError, ReplayError
-from .query import digest_of, logged
+from .query import logged, request_digest
 
 FOLDER = REQUESTS
 REDACTED = "[key]"
@@ -102,7 +102,7 @@ class RequestReplay(NoRecorder):
         if not self._left:
             raise ReplayError(f"{what}: the log has no further request; it is another run's")
         line = self._left.pop(0)
-        if line.get("sha256") == digest_of(body):
+        if line.get("sha256") == request_digest(body):
             return line
         found = _difference(line.get("request"), logged(body))
         raise ReplayError(
@@ -124,7 +124,7 @@ def log_folder(path: Path) -> Path:
     return found
 
 
-def answer_of(line: Mapping[str, Any]) -> Any:
+def logged_response(line: Mapping[str, Any]) -> Any:
     """Return the response of a line.
 
     Raises:

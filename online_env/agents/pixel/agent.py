@@ -8,10 +8,10 @@ from typing import Any
 from hijack_data import extras
 from hijack_data.types import UInt8Array
 
-from ...tasks.plan_words import ToldStep, read_plan
+from ...tasks.plan_words import PlanStep, read_plan
 from ..base import DONE, Observation
-from .reading import SHARED, ScreenReader
-from .walking import PlanWalk, Walked
+from .plan_walk import PlanWalk, WalkResult
+from .screen_reader import SHARED, ScreenReader
 
 TEXTS = "texts"  # in the folder of a run
 NO_PLAN = "Nobody told me how to do this."
@@ -70,13 +70,13 @@ class Pixel:
             return NO_PLAN, [DONE]
         return self._go_on(obs["screenshot"])
 
-    def _begin(self, steps: Sequence[ToldStep]) -> None:
+    def _begin(self, steps: Sequence[PlanStep]) -> None:
         self.walk = PlanWalk(steps, self.reader)
 
     def _go_on(self, picture: UInt8Array) -> tuple[str, Sequence[str]]:
-        return answer_of(self.walk.act(picture))
+        return walk_answer(self.walk.act(picture))
 
 
-def answer_of(walked: Walked) -> tuple[str, Sequence[str]]:
+def walk_answer(walked: WalkResult) -> tuple[str, Sequence[str]]:
     """Return words and action: `DONE` at the end of the plan, and where it cannot go on."""
     return walked.said, [walked.action or DONE]

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from hijack_data.files import replace_atomic, unwritable, write_atomic
+from hijack_data.file_io import replace_atomic, unwritable, write_atomic
 
 from ...errors import DesktopImageError
 from . import file_entries, manifest

@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from hijack_data.errors import ParameterError, StorageError, suggest
-from hijack_data.files import unwritable, write_atomic
+from hijack_data.file_io import unwritable, write_atomic
 from hijack_data.locking import LockedError, lock
 
 from ...errors import DesktopImageError

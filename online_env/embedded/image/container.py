@@ -19,7 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from hijack_data.files import replace_atomic
+from hijack_data.file_io import replace_atomic
 
 from ...errors import DesktopImageError
 from .. import home

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from http.client import HTTPException
 from pathlib import Path
 
-from hijack_data.files import unwritable
+from hijack_data.file_io import unwritable
 
 from ...errors import DesktopImageError
 from .. import packages

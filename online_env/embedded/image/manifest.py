@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from hijack_data.files import check_versioned, read_versioned_json
+from hijack_data.file_io import check_versioned, read_versioned_json
 
 from ...errors import DesktopImageError
 

@@ -21,7 +21,7 @@ from http.client import HTTPException
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from hijack_data.files import write_atomic
+from hijack_data.file_io import write_atomic
 
 from ...errors import DesktopImageError
 from . import debian

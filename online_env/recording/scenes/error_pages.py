@@ -7,7 +7,7 @@ from hijack_data.plan import Effect
 from ...effects import Applied, perform
 from ...errors import DesktopError
 from ...tasks.hand import Hand
-from ...tasks.tree import TreeNode
+from ...tasks.tree_nodes import TreeNode
 from ..picture import Picture
 from ..stage import RecordingStage, Top
 from . import Refused

@@ -14,7 +14,7 @@ from ...desktops.commands import end
 from ...effects.elements import LAUNCHERS
 from ...errors import DesktopError
 from ...tasks.hand import Hand
-from ...tasks.tree import TreeNode, nodes
+from ...tasks.tree_nodes import TreeNode, read_tree
 from ..picture import ClickTarget, Picture
 from ..stage import RecordingStage, Top, click, code_of, spot
 from . import Refused
@@ -194,7 +194,7 @@ def _bubble(stage: RecordingStage, app: str, top: Top, wanted: Click) -> Iterato
     """
     stage.park()
     stage.settled()
-    before = {node.box for node in nodes(stage.desktop.accessibility())}
+    before = {node.box for node in read_tree(stage.desktop.accessibility())}
     action = _aim(stage, wanted, top)
     stage.run(code_of(action))
     stage.park()
@@ -216,7 +216,7 @@ def _bubble(stage: RecordingStage, app: str, top: Top, wanted: Click) -> Iterato
 
 def _no_bubble(stage: RecordingStage, box: Box) -> bool:
     stage.settled()
-    found = nodes(stage.desktop.accessibility())
+    found = read_tree(stage.desktop.accessibility())
     return not any(node.box == box and node.role in BUBBLE_ROLES for node in found)
 
 

@@ -19,7 +19,7 @@ class TaskApp:
             of them itself.
         ready: The roles of nodes that are there once it can be used.
         profile: The profile of `hijack desktop install` that has it.
-        patience: Seconds that it may take to start.
+        timeout: Seconds that it may take to start.
     """
 
     argv: tuple[str, ...]
@@ -28,7 +28,7 @@ class TaskApp:
     helper: str = ""
     ready: tuple[str, ...] = ("frame",)
     profile: str = "core"
-    patience: float = 30.0
+    timeout: float = 30.0
 
 
 def _office(part: str, ready: str) -> TaskApp:
@@ -38,7 +38,7 @@ def _office(part: str, ready: str) -> TaskApp:
         tree="soffice",
         ready=("frame", ready),
         profile="office",
-        patience=60.0,
+        timeout=60.0,
     )
 
 
@@ -60,7 +60,7 @@ APPS: dict[str, TaskApp] = {
         helper="xdg-desktop-portal",  # to open and save files
         ready=("frame", "document-web"),
         profile="web",
-        patience=30.0,
+        timeout=30.0,
     ),
     "evince": TaskApp(argv=("evince",), processes=("evince",), tree="evince"),
     "ristretto": TaskApp(argv=("ristretto",), processes=("ristretto",), tree="ristretto"),
@@ -105,7 +105,7 @@ APPS: dict[str, TaskApp] = {
         tree="gimp",
         helper="file-",  # such as `file-png`, for the options of a format
         profile="media",
-        patience=120.0,
+        timeout=120.0,
     ),
     "vlc": TaskApp(
         argv=("vlc", "--no-qt-privacy-ask", "--no-video-title-show"),

@@ -5,7 +5,7 @@ import time
 from collections.abc import Mapping
 
 from ..hand import BUTTONS, ENTRIES, PAUSE, Hand, Name, Roles, fits
-from ..tree import TreeNode
+from ..tree_nodes import TreeNode
 
 APP = "chrom"
 BAR = "Address and search bar"

@@ -39,7 +39,7 @@ def setting(machine: Machine, channel: str, name: str) -> StoredValue:
 
 
 def store(machine: Machine, channel: str, name: str, value: str | list[str]) -> None:
-    """Write a setting into the file of its channel, as `wrong` and `right` results do."""
+    """Write a setting into the file of its channel, as `wrong_results` and `right_result` results do."""
     root = _tree(machine, channel)
     node = root
     for part in name.split("/"):

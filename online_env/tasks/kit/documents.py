@@ -160,7 +160,7 @@ def changed(content: TextContent, text: str, /, **changes: Any) -> TextContent:
     return replace(content, paragraphs=tuple(paragraphs))
 
 
-def paragraph_of(found: Any, text: str) -> Any:
+def find_paragraph(found: Any, text: str) -> Any:
     """Return the paragraph of a python-docx document that has a text.
 
     Raises:
@@ -174,7 +174,7 @@ def paragraph_of(found: Any, text: str) -> Any:
 
 def remove_paragraph(found: Any, text: str) -> None:
     """Remove the paragraph of a python-docx document that has a text."""
-    element = paragraph_of(found, text)._element
+    element = find_paragraph(found, text)._element
     element.getparent().remove(element)
 
 

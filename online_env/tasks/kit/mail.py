@@ -12,8 +12,8 @@ from ..base import Task
 from ..hand import Hand
 from ..machine import Machine
 from . import browser
-from .pairing import fewest_problems
-from .words import FIRST_NAMES, even
+from .assignment import fewest_problems
+from .word_lists import FIRST_NAMES, even
 
 INBOX = "http://mail.test/"
 _QUOTED = re.compile(r"^> ?", re.MULTILINE)
@@ -28,7 +28,7 @@ class MailTask(Task):
     sites = ("mail",)
     unsolvable: ClassVar = {"network_error": "the mailbox cannot be reached"}
 
-    def opens(self, machine: Machine) -> Sequence[str]:
+    def initial_app(self, machine: Machine) -> Sequence[str]:
         """Return the browser with the inbox."""
         return "chrome", INBOX
 

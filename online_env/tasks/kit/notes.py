@@ -35,7 +35,7 @@ def read_file(hand: Hand, path: str) -> None:
     hand.press("enter")
     hand.find("frame", re.compile(f"[^*]*{name}"), _EDITOR)
     hand.press("ctrl", "q")
-    hand.gone("frame", app=_EDITOR)
+    hand.wait_until_gone("frame", app=_EDITOR)
 
 
 def _start(hand: Hand) -> None:

@@ -13,13 +13,13 @@ from ...errors import DesktopTimeoutError
 from ..base import Outcome, Task
 from ..hand import MENU_ROLES, PAUSE, Hand
 from ..machine import Machine
-from ..tree import TreeNode
-from .words import straight
+from ..tree_nodes import TreeNode
+from .word_lists import straight
 
 APP = "soffice"
 OWN_FORMAT = re.compile("Use (?!ODF)")
 _MODIFIED = "Save All"  # the menu item can be used while a document has unsaved changes
-_TRIES = 3  # so many times the patience of a hand, for what LibreOffice has to load first
+_TRIES = 3  # so many times the timeout of a hand, for what LibreOffice has to load first
 _NOTICED = 3.0  # seconds, until the menu follows a change
 
 
@@ -74,19 +74,19 @@ class OfficeTask(Task):
     def prepare(self, machine: Machine) -> object:
         """Write the document."""
         extra.require(f"the task {self.name}", (self.library,))
-        machine.write(self.drawn.path, dump(self.made()))
+        machine.write(self.values.path, dump(self.made()))
 
-    def opens(self, machine: Machine) -> Sequence[str]:
+    def initial_app(self, machine: Machine) -> Sequence[str]:
         """Open the document in the first application."""
-        return self.apps[0], machine.path(self.drawn.path)
+        return self.apps[0], machine.path(self.values.path)
 
     def problems(self, machine: Machine) -> Iterator[str]:
         """Yield other files that changed, and what `judge` yields."""
-        new = [getattr(self.drawn, key) for key in self.added]
-        yield from machine.untouched(self.drawn.path, *new)
-        now = self.read(machine, self.drawn.path)
+        new = [getattr(self.values, key) for key in self.added]
+        yield from machine.unexpected_changes(self.values.path, *new)
+        now = self.read(machine, self.values.path)
         if now is None:
-            yield f"{self.drawn.path} is gone, or in another format than its name says"
+            yield f"{self.values.path} is gone, or in another format than its name says"
             return
         yield from self.judge(now, self.before)
 
@@ -112,9 +112,9 @@ class OfficeTask(Task):
         """
 
         def outcome(machine: Machine) -> None:
-            document = self.load(machine.read(self.drawn.path) or b"")
+            document = self.load(machine.read(self.values.path) or b"")
             change(document)
-            machine.write(self.drawn.path, dump(document))
+            machine.write(self.values.path, dump(document))
 
         return outcome
 
@@ -149,7 +149,7 @@ def save(hand: Hand) -> None:
 def keep_format(hand: Hand) -> None:
     """Answer the question in which format to save: in that of the file's name."""
     hand.button(OWN_FORMAT, app=APP)
-    hand.gone("alert", "Question", app=APP)
+    hand.wait_until_gone("alert", "Question", app=APP)
 
 
 def find_text(hand: Hand, text: str) -> None:
@@ -158,7 +158,7 @@ def find_text(hand: Hand, text: str) -> None:
     hand.find("text", app=APP, state="focused")
     hand.replace(f"{text}\n")
     hand.press("escape")
-    hand.gone("push-button", "Close Find Bar", app=APP)
+    hand.wait_until_gone("push-button", "Close Find Bar", app=APP)
 
 
 def replace_all(hand: Hand, old: str, new: str) -> None:
@@ -171,14 +171,14 @@ def replace_all(hand: Hand, old: str, new: str) -> None:
     hand.button("Replace All", app=APP)
     patiently(lambda: hand.wait("changed document", _is_changed))  # Impress says nothing
     hand.button("Close", app=APP)
-    hand.gone("dialog", "Find and Replace", app=APP)
+    hand.wait_until_gone("dialog", "Find and Replace", app=APP)
 
 
 def patiently(look: Callable[[], TreeNode]) -> TreeNode:
     """Return what a look finds; LibreOffice may not answer for a minute when it loads a part.
 
     Raises:
-        DesktopTimeoutError: It found nothing in several times the patience of its hand.
+        DesktopTimeoutError: It found nothing in several times the timeout of its hand.
     """
     for _ in range(_TRIES - 1):
         try:
@@ -208,7 +208,7 @@ def menu(hand: Hand, *names: str) -> None:
     """Choose from the menu bar, and wait until the menu is closed."""
     hand.click(hand.wait(f"menu {names[0]}", lambda node: _is_in_bar(node, names[0])))
     hand.menu(*names[1:], app=APP)
-    hand.gone(MENU_ROLES, names[-1], app=APP)
+    hand.wait_until_gone(MENU_ROLES, names[-1], app=APP)
 
 
 def _is_in_bar(node: TreeNode, name: str) -> bool:

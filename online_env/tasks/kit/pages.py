@@ -55,7 +55,7 @@ def untick(hand: Hand, role: str, names: Collection[str]) -> None:
     for node in hand.look():
         if node.role == role and node.name in names and "checked" in node.states:
             hand.click(hand.find(role, node.name, CHROME, "checked", scroll=True))
-            hand.gone(role, node.name, CHROME, "checked")
+            hand.wait_until_gone(role, node.name, CHROME, "checked")
 
 
 def pick(hand: Hand, button: Name, index: int) -> None:
@@ -67,7 +67,7 @@ def pick(hand: Hand, button: Name, index: int) -> None:
         index: Which item, from 0; the tree has no places for them.
     """
     hand.click_on(BUTTONS, button, CHROME)
-    menu = hand.at_rest("menu", lambda: hand.find("menu", app=CHROME))
+    menu = hand.wait_until_stable("menu", lambda: hand.find("menu", app=CHROME))
     left, top, right, _ = menu.box or (0, 0, 0, 0)
     down = top + _MENU_EDGE + _MENU_ITEM // 2 + _MENU_ITEM * index
     hand.run(f"pyautogui.click({(left + right) // 2}, {down})")

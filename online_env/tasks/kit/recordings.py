@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 from hijack_data.rng import Stream
 
 from ..machine import Machine
-from . import pictures
+from . import gimp
 
 NOTE = 2.0  # seconds of one note
 CD = (2, 44100)  # channels and samples a second of a CD
@@ -113,7 +113,7 @@ def _pitch(samples: NDArray[np.int16], rate: int) -> float:
 
 def scene(stream: Stream, title: str) -> Image.Image:
     """Return the picture of a scene, with its title on it."""
-    picture = pictures.drawing(stream, *FILM_SIZE)
+    picture = gimp.drawing(stream, *FILM_SIZE)
     pen = ImageDraw.Draw(picture)
     pen.rectangle((0, 0, FILM_SIZE[0], 64), fill="black")
     pen.text((20, 10), title, "white", ImageFont.load_default(36))
@@ -122,7 +122,7 @@ def scene(stream: Stream, title: str) -> Image.Image:
 
 def film(scenes: Sequence[Image.Image]) -> bytes:
     """Return an AVI file (motion JPEG, silent) that shows each picture for `SCENE` seconds."""
-    shown = [pictures.encoded(picture, "JPEG", 90) for picture in scenes]
+    shown = [gimp.encoded(picture, "JPEG", 90) for picture in scenes]
     frames = [data for data in shown for _ in range(SCENE * _PICTURES_A_SECOND)]
     chunks, index, place = [], [], 4
     for data in frames:

@@ -11,7 +11,7 @@ from ..hand import Hand
 from ..machine import Machine
 from .browser import enter_in_turn
 from .pages import enter, follow, tick, untick
-from .words import FIRST_NAMES, LAST_NAMES, even, sample
+from .word_lists import FIRST_NAMES, LAST_NAMES, even, sample
 
 SITE = "http://forms.test"
 Registration = dict[str, Any]

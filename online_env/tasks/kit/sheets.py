@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 from ..base import Outcome
 from ..hand import Hand
-from ..tree import TreeNode
+from ..tree_nodes import TreeNode
 from .office import APP, OfficeTask
 
 CellValue: TypeAlias = str | int | float | bool | None

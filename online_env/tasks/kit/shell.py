@@ -4,19 +4,19 @@ import re
 import time
 
 from ...errors import DesktopTimeoutError
-from ..hand import PATIENCE, PAUSE, Hand
+from ..hand import PAUSE, TIMEOUT_S, Hand
 
 APP = "xfce4-terminal"
 _PROMPT = re.compile(r"\$ $")
 
 
-def command(hand: Hand, line: str, patience: float = PATIENCE) -> str:
+def command(hand: Hand, line: str, timeout: float = TIMEOUT_S) -> str:
     """Type a command at the prompt, and wait until the next prompt is there.
 
     Args:
         hand: The hand.
         line: The command, in one line.
-        patience: Seconds that it may take.
+        timeout: Seconds that it may take.
 
     Returns:
         What the terminal shows then.
@@ -26,13 +26,13 @@ def command(hand: Hand, line: str, patience: float = PATIENCE) -> str:
     """
     before = _at_prompt(hand)
     hand.type(f"{line}\n")
-    deadline = time.monotonic() + patience
+    deadline = time.monotonic() + timeout
     while True:
         text = screen(hand)
         if text != before and _PROMPT.search(text):
             return text
         if time.monotonic() > deadline:
-            raise DesktopTimeoutError(f"{line!r} did not end within {patience:g} s: {text[-200:]}")
+            raise DesktopTimeoutError(f"{line!r} did not end within {timeout:g} s: {text[-200:]}")
         time.sleep(PAUSE)
 
 

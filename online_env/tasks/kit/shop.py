@@ -12,8 +12,8 @@ from ..base import Task
 from ..hand import BUTTONS, Hand
 from ..machine import Machine
 from . import browser
-from .pairing import fewest_problems
-from .words import FIRST_NAMES, LAST_NAMES, even, sample
+from .assignment import fewest_problems
+from .word_lists import FIRST_NAMES, LAST_NAMES, even, sample
 
 HOME = "http://shop.test/"
 CART = "http://shop.test/cart"
@@ -49,7 +49,7 @@ class ShopTask(Task):
     sites = ("shop",)
     unsolvable: ClassVar = {"network_error": "the shop cannot be reached"}
 
-    def opens(self, machine: Machine) -> Sequence[str]:
+    def initial_app(self, machine: Machine) -> Sequence[str]:
         """Return the browser with the shop."""
         return "chrome", HOME
 
@@ -239,7 +239,7 @@ def remove(hand: Hand, name: str) -> None:
     if not browser.has(hand, BUTTONS, button):
         return
     hand.click_on("push-button", button, app=browser.APP, scroll=True)
-    hand.gone("push-button", button, app=browser.APP)
+    hand.wait_until_gone("push-button", button, app=browser.APP)
 
 
 def check_out(

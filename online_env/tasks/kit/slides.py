@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..hand import Hand
-from ..tree import TreeNode
+from ..tree_nodes import TreeNode
 from .office import APP, OfficeTask, plain
 
 PLACE_ICON = (89, 71)  # width and height in pixels of what LibreOffice 7.4 shows at an empty place

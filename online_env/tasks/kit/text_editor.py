@@ -10,7 +10,7 @@ from pathlib import PurePosixPath
 
 from ..hand import Hand
 from ..machine import Machine
-from ..tree import TreeNode
+from ..tree_nodes import TreeNode
 
 _UNDOS = 30
 
@@ -54,7 +54,7 @@ def choose_to_open(hand: Hand, path: str, app: str) -> None:
     hand.find("text", app=app, state="focused")
     hand.replace(hand.path(path))
     hand.press("enter")
-    hand.gone("file-chooser", app=app)
+    hand.wait_until_gone("file-chooser", app=app)
 
 
 def begin(hand: Hand, path: str, text: str, app: str) -> None:
@@ -92,7 +92,7 @@ def go_to_line(hand: Hand, path: str, number: int, app: str) -> None:
     hand.press("ctrl", "l")
     hand.wait(f"field for a line's number in {app}", lambda node: _is_focused_field(node, app))
     hand.replace(f"{number}\n")
-    hand.gone("dialog", re.compile("Go [Tt]o"), app)
+    hand.wait_until_gone("dialog", re.compile("Go [Tt]o"), app)
     if app == "mousepad":
         hand.press("home")  # it goes to the column where the cursor was
 

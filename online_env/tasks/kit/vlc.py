@@ -9,7 +9,7 @@ from urllib.parse import unquote, urlsplit
 
 from ..hand import Hand, Name
 from ..machine import Machine
-from ..tree import TreeNode
+from ..tree_nodes import TreeNode
 
 VLC = "vlc"
 IDLE = "VLC media player"  # the title of the window while nothing is played
@@ -51,7 +51,7 @@ def settings(machine: Machine) -> dict[str, str]:
 
 
 def store(machine: Machine, values: Mapping[str, str]) -> None:
-    """Write settings into VLC's file, as `wrong` and `right` results do."""
+    """Write settings into VLC's file, as `wrong_results` and `right_result` results do."""
     lines = (machine.text(_RC) or "").splitlines()
     kept = [line for line in lines if line.partition("=")[0] not in values]
     machine.write(_RC, "\n".join(kept) + f"\n[core]\n{_lines(values)}")
@@ -134,7 +134,7 @@ def pick_file(hand: Hand, path: str) -> None:
     dialog = hand.find("dialog", _PICKER, VLC)
     hand.find("text", "File name:", VLC, "focused")
     hand.replace(hand.path(path) + "\n")
-    hand.gone("dialog", dialog.name, VLC)
+    hand.wait_until_gone("dialog", dialog.name, VLC)
 
 
 def empty_playlist(hand: Hand) -> None:
@@ -148,7 +148,7 @@ def empty_playlist(hand: Hand) -> None:
         hand.click(left)
         hand.press("ctrl", "a")
         hand.press("delete")
-        hand.gone("tree-item", _FILE, VLC)
+        hand.wait_until_gone("tree-item", _FILE, VLC)
 
 
 def pause_at(hand: Hand, seconds: int) -> None:
@@ -161,7 +161,7 @@ def pause_at(hand: Hand, seconds: int) -> None:
     hand.find("spin-box", app=VLC, state="focused")
     minutes, rest = divmod(seconds, 60)
     hand.type(f"00{minutes:02}{rest:02}\n")
-    hand.gone("dialog", "Go to Time", VLC)
+    hand.wait_until_gone("dialog", "Go to Time", VLC)
     hand.press("e")  # the next picture, and no further
 
 
@@ -193,7 +193,7 @@ def choose(hand: Hand, label: Name, option: str) -> None:
 def save_preferences(hand: Hand) -> None:
     """Save the preferences, which are open."""
     hand.button("Save", VLC)
-    hand.gone("dialog", app=VLC)
+    hand.wait_until_gone("dialog", app=VLC)
 
 
 def _is_beside(node: TreeNode, label: TreeNode) -> bool:

@@ -10,21 +10,21 @@ from typing import Any
 
 from hijack_data.errors import ActionError, ParameterError
 
-from ...building.options import Progress
+from ...building.build_options import Progress
 from ...dataset.manifest import is_lazy
 from ...dataset.opening import Dataset, open_dataset, shard_rows
 from ...errors import BuildError
 from ...prompts import PROMPTS
 from ..dialects import action_text
 from ..example import Example, Row, check_task, checked_answer, is_hidden
-from ..place import new_folder, write_report
-from ..stored import stored_rows
-from .change import ScreenChange, measure
+from ..output_folder import new_folder, write_report
+from ..stored_rows import stored_rows
+from .messages import NONE, chat, reminder_messages, summarise, summary_messages
 from .report import OnlookerReport
 from .sampling import NEEDED, READ, OnlookerSampler
-from .steps import RowFrame, StepFrames, frames_by_step, transitions
+from .screen_change import ScreenChange, measure
+from .step_frames import RowFrame, StepFrames, frames_by_step, transitions
 from .tables import TABLES, TableWriter, about
-from .words import NONE, chat, reminder_messages, summary_messages, summary_of
 
 MADE_BY = "template"
 # The corruptions whose rows have a reminder.
@@ -168,7 +168,7 @@ class _Tables:
         changed = None
         if event is None and change is not None:
             changed = change.share
-        summary = summary_of(row, event, change)
+        summary = summarise(row, event, change)
         example = {
             "before_id": row["id"],
             "before": start.png,

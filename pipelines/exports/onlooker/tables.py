@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...dataset.columns import ACTION, Kind, pyarrow, schema_of
+from ...dataset.columns import ACTION, Kind, arrow_schema, pyarrow
 
 # The most rows, and bytes of pictures, that are buffered before they are written.
 GROUP_ROWS = 16
@@ -66,7 +66,7 @@ class TableWriter:
 
     def __init__(self, folder: Path, name: str) -> None:
         self.folder = folder / name
-        self.schema = schema_of(TABLES[name])
+        self.schema = arrow_schema(TABLES[name])
         self.pictures = [column for column, kind in TABLES[name].items() if kind == "image"]
         self._writer: Any = None
         self._group: list[Mapping[str, Any]] = []

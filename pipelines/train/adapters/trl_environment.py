@@ -12,15 +12,15 @@ from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
 from hijack_data.errors import ParameterError
-from hijack_data.files import make_folder, unwritable
+from hijack_data.file_io import make_folder, unwritable
 from hijack_data.rng import Stream
 
 from ..errors import TrainError
 from ..journal import ROLLOUTS
-from ..rollouts import RolloutRequest, SeenObservation
+from ..rollouts import AgentObservation, RolloutRequest
 from ..sampler import CorruptionSampler
 from ..split import check_split
-from .episodes import DrivenEpisode, MakeEnvironment, TokenRollout, picture_of
+from .driven_episode import DrivenEpisode, MakeEnvironment, TokenRollout, screenshot_image
 
 Content: TypeAlias = list[dict[str, Any]]
 OVER = "The episode is over."
@@ -285,8 +285,8 @@ def _ended_with_a_call(completion: Sequence[Any]) -> bool:
     return bool(answers) and bool(answers[-1].get("tool_calls"))
 
 
-def _image(seen: SeenObservation) -> dict[str, Any]:
-    return {"type": "image", "image": picture_of(seen)}
+def _image(seen: AgentObservation) -> dict[str, Any]:
+    return {"type": "image", "image": screenshot_image(seen)}
 
 
 def _log_of(folder: Path | None, rank: int, processes: int) -> Path | None:

@@ -16,7 +16,7 @@ from hijack_data.errors import ParameterError
 from ..errors import TrainError
 from ..replay import ReplayBuffer
 from ..split import check_split
-from .finite import FiniteCallback
+from .finite_callback import FiniteCallback
 from .trl_environment import TrlEnvironment, TrlEnvironments, format_reward
 
 GRPOTrainer: Any = extras.load("trl", "DAGRPOTrainer", "trl").GRPOTrainer

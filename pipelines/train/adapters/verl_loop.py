@@ -19,9 +19,9 @@ from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
 from hijack_data.rng import Stream
 
-from ..rollouts import RolloutRequest, SeenObservation
+from ..rollouts import AgentObservation, RolloutRequest
 from ..sampler import CorruptionSampler, Draw
-from .episodes import DrivenEpisode, TokenRollout, picture_of
+from .driven_episode import DrivenEpisode, TokenRollout, screenshot_image
 
 _agents = extras.load("verl.experimental.agent_loop.agent_loop", "HijackLoop", "verl")
 AgentLoopBase: Any = _agents.AgentLoopBase
@@ -66,7 +66,7 @@ class HijackLoop(AgentLoopBase):
         super().__init__(*args, **kwargs)
         self.environment = environment
         self.environment_args = _plain(environment_args or {})
-        self.sampler = CorruptionSampler(planner_of(_plain(corruptions)), per=per, seed=seed)
+        self.sampler = CorruptionSampler(make_planner(_plain(corruptions)), per=per, seed=seed)
         self.seed = seed
         self.max_steps = max_steps
         self.format_weight = format_weight
@@ -185,7 +185,7 @@ class HijackLoop(AgentLoopBase):
         draw = self.sampler.draw(step=step, group=task, slot=slot)
         fixed = about.get("corruption")
         if fixed:
-            planner = None if fixed == CLEAN else planner_of([fixed])
+            planner = None if fixed == CLEAN else make_planner([fixed])
             draw = Draw(label=str(fixed), planner=planner, key="row")
         return RolloutRequest(
             step=step,
@@ -211,7 +211,7 @@ class HijackLoop(AgentLoopBase):
         return await loop.run_in_executor(None, function, *args)
 
 
-def planner_of(corruptions: Sequence[Any]) -> Planner | None:
+def make_planner(corruptions: Sequence[Any]) -> Planner | None:
     """Return a planner that draws one of `corruptions` with equal odds; `None` without any.
 
     Args:
@@ -244,8 +244,8 @@ def _facts(rollout: TokenRollout) -> dict[str, Any]:
     }
 
 
-def _message(seen: SeenObservation, text: str = "") -> dict[str, Any]:
-    content: list[dict[str, Any]] = [{"type": "image", "image": picture_of(seen)}]
+def _message(seen: AgentObservation, text: str = "") -> dict[str, Any]:
+    content: list[dict[str, Any]] = [{"type": "image", "image": screenshot_image(seen)}]
     if text:
         content.append({"type": "text", "text": text})
     return {"role": "user", "content": content}

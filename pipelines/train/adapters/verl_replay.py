@@ -15,7 +15,7 @@ from ..replay import ReplayBuffer
 from ..rollouts import RolloutRequest
 from ..sampler import Draw
 from ..split import check_split
-from .episodes import TokenRollout
+from .driven_episode import TokenRollout
 
 transfer_queue: Any = extras.load("transfer_queue", "HijackReplay", "verl")
 _module = extras.load("verl.trainer.ppo.v1.replay_buffer", "HijackReplay", "verl")

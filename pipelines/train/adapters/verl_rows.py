@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import ParameterError
-from hijack_data.files import make_folder, replace_atomic
+from hijack_data.file_io import make_folder, replace_atomic
 
-from ...dataset.columns import Kind, pyarrow, schema_of
+from ...dataset.columns import Kind, arrow_schema, pyarrow
 from ..split import check_split
 
 LOOP = "agenthijack"  # the name in configs/train/verl_agent.yaml
@@ -75,7 +75,7 @@ def _write(path: Path, names: list[str], how: str, corruption: str) -> int:
             }
         )
     pa = pyarrow()
-    table = pa.Table.from_pylist(rows, schema=schema_of(_KINDS))
+    table = pa.Table.from_pylist(rows, schema=arrow_schema(_KINDS))
     make_folder(path.parent, path)
     replace_atomic(path, lambda place: pa.parquet.write_table(table, place))
     return len(rows)

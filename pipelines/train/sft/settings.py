@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from hijack_data.config.corruption_settings import check
 from hijack_data.config.files import read_config
-from hijack_data.config.spec import check
-from hijack_data.config.tree import (
+from hijack_data.config.nodes import (
     ConfigNode,
     MappingNode,
     Position,
@@ -73,7 +73,7 @@ class SftSettings:
         return [Path(name).expanduser() for name in self.data]
 
 
-def method_of(path_or_name: str | os.PathLike[str]) -> str | None:
+def read_method(path_or_name: str | os.PathLike[str]) -> str | None:
     """Return the `method` of a training configuration, `None` for one without.
 
     Raises:

@@ -14,7 +14,7 @@ from hijack_data.rng import Stream
 from ..rollouts import PolicyAnswer, PolicyTurn
 from .env import DONE, ToyEnv
 from .policy import CELL, CLICK, FINISH, NOWHERE, PLACES, SAY, ToyNetwork, ToyPolicy, answer_at
-from .screens import target_of
+from .screens import next_target
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,14 +45,14 @@ def expert_answer(env: ToyEnv) -> tuple[str, tuple[int, int]]:
     """
     if env.is_solved:
         return DONE, (FINISH, NOWHERE)
-    box = target_of(env.screen)
+    box = next_target(env.screen)
     if box is None:
         raise HijackError(f"{env.task.name}: nothing to click leads on")
     x, y = (_middle(low, high) for low, high in ((box[0], box[2]), (box[1], box[3])))
     return f"click({x}, {y})", answer_at(x, y)
 
 
-def demonstrations(names: Sequence[str], seed: int, malformed: float) -> list[PolicyTurn]:
+def record_demonstrations(names: Sequence[str], seed: int, malformed: float) -> list[PolicyTurn]:
     """Return what the expert does on clean screens, with some answers in a wrong form.
 
     Args:
@@ -79,7 +79,7 @@ def demonstrations(names: Sequence[str], seed: int, malformed: float) -> list[Po
     return turns
 
 
-def cloned(names: Sequence[str], seed: int, settings: CloningSettings) -> ToyNetwork:
+def imitate_expert(names: Sequence[str], seed: int, settings: CloningSettings) -> ToyNetwork:
     """Return a network that imitates the expert.
 
     Args:
@@ -87,7 +87,7 @@ def cloned(names: Sequence[str], seed: int, settings: CloningSettings) -> ToyNet
         seed: of the first weights, the order and the wrong forms.
         settings: how long, and how.
     """
-    turns = demonstrations(names, seed, settings.malformed)
+    turns = record_demonstrations(names, seed, settings.malformed)
     torch.manual_seed(seed)
     network = ToyNetwork()
     policy = ToyPolicy(network)

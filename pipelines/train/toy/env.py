@@ -11,7 +11,7 @@ from hijack_data.errors import HijackError, ParameterTypeError
 from hijack_data.planner import Planner
 from hijack_data.spaces import Text, observations
 
-from .screens import Cover, ToyScreen, ToyState, screen_of
+from .screens import Cover, ToyScreen, ToyState, paint_screen
 from .tasks import HEIGHT, WIDTH, ToyTask, toy_task
 
 DONE = "DONE"
@@ -112,7 +112,7 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
     @property
     def screen(self) -> ToyScreen:
         """The screen without corruptions of the picture; not for an agent."""
-        return screen_of(self._task.name, self._state)
+        return paint_screen(self._task.name, self._state)
 
     @property
     def task(self) -> ToyTask:

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import torch
 
 import hijack_data as hj
-from hijack_data.files import make_folder, read_versioned_json, replace_atomic, write_atomic
+from hijack_data.file_io import make_folder, read_versioned_json, replace_atomic, write_atomic
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
 
@@ -21,10 +21,10 @@ from ..sampler import CorruptionSampler, Draw
 from ..split import check_split
 from ..trainer import Trainer, TrainSettings
 from .arms import ARMS
-from .cloning import CloningSettings, cloned
+from .cloning import CloningSettings, imitate_expert
 from .env import ToyEnv
 from .policy import ToyNetwork, ToyPolicy
-from .settings import Replication, settings_of
+from .settings import Replication, trainer_settings
 from .tasks import task_names
 
 Say: TypeAlias = Callable[[str], object]
@@ -130,13 +130,13 @@ def evaluate(policy: ToyPolicy, replication: Replication, seed: int) -> dict[str
     return rates
 
 
-def trainer_of(job: ToyJob, network: ToyNetwork, folder: Path | None) -> Trainer:
+def make_trainer(job: ToyJob, network: ToyNetwork, folder: Path | None) -> Trainer:
     """Return the trainer of a run."""
     replication, arm = job.replication, ARMS[job.arm]
     options = list(replication.trained.values())
     planner = hj.OneOf(options, p_clean=arm.p_clean) if arm.corrupted else None
     settings = TrainSettings(
-        **settings_of(replication),
+        **trainer_settings(replication),
         format_weight=replication.format_weight * arm.format_share,
         seed=job.seed,
     )
@@ -163,7 +163,7 @@ def _started(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
     replication = job.replication
     settings = CloningSettings(tasks=replication.start_tasks, epochs=replication.start_epochs)
     names = task_names(_FIRST_START, settings.tasks)
-    network = cloned(names, job.seed, settings)
+    network = imitate_expert(names, job.seed, settings)
     data = {"format": _START_FORMAT, "version": VERSION, "policy": network.state_dict()}
     path = _start_path(job)
     make_folder(path.parent, path)
@@ -175,7 +175,7 @@ def _trained(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
     network = ToyNetwork()
     start = read_tensors(_start_path(job), _START_FORMAT, VERSION, "the start of a seed")
     network.load_state_dict(start["policy"])
-    trainer = trainer_of(job, network, job.scores.parent)
+    trainer = make_trainer(job, network, job.scores.parent)
     trainer.resume()
     trainer.run()
     steps = _lines(job.scores.parent / "steps.jsonl")

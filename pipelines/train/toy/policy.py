@@ -11,7 +11,7 @@ from torch.nn import functional
 
 from hijack_data.rng import Stream
 
-from ..rollouts import PolicyAnswer, PolicyTurn, SeenObservation
+from ..rollouts import AgentObservation, PolicyAnswer, PolicyTurn
 from .env import DONE
 from .tasks import COLOURS, HEIGHT, SHAPES, WIDTH
 
@@ -50,7 +50,7 @@ class ToyNetwork(nn.Module):
 
         Args:
             screens: uint8 `[N, 64, 96, 3]`.
-            words: int64 `[N, 8]`, from `words_of`.
+            words: int64 `[N, 8]`, from `word_numbers`.
 
         Returns:
             Float `[N, 3]`, what to do, and float `[N, 384]`, where.
@@ -87,7 +87,7 @@ class ToyPolicy:
         return self._network
 
     def act(
-        self, observations: Sequence[SeenObservation], streams: Sequence[Stream]
+        self, observations: Sequence[AgentObservation], streams: Sequence[Stream]
     ) -> list[PolicyAnswer]:
         """Answer each observation; two draws of its stream decide, whatever else is there."""
         draws = torch.tensor([[stream.random(), stream.random()] for stream in streams])
@@ -131,7 +131,7 @@ def answer_at(x: int, y: int) -> tuple[int, int]:
 
 
 @lru_cache(maxsize=1024)
-def words_of(instruction: str) -> tuple[int, ...]:
+def word_numbers(instruction: str) -> tuple[int, ...]:
     """Return a number for each word at its place; unknown words and empty places share one."""
     words = instruction.split()[:_LONGEST]
     empty = _LONGEST * len(_WORDS)
@@ -142,9 +142,9 @@ def words_of(instruction: str) -> tuple[int, ...]:
     return (*numbers, *[empty] * (_LONGEST - len(numbers)))
 
 
-def _inputs(observations: Sequence[SeenObservation]) -> tuple[torch.Tensor, torch.Tensor]:
+def _inputs(observations: Sequence[AgentObservation]) -> tuple[torch.Tensor, torch.Tensor]:
     screens = np.stack([seen["screenshot"] for seen in observations])
-    words = [words_of(seen["instruction"]) for seen in observations]
+    words = [word_numbers(seen["instruction"]) for seen in observations]
     return torch.from_numpy(screens), torch.tensor(words)
 
 

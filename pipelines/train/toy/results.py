@@ -91,7 +91,7 @@ def summarise(replication: Replication, scores: ScoreTable) -> dict[str, Any]:
     return summary
 
 
-def table_of(summary: Mapping[str, Any]) -> str:
+def arms_table(summary: Mapping[str, Any]) -> str:
     """Return the table as Markdown."""
     success = summary["success"]
     names = [name for name in GROUPS if name in success[START]]

@@ -82,7 +82,7 @@ class ToyScreen:
 
 
 @lru_cache(maxsize=4096)
-def screen_of(name: str, state: ToyState) -> ToyScreen:
+def paint_screen(name: str, state: ToyState) -> ToyScreen:
     """Return the screen of a task in a state; do not write into its pixels."""
     task = toy_task(name)
     screen = ToyScreen(np.empty((HEIGHT, WIDTH, 3), np.uint8))
@@ -99,7 +99,7 @@ def screen_of(name: str, state: ToyState) -> ToyScreen:
     return screen
 
 
-def target_of(screen: ToyScreen) -> Box | None:
+def next_target(screen: ToyScreen) -> Box | None:
     """Return where a careful user clicks next: to recover, else at what is right, else the menu."""
     for wanted in ("recover", "right", "menu"):
         for box, click in screen.clicks:

@@ -6,9 +6,9 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from hijack_data.config.build import Builder
+from hijack_data.config.corruption_settings import check
 from hijack_data.config.files import read_config
-from hijack_data.config.spec import check
-from hijack_data.config.tree import (
+from hijack_data.config.nodes import (
     ConfigNode,
     MappingNode,
     Position,
@@ -220,13 +220,13 @@ def check_tasks(replication: Replication) -> None:
             raise UnknownNameError(f"{replication.source}: {error}") from None
 
 
-def settings_of(replication: Replication) -> dict[str, Any]:
+def trainer_settings(replication: Replication) -> dict[str, Any]:
     """Return what `TrainSettings` takes of a replication."""
     names = ("epochs", "rollouts", "batch", "max_steps", "learning_rate", "clip_low", "clip_high")
     return {name: getattr(replication, name) for name in names}
 
 
-def arm_of(name: str) -> dict[str, Any]:
+def check_arm(name: str) -> dict[str, Any]:
     """Return an arm as JSON data.
 
     Raises:

@@ -6,6 +6,6 @@ it, `episode.py` reads one episode with its steps, `requests.py` what was asked 
 run in their dataset, and `export.py` writes chosen episodes as one file.
 """
 
-from .source import RunSource
+from .run_source import RunSource
 
 __all__ = ["RunSource"]

@@ -8,14 +8,14 @@ from typing import Any, TypeAlias, cast
 from hijack_data.runs.run_log import EPISODE, EPISODES, LINKS, RECORDS, STEPS
 from hijack_data.types import Size, UInt8Array
 
-from ...dataset.images import decode
+from ...dataset.image_codec import decode
 from ...errors import DatasetError
 from ...readers.fields import FieldError, listed, mapping, objects
-from ...readers.files import inside, lines, parse_file, size_of
-from ..source import Fields, text_of
-from .drawing import strokes_of
+from ...readers.safe_files import image_size, inside, lines, parse_file
+from ..source import Fields, display_text
+from .action_strokes import parse_strokes
 from .listing import number
-from .requests import TurnTalk, read_talk, turns_of
+from .model_requests import TurnMessages, read_turns, turn_numbers
 
 MOST_STEPS = 1000
 LONGEST = 20_000  # characters of one text
@@ -108,8 +108,8 @@ def _read_steps(found: EpisodeLines) -> None:
 
 def episode_data(folder: Path, name: str, found: EpisodeLines) -> dict[str, Any]:
     """Return the page's data of an episode in a folder."""
-    talk, problem = read_talk(folder, name, found.record)
-    turns = turns_of(found.lines)
+    talk, problem = read_turns(folder, name, found.record)
+    turns = turn_numbers(found.lines)
     effects = _effects(found)
     steps = [
         _step(found, place, talk.get(-1 if turn is None else turn), effects)
@@ -136,13 +136,13 @@ def about(record: Mapping[str, Any]) -> dict[str, Any]:
         "ended": _cut(record.get("ended")),
         "traceback": "\n".join(where)[:LONGEST],
         "malformed": record.get("malformed") if isinstance(record.get("malformed"), int) else 0,
-        "fields": fields_of(record, "instruction", "traceback", "effects"),
+        "fields": record_fields(record, "instruction", "traceback", "effects"),
     }
 
 
-def fields_of(record: Mapping[str, Any], *without: str) -> Fields:
+def record_fields(record: Mapping[str, Any], *without: str) -> Fields:
     """Return the names and values of a record as text, without some fields."""
-    return [(name, _cut(text_of(v))) for name, v in record.items() if name not in without]
+    return [(name, _cut(display_text(v))) for name, v in record.items() if name not in without]
 
 
 def picture_file(home: Path, line: Mapping[str, Any], before: bool) -> Path:
@@ -172,7 +172,7 @@ def read_picture(path: Path) -> tuple[bytes, UInt8Array]:
 
 
 def _step(
-    found: EpisodeLines, place: int, talk: TurnTalk | None, effects: list[dict[str, Any]]
+    found: EpisodeLines, place: int, talk: TurnMessages | None, effects: list[dict[str, Any]]
 ) -> StepData:
     line = found.lines[place]
     raw = line.get("raw")
@@ -194,9 +194,9 @@ def _step(
         "seconds": _numbers(line.get("seconds")),
         "still": line.get("still") is not False,
         "effects": [k for k, effect in enumerate(effects) if effect["step"] == place],
-        "plan": "" if line.get("plan") is None else _cut(text_of(line["plan"])),
+        "plan": "" if line.get("plan") is None else _cut(display_text(line["plan"])),
         "boxes": _boxes(line.get("boxes")),
-        "fields": fields_of(line, *NOT_SHOWN),
+        "fields": record_fields(line, *NOT_SHOWN),
         "action": "",
         "strokes": [],
         "target": None,
@@ -204,12 +204,12 @@ def _step(
     }
     size: Size | None = None
     try:
-        size = size_of(picture_file(found.home, line, False))
+        size = image_size(picture_file(found.home, line, False))
         step["size"] = [size[1], size[0]]
     except FieldError as error:
         step["lost"] = found.broken.get(place) or str(error)
     if code:
-        step["action"], step["strokes"] = strokes_of(code, size)
+        step["action"], step["strokes"] = parse_strokes(code, size)
     return step
 
 
@@ -234,7 +234,7 @@ def _effect(entry: Mapping[str, Any], step: object) -> dict[str, Any]:
     return {
         "step": place,
         "kind": _cut(told.get("effect") or entry.get("effect") or "effect"),
-        "did": _cut(text_of({key: told[key] for key in told if key not in known})),
+        "did": _cut(display_text({key: told[key] for key in told if key not in known})),
         "probes": [_probe(probe) for probe in objects(told.get("probes"))],
         "undone": [_probe(probe) for probe in objects(told.get("undone"))],
     }
@@ -244,7 +244,7 @@ def _probe(probe: Mapping[str, Any]) -> dict[str, Any]:
     facts = probe.get("facts")
     return {
         "ok": probe.get("ok") is True,
-        "facts": _cut(text_of(facts)) if facts else "",
+        "facts": _cut(display_text(facts)) if facts else "",
         "problem": _cut(probe.get("problem")),
     }
 
@@ -268,7 +268,7 @@ def _numbers(value: object) -> dict[str, float]:
 def _result(value: object) -> str:
     if not isinstance(value, dict):
         return ""
-    parts = [text_of(v) for v in value.values() if v not in ("", None, "ok", "success", 0)]
+    parts = [display_text(v) for v in value.values() if v not in ("", None, "ok", "success", 0)]
     return _cut("\n".join(part for part in parts if part))
 
 

@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import HijackError, ParameterError
-from hijack_data.files import write_atomic
-from hijack_data.gallery.embed import embed, scale_for
+from hijack_data.file_io import write_atomic
+from hijack_data.gallery.data_uris import embed, scale_for
 from hijack_data.gallery.markup import Html, script_json, source_hash
 from hijack_data.runs.own_files import refuse_own_file
 
 from ..page_files import RUN_SCRIPTS, page_file, run_page
-from .columns import columns
-from .source import RunSource
+from .entry_columns import columns
+from .run_source import RunSource
 
 MOST_IN_PAGE = 30  # the most episodes that the page itself exports, because the browser waits
 WIDTH = 1280  # pixels; wider pictures are scaled down
@@ -33,12 +33,12 @@ def export_file(source: RunSource, patterns: Sequence[str], path: Path) -> int:
     Raises:
         ParameterError: no episode matches.
         HijackError: the file is one of the run itself.
-        unwritable: the file cannot be written; see `hijack_data.files`.
+        unwritable: the file cannot be written; see `hijack_data.file_io`.
     """
     refuse_own_file(path, "--export")
     if not source.entries:
         raise ParameterError("--export: the run has no episodes yet")
-    chosen = list(chosen_by(source, patterns))
+    chosen = list(matching_episodes(source, patterns))
     if not chosen:
         shown = ", ".join(patterns)
         example = source.entries[0].id
@@ -49,7 +49,7 @@ def export_file(source: RunSource, patterns: Sequence[str], path: Path) -> int:
     return len(chosen)
 
 
-def chosen_by(source: RunSource, patterns: Sequence[str]) -> Iterator[int]:
+def matching_episodes(source: RunSource, patterns: Sequence[str]) -> Iterator[int]:
     """Yield the numbers of the episodes whose ids match any pattern; all without patterns."""
     for number, entry in enumerate(source.entries):
         if not patterns or any(fnmatchcase(entry.id, pattern) for pattern in patterns):

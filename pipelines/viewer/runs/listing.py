@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import shown
-from hijack_data.files import read_regular
-from hijack_data.runs.given import given_of, given_words
+from hijack_data.file_io import read_regular
+from hijack_data.runs.privileged_inputs import describe_privileged_inputs, read_privileged_inputs
 from hijack_data.runs.run_log import CHAINED, EPISODE, EPISODES, RECORDS, RUN, VERSION, digest_of
 
 from ...errors import DatasetError
 from ...readers.fields import FieldError, mapping
-from ...readers.files import parse, parse_file
+from ...readers.safe_files import parse, parse_file
 
 SUCCESS = "success"
 PARTIAL = "partial"
@@ -117,7 +117,7 @@ def read_listing(folder: Path, version: int, head: bytes) -> RunListing:
     return listing
 
 
-def entry_of(record: Mapping[str, Any]) -> EpisodeEntry:
+def make_entry(record: Mapping[str, Any]) -> EpisodeEntry:
     """Return the entry of a record; whatever is missing stays empty."""
     seed = word(record.get("seed"))
     variant = word(record.get("task_seed"))
@@ -126,7 +126,7 @@ def entry_of(record: Mapping[str, Any]) -> EpisodeEntry:
     usage = record.get("usage")
     used: Mapping[str, Any] = usage if isinstance(usage, dict) else {}
     note = record.get("problem") or record.get("reason") or ""
-    outcome = outcome_of(record)
+    outcome = episode_outcome(record)
     has_score = record.get("status") == "ok" and outcome != UNREADABLE
     return EpisodeEntry(
         id=word(record.get("id")),
@@ -150,7 +150,7 @@ def entry_of(record: Mapping[str, Any]) -> EpisodeEntry:
     )
 
 
-def outcome_of(record: Mapping[str, Any]) -> str:
+def episode_outcome(record: Mapping[str, Any]) -> str:
     """Return the outcome of a record, one of `OUTCOMES`."""
     status = record.get("status")
     score = number(record.get("score"))
@@ -194,12 +194,12 @@ def _tokens(usage: Mapping[str, Any]) -> int | None:
 
 
 def _given(record: Mapping[str, Any]) -> str:
-    given = given_of(record)
-    return given_words(given) if given else ""
+    given = read_privileged_inputs(record)
+    return describe_privileged_inputs(given) if given else ""
 
 
 def _counts(record: Mapping[str, Any]) -> bool:
-    """Return whether the report counts an episode: the rule of `online_env.bench.scores`."""
+    """Return whether the report counts an episode: the rule of `online_env.results.scores`."""
     if record.get("status") != "error":
         return record.get("status") == "ok"
     cause = record.get("cause", "agent")
@@ -265,7 +265,7 @@ def _checked(record: Mapping[str, Any]) -> EpisodeEntry:
     for name in NEEDED:
         if not isinstance(record.get(name), str):
             raise FieldError(name, "is missing, or no text")
-    return entry_of(record)
+    return make_entry(record)
 
 
 def _check_link(
@@ -327,7 +327,7 @@ def _from_folder(folder: Path, name: str, journal: bool) -> EpisodeEntry:
         entry.note = "has no record: it is being played, or was broken off"
         return entry
     try:
-        found = entry_of(parse_file(path))
+        found = make_entry(parse_file(path))
     except FieldError as error:
         entry.problem = f"{EPISODE}: {error}"
         entry.note = entry.problem

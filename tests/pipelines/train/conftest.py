@@ -13,7 +13,7 @@ import numpy as np  # noqa: E402
 from gymnasium import spaces  # noqa: E402
 
 from pipelines.train.replay import ReplayBuffer  # noqa: E402
-from pipelines.train.rollouts import PolicyAnswer, PolicyTurn, SeenObservation  # noqa: E402
+from pipelines.train.rollouts import AgentObservation, PolicyAnswer, PolicyTurn  # noqa: E402
 from pipelines.train.sampler import CorruptionSampler  # noqa: E402
 from pipelines.train.trainer import Trainer, TrainSettings  # noqa: E402
 
@@ -69,7 +69,7 @@ class Linear:
         return self.net
 
     def act(
-        self, observations: Sequence[SeenObservation], streams: Sequence[Any]
+        self, observations: Sequence[AgentObservation], streams: Sequence[Any]
     ) -> list[PolicyAnswer]:
         with torch.inference_mode():
             chances = self._logits(observations).log_softmax(1)
@@ -93,7 +93,7 @@ class Linear:
         chances = logits.log_softmax(1).gather(1, tokens)
         return chances, torch.ones_like(chances, dtype=torch.bool)
 
-    def _logits(self, observations: Sequence[SeenObservation]) -> Any:
+    def _logits(self, observations: Sequence[AgentObservation]) -> Any:
         bright = [float(seen["screenshot"].mean()) / 100 for seen in observations]
         return self.net(torch.tensor([[1.0, each] for each in bright]))
 

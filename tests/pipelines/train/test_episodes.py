@@ -6,7 +6,7 @@ pytest.importorskip("torch", reason="needs the extra [train]")
 gymnasium = pytest.importorskip("gymnasium", reason="needs the extra [train]")
 
 from hijack_data.errors import UnknownNameError  # noqa: E402
-from pipelines.train.adapters.episodes import DrivenEpisode  # noqa: E402
+from pipelines.train.adapters.driven_episode import DrivenEpisode  # noqa: E402
 from pipelines.train.rollouts import RolloutRequest  # noqa: E402
 from pipelines.train.sampler import Draw  # noqa: E402
 

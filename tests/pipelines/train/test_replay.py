@@ -12,8 +12,8 @@ pytest.importorskip("gymnasium", reason="needs the extra [train]")
 import hijack_data as hj
 from hijack_data.errors import ParameterError, UnknownNameError
 from pipelines.train.errors import TrainError
-from pipelines.train.packing import packed, unpacked
 from pipelines.train.replay import ReplayBuffer
+from pipelines.train.rollout_data import rollout_from_data, rollout_to_data
 from pipelines.train.rollouts import PolicyAnswer, PolicyTurn, Rollout, RolloutRequest
 from pipelines.train.sampler import Draw
 
@@ -109,7 +109,7 @@ def test_a_saved_buffer_is_the_same(tmp_path):
     picture, same = (each["turns"][0]["observation"].pop("screenshot") for each in (mine, theirs))
     assert mine == theirs
     assert (picture == same).all()
-    assert mine == {**packed(rollout(1.0, step=7)), "turns": mine["turns"]}
+    assert mine == {**rollout_to_data(rollout(1.0, step=7)), "turns": mine["turns"]}
 
 
 def test_the_buffer_of_another_run_is_refused(tmp_path):
@@ -143,7 +143,7 @@ def test_everything_that_was_observed_comes_back():
         "mask": np.eye(3, dtype=np.float32),
     }
     kept.turns[0] = replace(kept.turns[0], observation=seen)
-    found = unpacked(packed(kept)).turns[0].observation
+    found = rollout_from_data(rollout_to_data(kept)).turns[0].observation
     assert found.keys() == seen.keys()
     assert (found["accessibility_tree"], found["dpi"]) == (None, 96)
     np.testing.assert_array_equal(found["mask"], seen["mask"])
@@ -155,7 +155,7 @@ def test_what_a_file_cannot_hold_is_refused():
     seen = {**kept.turns[0].observation, "tree": object()}
     kept.turns[0] = replace(kept.turns[0], observation=seen)
     with pytest.raises(TrainError, match="observation 'tree' is a object"):
-        packed(kept)
+        rollout_to_data(kept)
 
 
 @pytest.mark.parametrize("wrong", [{"slot": -1}, {"seed": -1}, {"capacity": 0}])

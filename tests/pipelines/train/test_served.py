@@ -12,7 +12,7 @@ pytest.importorskip("openenv", reason=needs.SERVE)
 
 import hijack_data as hj
 from hijack_data.errors import ParameterError
-from pipelines.train.adapters.served import TOKEN_VARIABLE, ServedEnv
+from pipelines.train.adapters.served_env import TOKEN_VARIABLE, ServedEnv
 from pipelines.train.errors import TrainError
 from pipelines.train.rollouts import PolicyAnswer, RolloutRequest, play
 from pipelines.train.sampler import CorruptionSampler, Draw
@@ -42,7 +42,7 @@ def request(draw, slot=0):
 
 
 def marks(**values):
-    return Draw(label="marks", planner=hj.get("marks", **values), key="k")
+    return Draw(label="marks", planner=hj.make_corruption("marks", **values), key="k")
 
 
 def played(env, draw, *words, max_steps=5):
@@ -101,7 +101,7 @@ def test_other_parameters_than_the_trainers_are_refused(served):
 
 def test_a_corruption_that_is_not_served_is_an_error_of_the_rollout(served):
     env, _, _ = served
-    rollout = played(env, Draw(label="fog", planner=hj.get("marks"), key="k"), "DONE")
+    rollout = played(env, Draw(label="fog", planner=hj.make_corruption("marks"), key="k"), "DONE")
     assert (rollout.status, "no corruption 'fog' is served here" in rollout.problem) == (
         "error",
         True,
@@ -142,7 +142,7 @@ def test_sessions_are_spread_over_the_servers():
 
 @pytest.mark.parametrize(
     ("arguments", "problem"),
-    [({"addresses": []}, "at least one server"), ({"patience": 0}, "above 0")],
+    [({"addresses": []}, "at least one server"), ({"timeout": 0}, "above 0")],
 )
 def test_wrong_arguments_are_refused(arguments, problem):
     with pytest.raises(ParameterError, match=problem):
@@ -150,7 +150,10 @@ def test_wrong_arguments_are_refused(arguments, problem):
 
 
 def test_the_samplers_draws_reach_the_server():
-    planners = {"marks": hj.get("marks"), "subtitle": hj.get("subtitle", fit="shrink")}
+    planners = {
+        "marks": hj.make_corruption("marks"),
+        "subtitle": hj.make_corruption("subtitle", fit="shrink"),
+    }
     sampler = CorruptionSampler(hj.OneOf(list(planners.values())), seed=4)
     draws = [sampler.draw(step=0, group="write_note", slot=slot) for slot in range(8)]
     assert {draw.label for draw in draws} == set(planners)

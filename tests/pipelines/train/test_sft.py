@@ -14,11 +14,11 @@ from hijack_data.errors import ConfigError, MissingDependencyError, ParameterErr
 from pipelines import build
 from pipelines.errors import DatasetError
 from pipelines.exports import export
-from pipelines.train.cli import train
 from pipelines.train.errors import LeakError, TrainError
-from pipelines.train.sft.rows import check_rows, read_rows, tasks_of
-from pipelines.train.sft.settings import load_sft, method_of
+from pipelines.train.sft.chat_rows import check_rows, named_tasks, read_rows
+from pipelines.train.sft.settings import load_sft, read_method
 from pipelines.train.split import members
+from pipelines.train.train_command import train
 
 RECORDINGS = "examples/recordings"
 
@@ -126,7 +126,7 @@ def test_pictures_are_those_of_their_rows(exports):
     ],
 )
 def test_tasks_are_found_in_the_ids_of_trajectories(trajectory, tasks):
-    found = tasks_of(trajectory)
+    found = named_tasks(trajectory)
     assert (len(found) if isinstance(tasks, int) else found) == tasks
 
 
@@ -165,7 +165,7 @@ def test_mistakes_are_named(config, changes, message):
 
 def test_another_method_is_refused(config):
     with pytest.raises(ConfigError, match="no 'sftt'; did you mean 'sft'"):
-        method_of(config(method="sftt"))
+        read_method(config(method="sftt"))
     assert run(config(), "--arms", "grpo").exit_code == 2
     assert run("toy", "--model", "x", "--dry-run").exit_code == 2
 
@@ -185,7 +185,7 @@ def test_folders_that_are_no_exports_are_refused(config, tmp_path):
 
 def test_the_shipped_configuration_refuses_what_is_reported():
     shipped = load_sft("train/sft")
-    assert method_of("train/sft") == "sft"
+    assert read_method("train/sft") == "sft"
     assert len(shipped.evaluation) > 241
     assert shipped.data == ("chat", "onlooker")
 

@@ -7,12 +7,12 @@ import sys
 import pytest
 
 from hijack_data.config.files import read_config
-from hijack_data.config.tree import Problems, plain
+from hijack_data.config.nodes import Problems, plain
 from hijack_data.config.yaml_reader import read_yaml
 from hijack_data.errors import UnknownNameError
-from online_env.tasks import sets
+from online_env.tasks import task_sets
 from pipelines.train.errors import LeakError
-from pipelines.train.split import check_split, members, side_of
+from pipelines.train.split import check_split, members, split_side
 
 
 def osworld():
@@ -21,8 +21,8 @@ def osworld():
 
 
 def test_the_suite_s_split_is_the_suite_s():
-    assert members("suite/training") == tuple(sets.members("training"))
-    assert members("suite/held_out") == tuple(sets.members("held_out"))
+    assert members("suite/training") == tuple(task_sets.members("training"))
+    assert members("suite/held_out") == tuple(task_sets.members("held_out"))
 
 
 def test_osworld_s_split_follows_its_rule():
@@ -47,9 +47,9 @@ def test_sides_do_not_meet():
         training, held_out = members(f"{family}/training"), members(f"{family}/held_out")
         assert not set(training) & set(held_out)
         check_split(training, held_out)
-        assert (side_of(training[0]), side_of(held_out[0])) == ("training", "held_out")
+        assert (split_side(training[0]), split_side(held_out[0])) == ("training", "held_out")
     assert len(members("osworld/training")) == len(members("toy/training")) == 128
-    assert side_of("mine") is None
+    assert split_side("mine") is None
 
 
 @pytest.mark.parametrize("family", ["toy", "suite", "osworld"])

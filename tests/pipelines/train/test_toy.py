@@ -13,7 +13,12 @@ from hijack_data.errors import ParameterTypeError, UnknownNameError  # noqa: E40
 from hijack_data.rng import Stream  # noqa: E402
 from pipelines.train.rollouts import PolicyTurn, RolloutRequest, play  # noqa: E402
 from pipelines.train.sampler import Draw  # noqa: E402
-from pipelines.train.toy.cloning import CloningSettings, cloned, demonstrations, expert_answer  # noqa: E402
+from pipelines.train.toy.cloning import (  # noqa: E402
+    CloningSettings,
+    expert_answer,
+    imitate_expert,
+    record_demonstrations,
+)
 from pipelines.train.toy.env import DONE, ToyEnv  # noqa: E402
 from pipelines.train.toy.policy import ToyNetwork, ToyPolicy  # noqa: E402
 from pipelines.train.toy.settings import load_replication  # noqa: E402
@@ -57,7 +62,7 @@ def test_the_expert_solves_all_under_all(label):
 
 
 def test_all_nine_are_shipped():
-    assert {planner.label for planner in CORRUPTIONS.values()} == set(hj.names())
+    assert {planner.label for planner in CORRUPTIONS.values()} == set(hj.corruption_names())
 
 
 def test_pictures_are_those_of_the_library():
@@ -105,10 +110,10 @@ def test_it_is_a_gymnasium_environment():
 def test_the_start_learns_from_the_expert():
     settings = CloningSettings(tasks=40, epochs=3, malformed=0.0)
     names = task_names(100, settings.tasks)
-    turns = demonstrations(names, 0, 0.0)
+    turns = record_demonstrations(names, 0, 0.0)
     torch.manual_seed(0)
     before, _ = ToyPolicy(ToyNetwork()).log_probs(turns)
-    after, _ = ToyPolicy(cloned(names, 0, settings)).log_probs(turns)
+    after, _ = ToyPolicy(imitate_expert(names, 0, settings)).log_probs(turns)
     assert after.mean().item() > before.mean().item() + 0.5
 
 

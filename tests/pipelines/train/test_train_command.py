@@ -10,11 +10,11 @@ pytest.importorskip("torch", reason="needs the extra [train]")
 pytest.importorskip("gymnasium", reason="needs the extra [train]")
 
 from hijack_data.errors import ConfigError, HijackError
-from pipelines.train.cli import train
 from pipelines.train.errors import LeakError, TrainError
 from pipelines.train.toy import results
 from pipelines.train.toy.arms import ARMS
 from pipelines.train.toy.settings import load_replication
+from pipelines.train.train_command import train
 
 SMALL = """\
 environment: toy

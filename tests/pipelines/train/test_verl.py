@@ -36,7 +36,7 @@ with warnings.catch_warnings():  # of ray and of verl, while they are imported
     from verl.workers.rollout.replica import TokenOutput
 
 from hijack_data.errors import ConfigError, ParameterError, UnknownNameError  # noqa: E402
-from pipelines.train.adapters.verl_loop import HijackLoop, close_idle, planner_of  # noqa: E402
+from pipelines.train.adapters.verl_loop import HijackLoop, close_idle, make_planner  # noqa: E402
 from pipelines.train.adapters.verl_rows import write_evaluation_rows, write_rows  # noqa: E402
 from pipelines.train.errors import LeakError  # noqa: E402
 from pipelines.train.objective import clipped_loss, group_advantage  # noqa: E402
@@ -163,7 +163,7 @@ def test_an_episode_as_verl_takes_it(play):
     assert output.reward_score == 1.0
     assert len(output.response_ids) == len(output.response_mask) == len(output.response_logprobs)
     assert 0 < sum(output.response_mask) < len(output.response_mask)
-    drawn = CorruptionSampler(planner_of(CORRUPTIONS), seed=7).draw(
+    drawn = CorruptionSampler(make_planner(CORRUPTIONS), seed=7).draw(
         step=3, group="toy-00000", slot=1
     )
     facts = output.extra_fields["reward_extra_info"]

@@ -54,7 +54,7 @@ def test_the_command_refuses_what_it_cannot_show(tmp_path: Path) -> None:
 
 def test_the_library_stays_light() -> None:
     code = (
-        "import sys, pipelines.viewer.cli; sys.exit('pyarrow' in sys.modules or 'torch' in"
+        "import sys, pipelines.viewer.view_command; sys.exit('pyarrow' in sys.modules or 'torch' in"
         " sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

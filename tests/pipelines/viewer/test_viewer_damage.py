@@ -10,8 +10,8 @@ import pytest
 from hijack_data.errors import HijackError
 from pipelines import build, open_dataset
 from pipelines.errors import DatasetError
-from pipelines.viewer import answers, open_source
-from pipelines.viewer.pictures import Pictures
+from pipelines.viewer import json_answers, open_source
+from pipelines.viewer.picture_cache import Pictures
 
 from support.viewing import edit
 
@@ -22,10 +22,10 @@ def test_a_damaged_file_is_named_and_the_others_are_shown(dataset: Path) -> None
     source = open_source(dataset)
     assert [p.partition(":")[0] for p in source.problems] == ["data/train-00000.parquet"]
     assert "15 rows are left out" in source.problems[0]
-    assert [row["row"] for row in answers.rows(source, {})["rows"]] == list(range(15, 30))
-    assert answers.row(source, {"row": "15"})["id"] == open_dataset(dataset).reader[15]["id"]
+    assert [row["row"] for row in json_answers.rows(source, {})["rows"]] == list(range(15, 30))
+    assert json_answers.row(source, {"row": "15"})["id"] == open_dataset(dataset).reader[15]["id"]
     with pytest.raises(HijackError, match="there is no row '3'"):
-        answers.row(source, {"row": "3"})
+        json_answers.row(source, {"row": "3"})
 
 
 @pytest.mark.parametrize("harm", ["missing", "column", "short", "outside"])
@@ -65,7 +65,7 @@ def test_a_row_that_cannot_be_drawn_says_why_and_the_others_are_there(
     source = open_source(tmp_path / "out")
     with pytest.raises(DatasetError, match="gives another plan"):
         Pictures(source).get("thumb", 1)
-    detail = answers.row(source, {"row": "1"})["detail"]
+    detail = json_answers.row(source, {"row": "1"})["detail"]
     assert "gives another plan" in detail["problem"]
     assert dict(detail["fields"]["Columns"])["corruption"] == "marks"
     assert Pictures(source).get("thumb", 3)
@@ -78,7 +78,7 @@ def test_a_damaged_picture_is_a_message(dataset: Path) -> None:
     source = open_source(dataset)
     with pytest.raises(DatasetError, match="row t0/0000/clean: its picture is damaged"):
         source.picture(0, False)
-    assert answers.row(source, {"row": "0"})["detail"]["fields"]["Columns"]
+    assert json_answers.row(source, {"row": "0"})["detail"]["fields"]["Columns"]
 
 
 def test_rows_of_other_columns_are_messages(dataset: Path) -> None:
@@ -90,7 +90,8 @@ def test_rows_of_other_columns_are_messages(dataset: Path) -> None:
     source = open_source(dataset)
     for row in (0, 1):
         assert (
-            "another kind of value" in answers.row(source, {"row": str(row)})["detail"]["problem"]
+            "another kind of value"
+            in json_answers.row(source, {"row": str(row)})["detail"]["problem"]
         )
     with pytest.raises(DatasetError, match="row 15: a column is missing"):
         source.picture(15, False)

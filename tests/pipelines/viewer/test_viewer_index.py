@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from hijack_data.errors import HijackError, UnknownNameError
 from pipelines import open_dataset
-from pipelines.viewer import answers, open_source
+from pipelines.viewer import json_answers, open_source
 from pipelines.viewer.index import Index
 
 LABELS = ["clean", "pop_ups", "resolution", "marks", "subtitle"]
@@ -63,28 +63,28 @@ def test_the_index_filters_counts_and_searches_as_a_list_does(
 
 def test_a_filter_that_does_not_exist_is_refused(dataset: Path) -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'corruption'"):
-        answers.rows(open_source(dataset), {"coruption": "marks"})
+        json_answers.rows(open_source(dataset), {"coruption": "marks"})
 
 
 def test_filters_have_counts_and_pages(dataset: Path) -> None:
     source = open_source(dataset)
-    everything = answers.rows(source, {})
+    everything = json_answers.rows(source, {})
     assert (everything["found"], everything["page"], everything["pages"]) == (30, 1, 1)
     assert everything["filters"]["corruption"]["values"] == [[label, 6] for label in LABELS]
     assert everything["filters"]["trajectory"]["values"] == [["t0", 15], ["t1", 15]]
-    marks = answers.rows(source, {"corruption": "marks", "trajectory": "t1", "page": "1"})
+    marks = json_answers.rows(source, {"corruption": "marks", "trajectory": "t1", "page": "1"})
     assert [row["id"] for row in marks["rows"]] == [f"t1/{step:04d}/marks" for step in range(3)]
     assert marks["filters"]["corruption"]["values"] == [
         [label, 3] for label in LABELS
     ]  # what another choice would give
-    assert answers.rows(source, {"q": "DO T1"})["found"] == 15
-    assert answers.rows(source, {"q": "0002/sub"})["found"] == 2
-    assert answers.rows(source, {"corruption": "nothing"})["found"] == 0
+    assert json_answers.rows(source, {"q": "DO T1"})["found"] == 15
+    assert json_answers.rows(source, {"q": "0002/sub"})["found"] == 2
+    assert json_answers.rows(source, {"corruption": "nothing"})["found"] == 0
 
 
 def test_pages_are_bounded(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(answers, "PAGE_ROWS", 8)
-    monkeypatch.setattr(answers, "CHOICES", 2)
+    monkeypatch.setattr(json_answers, "PAGE_ROWS", 8)
+    monkeypatch.setattr(json_answers, "CHOICES", 2)
     source = open_source(dataset)
     for page, shown in (
         ("4", 4),
@@ -95,35 +95,35 @@ def test_pages_are_bounded(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> No
         ("x", 1),
         ("9" * 40, 1),
     ):
-        assert answers.rows(source, {"page": page})["page"] == shown
-    assert [row["row"] for row in answers.rows(source, {"page": "4"})["rows"]] == list(
+        assert json_answers.rows(source, {"page": page})["page"] == shown
+    assert [row["row"] for row in json_answers.rows(source, {"page": "4"})["rows"]] == list(
         range(24, 30)
     )
-    choices = answers.rows(source, {"corruption": "subtitle"})["filters"]["corruption"]
+    choices = json_answers.rows(source, {"corruption": "subtitle"})["filters"]["corruption"]
     assert ([value for value, _ in choices["values"]], choices["more"]) == (
         ["clean", "pop_ups", "subtitle"],
         2,
     )
-    last = answers.row(source, {"row": "29"})
+    last = json_answers.row(source, {"row": "29"})
     assert (last["position"], last["page"], last["next"]) == (29, 4, None)
 
 
 def test_a_row_knows_its_neighbours(dataset: Path) -> None:
     source = open_source(dataset)
     by_id = {row["id"]: number for number, row in enumerate(open_dataset(dataset))}
-    row = answers.row(source, {"row": "t0/0001/marks"})
-    assert row == answers.row(source, {"row": str(by_id["t0/0001/marks"])})
+    row = json_answers.row(source, {"row": "t0/0001/marks"})
+    assert row == json_answers.row(source, {"row": str(by_id["t0/0001/marks"])})
     assert (row["step_back"], row["step_next"]) == (by_id["t0/0000/marks"], by_id["t0/0002/marks"])
     assert (row["back"], row["next"]) == (row["row"] - 1, row["row"] + 1)
     assert row["same_step"] == [[by_id[f"t0/0001/{label}"], label] for label in LABELS]
     assert row["steps"] == [[by_id[f"t0/{step:04d}/marks"], str(step)] for step in range(3)]
-    within = answers.row(source, {"row": str(row["row"]), "corruption": "marks"})
+    within = json_answers.row(source, {"row": str(row["row"]), "corruption": "marks"})
     assert (within["position"], within["back"], within["next"]) == (
         1,
         row["step_back"],
         row["step_next"],
     )
-    outside = answers.row(source, {"row": str(row["row"]), "corruption": "subtitle"})
+    outside = json_answers.row(source, {"row": str(row["row"]), "corruption": "subtitle"})
     assert outside["position"] is None
     assert (outside["back"], outside["next"]) == (
         by_id["t0/0000/subtitle"],
@@ -131,4 +131,4 @@ def test_a_row_knows_its_neighbours(dataset: Path) -> None:
     )
     for name in ("30", "-1", "t9/0000/marks", ""):
         with pytest.raises(HijackError, match="there is no row"):
-            answers.row(source, {"row": name})
+            json_answers.row(source, {"row": name})

@@ -12,8 +12,8 @@ from PIL import Image
 
 from pipelines import build, open_dataset
 from pipelines.errors import DatasetError
-from pipelines.viewer import answers, open_source
-from pipelines.viewer.pictures import Pictures
+from pipelines.viewer import json_answers, open_source
+from pipelines.viewer.picture_cache import Pictures
 
 from support.viewing import edit, read
 
@@ -21,7 +21,7 @@ from support.viewing import edit, read
 def test_a_row_is_shown_whole(dataset: Path) -> None:
     source = open_source(dataset)
     for number, row in enumerate(open_dataset(dataset)):
-        detail = answers.row(source, {"row": str(number)})["detail"]
+        detail = json_answers.row(source, {"row": str(number)})["detail"]
         shown = dict(detail["fields"]["Columns"])
         assert {*shown} | {"plan", "screenshot"} == {*row} | {
             name for name in shown if name.endswith("screenshot")
@@ -82,7 +82,7 @@ def test_without_clean_rows_only_a_lazy_dataset_has_a_picture_before(
             clean=False,
         )
         source = open_source(tmp_path / f"{output}-out")
-        missing = answers.row(source, {"row": "0"})["detail"]["no_before"]
+        missing = json_answers.row(source, {"row": "0"})["detail"]["no_before"]
         if output == "lazy":
             assert missing == ""
             assert source.picture(0, True).shape == (200, 320, 3)
@@ -109,9 +109,12 @@ def test_columns_of_events_are_shown_when_they_are_there(dataset: Path) -> None:
     )
     source = open_source(dataset)
     assert source.problems == []
-    assert answers.rows(source, {"inserted": "yes"})["rows"][0]["chips"]["inserted"] == "yes"
-    assert answers.rows(source, {})["filters"]["inserted"]["values"] == [["no", 14], ["yes", 1]]
-    row = answers.row(source, {"row": "3"})
+    assert json_answers.rows(source, {"inserted": "yes"})["rows"][0]["chips"]["inserted"] == "yes"
+    assert json_answers.rows(source, {})["filters"]["inserted"]["values"] == [
+        ["no", 14],
+        ["yes", 1],
+    ]
+    row = json_answers.row(source, {"row": "3"})
     notes = dict(row["detail"]["notes"])
     assert (notes["Event"], notes["Reminder"]) == ("the window was minimised", "restore it")
     assert "Inserted" in notes

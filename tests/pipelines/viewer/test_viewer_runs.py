@@ -12,15 +12,15 @@ from hijack_data.errors import HijackError
 from pipelines.errors import DatasetError
 from pipelines.viewer import open_source
 from pipelines.viewer.runs import RunSource
-from pipelines.viewer.runs.drawing import strokes_of
+from pipelines.viewer.runs.action_strokes import parse_strokes
 
 from support.edited_runs import read_lines, write_lines
 from support.runlog import lines_of, make_run
-from support.viewed_runs import HOSTILE, id_of
+from support.viewed_runs import HOSTILE, episode_id
 from support.viewing import read
 
-MARKS = id_of("write_note", "marks", "gpt-9")
-MINIMISED = id_of("write_note", "app_minimization", "gpt-9")
+MARKS = episode_id("write_note", "marks", "gpt-9")
+MINIMISED = episode_id("write_note", "app_minimization", "gpt-9")
 
 
 def run_of(folder: Path) -> RunSource:
@@ -45,15 +45,16 @@ def test_the_list_has_every_episode_with_its_outcome(played: Path) -> None:
     assert about["texts"]["agent"]["values"] == ["pixel", "gpt-9"]
     assert about["texts"]["corruption"]["values"] == ["clean", "marks", "app_minimization"]
     outcomes = dict(zip(about["ids"], values(about, "outcome"), strict=True))
-    assert outcomes[id_of("write_note", "clean", "pixel")] == "success"
+    assert outcomes[episode_id("write_note", "clean", "pixel")] == "success"
     assert outcomes[MARKS] == "failure"
     assert outcomes[MINIMISED] == "partial"
-    assert outcomes[id_of("rename_file", "clean", "gpt-9")] == "agent error"
+    assert outcomes[episode_id("rename_file", "clean", "gpt-9")] == "agent error"
     place = number_of(source, MARKS)
     assert about["numbers"]["tokens"][place] == 9270
     assert about["numbers"]["score"][place] == 0.0
     assert (
-        about["numbers"]["tokens"][number_of(source, id_of("write_note", "marks", "pixel"))] is None
+        about["numbers"]["tokens"][number_of(source, episode_id("write_note", "marks", "pixel"))]
+        is None
     )
     assert values(about, "instruction")[place].startswith("Write a short packing list")
     assert about["counts"] == [1] * 12
@@ -169,13 +170,13 @@ def test_what_verify_finds_is_told(played: Path, harmed: Path) -> None:
     ],
 )
 def test_actions_become_strokes(code: str, words: str, strokes: list[Any]) -> None:
-    assert strokes_of(code, (80, 100)) == (words, strokes)
+    assert parse_strokes(code, (80, 100)) == (words, strokes)
 
 
 def test_a_program_of_very_many_actions_is_cut_off() -> None:
     code = "pyautogui.click(1, 1)\n" * 60
-    assert len(strokes_of(code, (80, 100))[1]) == 40
-    assert strokes_of(50 * code, (80, 100)) == ("code that is too long to be drawn", [])
+    assert len(parse_strokes(code, (80, 100))[1]) == 40
+    assert parse_strokes(50 * code, (80, 100)) == ("code that is too long to be drawn", [])
 
 
 def test_a_run_of_the_first_version_is_shown(tmp_path: Path) -> None:

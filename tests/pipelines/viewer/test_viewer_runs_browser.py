@@ -16,15 +16,15 @@ from pipelines.viewer.runs.export import export_file
 from support.chromium import Browser
 from support.edited_runs import read_lines, write_lines
 from support.recorded import Straw
-from support.viewed_runs import HOSTILE, Cast, id_of, play_run
+from support.viewed_runs import HOSTILE, Cast, episode_id, play_run
 from support.viewing import served
 
 ERRORS = ("Log.entryAdded", "Runtime.exceptionThrown", "Runtime.consoleAPICalled")
 DIALOGS = ("Page.javascriptDialogOpening",)
-MARKS = id_of("write_note", "marks", "gpt-9")
-PEER = id_of("write_note", "marks", "pixel")
-CLEAN = id_of("write_note", "clean", "gpt-9")
-MINIMISED = id_of("write_note", "app_minimization", "gpt-9")
+MARKS = episode_id("write_note", "marks", "gpt-9")
+PEER = episode_id("write_note", "marks", "pixel")
+CLEAN = episode_id("write_note", "clean", "gpt-9")
+MINIMISED = episode_id("write_note", "app_minimization", "gpt-9")
 READY = (
     "(!document.getElementById('overview').hidden || !document.getElementById('trouble').hidden ||"
     " !document.getElementById('episode').hidden) && !document.querySelector('.frame.loading')"

@@ -11,10 +11,10 @@ from pipelines.viewer import open_source
 from pipelines.viewer.runs import RunSource
 
 from support.edited_runs import journal, read_lines, write_lines
-from support.viewed_runs import id_of
+from support.viewed_runs import episode_id
 
-MARKS = id_of("write_note", "marks", "gpt-9")
-CLEAN = id_of("write_note", "clean", "gpt-9")
+MARKS = episode_id("write_note", "marks", "gpt-9")
+CLEAN = episode_id("write_note", "clean", "gpt-9")
 
 
 def problems(folder: Path, name: str = MARKS) -> list[str]:
@@ -125,7 +125,7 @@ def test_an_episode_without_a_folder_shows_its_record(harmed: Path) -> None:
 
 def test_an_episode_that_is_being_played_is_shown_as_far_as_it_is(harmed: Path) -> None:
     journal(lambda rows: rows[:-1])(harmed)
-    last = id_of("rename_file", "app_minimization", "gpt-9")
+    last = episode_id("rename_file", "app_minimization", "gpt-9")
     (harmed / "episodes" / last / "episode.json").unlink()
     source = open_source(harmed)
     assert isinstance(source, RunSource)

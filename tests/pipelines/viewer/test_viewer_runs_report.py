@@ -10,7 +10,7 @@ from support import needs
 
 pytest.importorskip("gymnasium", reason=needs.ONLINE)
 
-from online_env.bench import reading, scores
+from online_env.results import reading, scores
 from pipelines.viewer.runs import RunSource
 
 from support.reported import made, run_of

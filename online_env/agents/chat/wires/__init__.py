@@ -27,7 +27,7 @@ class ModelWire(Protocol):
         ...
 
 
-def wire_of(client: str) -> ModelWire:
+def make_wire(client: str) -> ModelWire:
     """Return the API of a client, one of `settings.CLIENTS`."""
     if client == "anthropic":
         from .anthropic_messages import AnthropicMessages

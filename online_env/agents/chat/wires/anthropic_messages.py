@@ -4,7 +4,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...settings import ModelSettings
-from ..query import LEFT_OUT, EmbeddedPicture, ModelQuery, Reply, Said, ScreenPicture, messages
+from ..query import (
+    LEFT_OUT,
+    ChatMessage,
+    EmbeddedPicture,
+    ModelQuery,
+    Reply,
+    ScreenPicture,
+    messages,
+)
 from .common import items, label, load, sampled, texts, tokens
 
 # Needs no size and no beta header; its calls have the names of actions.
@@ -80,7 +88,7 @@ def _call(block: Mapping[str, Any]) -> dict[str, Any]:
     return {"name": NAME, "arguments": {"action": name, **given}}
 
 
-def _message(message: Said) -> dict[str, Any]:
+def _message(message: ChatMessage) -> dict[str, Any]:
     return {"role": message.role, "content": [_part(part) for part in message.parts]}
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ...settings import ModelSettings
-from ..query import EmbeddedPicture, ModelQuery, Reply, Said, ScreenPicture, messages
+from ..query import ChatMessage, EmbeddedPicture, ModelQuery, Reply, ScreenPicture, messages
 from .common import broken, items, openai_client, sampled, texts, tokens
 
 
@@ -56,7 +56,7 @@ class OpenAIChat:
         )
 
 
-def _message(message: Said) -> dict[str, Any]:
+def _message(message: ChatMessage) -> dict[str, Any]:
     if message.role == "assistant":
         words = [part for part in message.parts if isinstance(part, str)]
         return {"role": "assistant", "content": "\n".join(words)}

@@ -1,9 +1,9 @@
 """Bookmark a page in one of the folders of the bookmarks bar."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import chromium, told
-from online_env.tasks.kit.links import PAGES, bar
+from online_env.tasks.kit import chromium, plan_steps
 from online_env.tasks.kit.pages import enter, open_folder, pick, visit
+from online_env.tasks.kit.sample_links import PAGES, bar
 from online_env.tasks.plan_words import quoted
 
 NAMES = ("For the weekend", "To read", "Ask Tomas", "Good one", "Remember this", "For later")
@@ -30,43 +30,43 @@ class AddBookmark(Task):
         return {"entries": entries, "url": url, "folder": folder, "new": stream.choice(NAMES)}
 
     def prepare(self, machine):
-        chromium.write_bookmarks(machine, self.drawn.entries)
+        chromium.write_bookmarks(machine, self.values.entries)
 
     def problems(self, machine):
-        yield from machine.untouched()
-        yield from chromium.wrong_bookmarks(machine, self.added(self.drawn.folder))
+        yield from machine.unexpected_changes()
+        yield from chromium.wrong_bookmarks(machine, self.added(self.values.folder))
 
     def added(self, folder, name=""):
-        entry = (name or self.drawn.new, self.drawn.url)
-        return [(n, [*v, entry] if n == folder else v) for n, v in self.drawn.entries]
+        entry = (name or self.values.new, self.values.url)
+        return [(n, [*v, entry] if n == folder else v) for n, v in self.values.entries]
 
     def oracle(self, hand):
         visit(hand, "chrome://bookmarks/", "Bookmarks")
-        open_folder(hand, self.drawn.folder)
-        if hand.see("push-button", f"More actions for {self.drawn.new}"):
+        open_folder(hand, self.values.folder)
+        if hand.see("push-button", f"More actions for {self.values.new}"):
             return
         pick(hand, "Organize", 1)
-        enter(hand, "Name", self.drawn.new)
-        enter(hand, "URL", self.drawn.url)
+        enter(hand, "Name", self.values.new)
+        enter(hand, "URL", self.values.url)
         hand.button("Save")
-        hand.find("push-button", f"More actions for {self.drawn.new}")
+        hand.find("push-button", f"More actions for {self.values.new}")
 
     def plan(self):
         return [
             'window "Chromium"',
-            *told.visit(self.drawn.url, self.drawn.url.removeprefix("http://")),
+            *plan_steps.visit(self.values.url, self.values.url.removeprefix("http://")),
             "press ctrl+d",
             'wait for "Done"',
             "press ctrl+a",
-            f"type {quoted(self.drawn.new)}",
+            f"type {quoted(self.values.new)}",
             'click right of "Folder"',
-            f"click {quoted(self.drawn.folder)}",
+            f"click {quoted(self.values.folder)}",
             'click "Done"',
             "wait",
         ]
 
-    def wrong(self):
-        write, drawn = chromium.write_bookmarks, self.drawn
+    def wrong_results(self):
+        write, drawn = chromium.write_bookmarks, self.values
         other = next(name for name, _ in drawn.entries if name != drawn.folder)
         return {
             "in another folder": lambda m: write(m, self.added(other)),
@@ -77,5 +77,5 @@ class AddBookmark(Task):
             ),
         }
 
-    def right(self, machine):
-        chromium.write_bookmarks(machine, self.added(self.drawn.folder)[::-1])
+    def right_result(self, machine):
+        chromium.write_bookmarks(machine, self.added(self.values.folder)[::-1])

@@ -3,9 +3,9 @@
 import re
 
 from online_env.tasks import Task
-from online_env.tasks.kit import chromium, told
+from online_env.tasks.kit import chromium, plan_steps
 from online_env.tasks.kit.pages import enter, visit
-from online_env.tasks.kit.words import sample
+from online_env.tasks.kit.word_lists import sample
 from online_env.tasks.plan_words import quoted
 
 # What is blocked, the page of the settings, the beginning of its title, and the stored name.
@@ -36,23 +36,23 @@ class BlockForSite(Task):
         return {"what": what, "kind": kind, "title": title, "host": host, "other": other}
 
     def problems(self, machine):
-        yield from machine.untouched()
-        host = re.escape(self.drawn.host)
+        yield from machine.unexpected_changes()
+        host = re.escape(self.values.host)
         pattern = re.compile(rf"(http://)?(\[\*\.\])?{host}(:80)?,\*")
-        rules = chromium.exceptions(machine, self.drawn.kind)
+        rules = chromium.exceptions(machine, self.values.kind)
         is_done = rules and all(
             pattern.fullmatch(site) and rule == chromium.BLOCKED for site, rule in rules.items()
         )
         if not is_done:
-            yield f"for {self.drawn.kind} the rules are {rules}"
-        for kind in sorted(chromium.blocked_kinds(machine) - {self.drawn.kind}):
+            yield f"for {self.values.kind} the rules are {rules}"
+        for kind in sorted(chromium.blocked_kinds(machine) - {self.values.kind}):
             yield f"{kind} is blocked, too"
-        general = f"profile.default_content_setting_values.{self.drawn.kind}"
+        general = f"profile.default_content_setting_values.{self.values.kind}"
         if chromium.setting(machine, general) == chromium.BLOCKED:
-            yield f"{self.drawn.kind} is blocked for all sites"
+            yield f"{self.values.kind} is blocked for all sites"
 
     def oracle(self, hand):
-        drawn = self.drawn
+        drawn = self.values
         page = f"chrome://settings/content/{drawn.kind}"
         visit(hand, page, f"Settings - {drawn.title}")
         hand.find("push-button", "Add site to not-allowed list", scroll=True)
@@ -66,18 +66,18 @@ class BlockForSite(Task):
     def plan(self):
         return [
             'window "Chromium"',
-            *told.visit(f"chrome://settings/content/{self.drawn.kind}", self.drawn.title),
+            *plan_steps.visit(f"chrome://settings/content/{self.values.kind}", self.values.title),
             'scroll down to "Not allowed to"',
             'click "Add" near "Not allowed to"',
             'wait for "Add a site"',
             'click "example.com"',
-            f"type {quoted(self.drawn.host)}",
+            f"type {quoted(self.values.host)}",
             'click "Add" near "Cancel"',
             "wait",
         ]
 
-    def wrong(self):
-        kind, host, other = self.drawn.kind, self.drawn.host, self.drawn.other
+    def wrong_results(self):
+        kind, host, other = self.values.kind, self.values.host, self.values.other
         general = f"profile.default_content_setting_values.{kind}"
         exception = f"profile.content_settings.exceptions.{kind}"
         neighbour = next(name for _, name, _ in KINDS if name != kind)
@@ -99,6 +99,6 @@ class BlockForSite(Task):
             ),
         }
 
-    def right(self, machine):
-        host = self.drawn.host
-        chromium.block(machine, self.drawn.kind, f"http://{host}:80", f"[*.]{host}")
+    def right_result(self, machine):
+        host = self.values.host
+        chromium.block(machine, self.values.kind, f"http://{host}:80", f"[*.]{host}")

@@ -29,27 +29,27 @@ class ChooseSearchEngine(Task):
         return {"engine": engine, "shown": shown, "what": "show" if shown else "hide"}
 
     def prepare(self, machine):
-        chromium.change_setting(machine, "browser.show_home_button", not self.drawn.shown)
+        chromium.change_setting(machine, "browser.show_home_button", not self.values.shown)
 
     def problems(self, machine):
-        yield from machine.untouched()
-        wanted = {KEY: self.drawn.engine, "browser.show_home_button": self.drawn.shown}
+        yield from machine.unexpected_changes()
+        wanted = {KEY: self.values.engine, "browser.show_home_button": self.values.shown}
         yield from chromium.wrong_settings(machine, wanted)
         if not chromium.setting(machine, BUILT_IN):
             yield "the default search engine is not one of Chromium's own"
 
     def oracle(self, hand):
-        engine = self.drawn.engine
+        engine = self.values.engine
         visit(hand, "chrome://settings/searchEngines", "Settings - Manage search")
         if not hand.see("push-button", f"More actions for {engine} (Default)"):
             pick(hand, f"More actions for {engine}", 0)
         hand.find("push-button", f"More actions for {engine} (Default)")
         visit(hand, "chrome://settings/appearance", "Settings - Appearance")
         button = hand.find("toggle-button", "Show home button")
-        if ("checked" in button.states) != self.drawn.shown:
+        if ("checked" in button.states) != self.values.shown:
             hand.click(button)
 
-    def wrong(self):
+    def wrong_results(self):
         def put(engine, shown, number=1):
             def change(machine):
                 chromium.change_setting(machine, BUILT_IN, number)
@@ -58,7 +58,7 @@ class ChooseSearchEngine(Task):
 
             return change
 
-        engine, shown = self.drawn.engine, self.drawn.shown
+        engine, shown = self.values.engine, self.values.shown
         return {
             "only the engine": put(engine, not shown),
             "only the button": put("Lumen", shown),
@@ -66,7 +66,7 @@ class ChooseSearchEngine(Task):
             "another engine under that name": put(engine, shown, 0),
         }
 
-    def right(self, machine):
-        chromium.change_setting(machine, "browser.show_home_button", self.drawn.shown)
-        chromium.change_setting(machine, KEY, self.drawn.engine)
+    def right_result(self, machine):
+        chromium.change_setting(machine, "browser.show_home_button", self.values.shown)
+        chromium.change_setting(machine, KEY, self.values.engine)
         chromium.change_setting(machine, BUILT_IN, 7)

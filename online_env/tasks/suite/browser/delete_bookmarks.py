@@ -1,9 +1,9 @@
 """Delete the bookmarks that lead to one site."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import chromium, told
-from online_env.tasks.kit.links import HOSTS, bar, without
+from online_env.tasks.kit import chromium, plan_steps
 from online_env.tasks.kit.pages import enter, visit
+from online_env.tasks.kit.sample_links import HOSTS, bar, without
 from online_env.tasks.plan_words import quoted
 
 
@@ -24,33 +24,33 @@ class DeleteBookmarks(Task):
         return {"entries": bar(stream), "host": stream.choice(HOSTS)}
 
     def prepare(self, machine):
-        chromium.write_bookmarks(machine, self.drawn.entries)
+        chromium.write_bookmarks(machine, self.values.entries)
 
     def going(self):
         """Return the bookmarks that go."""
-        pairs = [pair for _, value in self.drawn.entries for pair in value]
-        return [pair for pair in pairs if f"//{self.drawn.host}/" in pair[1]]
+        pairs = [pair for _, value in self.values.entries for pair in value]
+        return [pair for pair in pairs if f"//{self.values.host}/" in pair[1]]
 
     def problems(self, machine):
-        yield from machine.untouched()
-        yield from chromium.wrong_bookmarks(machine, without(self.drawn.entries, self.drawn.host))
+        yield from machine.unexpected_changes()
+        yield from chromium.wrong_bookmarks(machine, without(self.values.entries, self.values.host))
 
     def oracle(self, hand):
         visit(hand, "chrome://bookmarks/", "Bookmarks")
         for name, _ in self.going():
             enter(hand, "Search bookmarks", name)
             hand.press("enter")
-            hand.gone("push-button", f"More actions for {self.drawn.entries[0][0]}")
+            hand.wait_until_gone("push-button", f"More actions for {self.values.entries[0][0]}")
             if hand.see("push-button", f"More actions for {name}"):
                 hand.click_on("static", name)
                 hand.press("delete")
-                hand.gone("push-button", f"More actions for {name}")
+                hand.wait_until_gone("push-button", f"More actions for {name}")
 
     def plan(self):
         steps = ['window "Chromium"']
         for name, _ in self.going():
             steps += [
-                *told.visit("chrome://bookmarks/", "Search bookmarks"),
+                *plan_steps.visit("chrome://bookmarks/", "Search bookmarks"),
                 'click "Search bookmarks"',
                 "press ctrl+a",
                 f"type {quoted(name)}",
@@ -62,8 +62,8 @@ class DeleteBookmarks(Task):
             ]
         return steps
 
-    def wrong(self):
-        write, entries, host = chromium.write_bookmarks, self.drawn.entries, self.drawn.host
+    def wrong_results(self):
+        write, entries, host = chromium.write_bookmarks, self.values.entries, self.values.host
         left = without(entries, host)
         other = next(name for name in HOSTS if name != host)
         return {
@@ -73,5 +73,5 @@ class DeleteBookmarks(Task):
             "all": lambda m: write(m, []),
         }
 
-    def right(self, machine):
-        chromium.write_bookmarks(machine, without(self.drawn.entries, self.drawn.host)[::-1])
+    def right_result(self, machine):
+        chromium.write_bookmarks(machine, without(self.values.entries, self.values.host)[::-1])

@@ -4,7 +4,7 @@ import math
 import re
 
 from online_env.tasks import Task
-from online_env.tasks.kit import chromium, told
+from online_env.tasks.kit import chromium, plan_steps
 from online_env.tasks.kit.pages import visit
 from online_env.tasks.plan_words import quoted
 
@@ -32,9 +32,9 @@ class EnlargeText(Task):
         return {"size": stream.choice(list(SIZES)), "zoom": stream.choice(ZOOMS)}
 
     def problems(self, machine):
-        yield from machine.untouched()
-        size = SIZES[self.drawn.size]
-        wanted = math.log(self.drawn.zoom / 100, ZOOM_BASE)
+        yield from machine.unexpected_changes()
+        size = SIZES[self.values.size]
+        wanted = math.log(self.values.zoom / 100, ZOOM_BASE)
         yield from chromium.wrong_settings(machine, {SIZE: size})
         zoom = (chromium.setting(machine, ZOOM) or {}).get("x", 0.0)
         if abs(zoom - wanted) >= 0.01:
@@ -42,24 +42,27 @@ class EnlargeText(Task):
 
     def oracle(self, hand):
         visit(hand, "chrome://settings/appearance", "Settings - Appearance")
-        for name, option in (("Font size", self.drawn.size), ("Page zoom", f"{self.drawn.zoom}%")):
+        for name, option in (
+            ("Font size", self.values.size),
+            ("Page zoom", f"{self.values.zoom}%"),
+        ):
             hand.click_on("combo-box", name, app="chrom", scroll=True)
             hand.click_on("menu-item", re.compile(rf"\s*{option}\s*$"), app="chrom")
-            hand.gone("menu-item", app="chrom")
+            hand.wait_until_gone("menu-item", app="chrom")
 
     def plan(self):
         return [
             'window "Chromium"',
-            *told.visit("chrome://settings/appearance", "Font size"),
+            *plan_steps.visit("chrome://settings/appearance", "Font size"),
             'click "Medium (Recommended)"',
-            f"click {quoted(self.drawn.size)}",
+            f"click {quoted(self.values.size)}",
             'scroll down to "Page zoom"',
             'click "100%" near "Page zoom"',
-            f"click {quoted(f'{self.drawn.zoom}%')}",
+            f"click {quoted(f'{self.values.zoom}%')}",
             "wait",
         ]
 
-    def wrong(self):
+    def wrong_results(self):
         def put(size, zoom):
             def change(machine):
                 chromium.change_setting(machine, SIZE, size)
@@ -68,14 +71,14 @@ class EnlargeText(Task):
 
             return change
 
-        size, zoom = SIZES[self.drawn.size], self.drawn.zoom
+        size, zoom = SIZES[self.values.size], self.values.zoom
         return {
             "only the size": lambda m: chromium.change_setting(m, SIZE, size),
             "another zoom": put(size, zoom + 25),
             "another size": put(size + 1, zoom),
         }
 
-    def right(self, machine):
-        level = math.log(self.drawn.zoom / 100, ZOOM_BASE)
+    def right_result(self, machine):
+        level = math.log(self.values.zoom / 100, ZOOM_BASE)
         chromium.change_setting(machine, ZOOM, {"x": round(level, 6)})
-        chromium.change_setting(machine, SIZE, SIZES[self.drawn.size])
+        chromium.change_setting(machine, SIZE, SIZES[self.values.size])

@@ -3,10 +3,10 @@
 import re
 
 from online_env.tasks import Task
-from online_env.tasks.kit import chromium, told
-from online_env.tasks.kit.links import HOSTS, PAGES
+from online_env.tasks.kit import chromium, plan_steps
 from online_env.tasks.kit.pages import enter, visit
-from online_env.tasks.kit.words import sample
+from online_env.tasks.kit.sample_links import HOSTS, PAGES
+from online_env.tasks.kit.word_lists import sample
 from online_env.tasks.plan_words import quoted
 
 
@@ -28,13 +28,15 @@ class ForgetSite(Task):
         return {"pages": pages, "host": stream.choice(sorted(hosts_of(pages)))}
 
     def prepare(self, machine):
-        chromium.write_history(machine, self.drawn.pages)
+        chromium.write_history(machine, self.values.pages)
 
     def problems(self, machine):
-        yield from machine.untouched()
-        kept = {url for url, _ in self.drawn.pages if self.drawn.host not in hosts_of([(url, "")])}
+        yield from machine.unexpected_changes()
+        kept = {
+            url for url, _ in self.values.pages if self.values.host not in hosts_of([(url, "")])
+        }
         found = chromium.history(machine)
-        left = sorted(url for url in found if f"//{self.drawn.host}" in url)
+        left = sorted(url for url in found if f"//{self.values.host}" in url)
         if left:
             yield f"the history still has {left}"
         for url in sorted(kept - found):
@@ -44,26 +46,26 @@ class ForgetSite(Task):
         visit(hand, "chrome://history/", "History")
         if hand.see("push-button", "Search history"):  # a narrow window hides the field
             hand.button("Search history")
-        enter(hand, "Search history", self.drawn.host)
+        enter(hand, "Search history", self.values.host)
         hand.press("enter")
-        titles = [title for url, title in self.drawn.pages if f"//{self.drawn.host}/" in url]
+        titles = [title for url, title in self.values.pages if f"//{self.values.host}/" in url]
         hand.find(("static", "heading", "section"), re.compile("Found |No search results"))
         for title in titles:
-            box = hand.see("check-box", re.compile(f".*{re.escape(title)} {self.drawn.host}"))
+            box = hand.see("check-box", re.compile(f".*{re.escape(title)} {self.values.host}"))
             if box is not None and "checked" not in box.states:
                 hand.click(box)
         if hand.see("push-button", "Delete"):
             hand.button("Delete")
             hand.find("dialog", "Delete selected items")
             hand.button("Delete")
-            hand.gone("dialog", "Delete selected items")
+            hand.wait_until_gone("dialog", "Delete selected items")
 
     def plan(self):
         return [
             'window "Chromium"',
-            *told.visit("chrome://history/", "Search history"),
+            *plan_steps.visit("chrome://history/", "Search history"),
             'click "Search history"',
-            f"type {quoted(self.drawn.host)}",
+            f"type {quoted(self.values.host)}",
             "press enter",
             'click "Found"',
             "press ctrl+a",
@@ -73,8 +75,8 @@ class ForgetSite(Task):
             'wait for "No search results"',
         ]
 
-    def wrong(self):
-        write, pages, host = chromium.write_history, self.drawn.pages, self.drawn.host
+    def wrong_results(self):
+        write, pages, host = chromium.write_history, self.values.pages, self.values.host
         kept = [page for page in pages if f"//{host}/" not in page[0]]
         return {
             "one page is left": lambda m: write(m, [*kept, (f"http://{host}/left", "Left")]),
@@ -82,9 +84,9 @@ class ForgetSite(Task):
             "one page too many": lambda m: write(m, kept[1:]),
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         chromium.write_history(
-            machine, [p for p in self.drawn.pages if f"//{self.drawn.host}/" not in p[0]]
+            machine, [p for p in self.values.pages if f"//{self.values.host}/" not in p[0]]
         )
 
 

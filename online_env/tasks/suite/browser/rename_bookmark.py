@@ -2,8 +2,8 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import chromium
-from online_env.tasks.kit.links import bar
 from online_env.tasks.kit.pages import enter, open_folder, pick, visit
+from online_env.tasks.kit.sample_links import bar
 
 NAMES = ("Read on Sunday", "For Oda", "Look at this again", "Holiday", "Print this", "Best of all")
 
@@ -30,32 +30,32 @@ class RenameBookmark(Task):
         return {"entries": entries, "folder": folder, "old": old, "url": url, "new": new}
 
     def prepare(self, machine):
-        chromium.write_bookmarks(machine, self.drawn.entries)
+        chromium.write_bookmarks(machine, self.values.entries)
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         yield from chromium.wrong_bookmarks(machine, self.renamed())
 
     def renamed(self, new=""):
         """Return the bookmarks as they should be, or with another new name."""
-        names = {self.drawn.url: new or self.drawn.new}
+        names = {self.values.url: new or self.values.new}
         return [
             (folder, [(names.get(url, old), url) for old, url in pages])
-            for folder, pages in self.drawn.entries
+            for folder, pages in self.values.entries
         ]
 
     def oracle(self, hand):
         visit(hand, "chrome://bookmarks/", "Bookmarks")
-        open_folder(hand, self.drawn.folder)
-        if hand.see("push-button", f"More actions for {self.drawn.new}"):
+        open_folder(hand, self.values.folder)
+        if hand.see("push-button", f"More actions for {self.values.new}"):
             return
-        pick(hand, f"More actions for {self.drawn.old}", 0)
-        enter(hand, "Name", self.drawn.new)
+        pick(hand, f"More actions for {self.values.old}", 0)
+        enter(hand, "Name", self.values.new)
         hand.button("Save")
-        hand.find("push-button", f"More actions for {self.drawn.new}")
+        hand.find("push-button", f"More actions for {self.values.new}")
 
-    def wrong(self):
-        drawn, write = self.drawn, chromium.write_bookmarks
+    def wrong_results(self):
+        drawn, write = self.values, chromium.write_bookmarks
         added = [*drawn.entries, (drawn.new, drawn.url)]
         as_folder = [(drawn.new if n == drawn.folder else n, v) for n, v in drawn.entries]
         return {
@@ -65,5 +65,5 @@ class RenameBookmark(Task):
             "all others removed": lambda m: write(m, self.renamed()[:1]),
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         chromium.write_bookmarks(machine, self.renamed()[::-1])

@@ -4,12 +4,12 @@ import re
 
 from online_env.embedded.sites.library import articles
 from online_env.tasks import Task
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.apps import APPS
 from online_env.tasks.kit.articles import address
 from online_env.tasks.kit.pages import visit
-from online_env.tasks.kit.served import seen_text, served_page
-from online_env.tasks.kit.words import TOPICS
+from online_env.tasks.kit.served_pages import seen_text, served_page
+from online_env.tasks.kit.word_lists import TOPICS
 
 FOLDERS = ("Documents", "Desktop", "Downloads")
 
@@ -42,8 +42,8 @@ class SavePage(Task):
         }
 
     def problems(self, machine):
-        path = self.drawn.path
-        yield from machine.untouched(path, f"{path.removesuffix('.html')}_files*")
+        path = self.values.path
+        yield from machine.unexpected_changes(path, f"{path.removesuffix('.html')}_files*")
         text = machine.text(path)
         if text is None:
             yield f"there is no file {path}"
@@ -51,49 +51,49 @@ class SavePage(Task):
         served = self.served(machine)
         for element in ("title", "article"):
             if seen_text(text, element) != seen_text(served, element):
-                yield f"the {element} in {path} is not that of {self.drawn.url}"
+                yield f"the {element} in {path} is not that of {self.values.url}"
         if not text.rstrip().endswith("</html>"):
             yield f"{path} ends before the page does"
 
     def oracle(self, hand):
-        visit(hand, self.drawn.url, f"{self.drawn.title} - Openfolio")
-        hand.find("heading", self.drawn.title)
+        visit(hand, self.values.url, f"{self.values.title} - Openfolio")
+        hand.find("heading", self.values.title)
         hand.press("ctrl", "s")
-        hand.choose_file(self.drawn.path, "Save", APPS["chrome"].helper)
+        hand.choose_file(self.values.path, "Save", APPS["chrome"].helper)
 
     def plan(self):
         return [
             'window "Chromium"',
-            *told.visit(self.drawn.url, self.drawn.title),
+            *plan_steps.visit(self.values.url, self.values.title),
             "press ctrl+s",
-            *told.name_file(self.drawn.path),
+            *plan_steps.name_file(self.values.path),
             "wait",
         ]
 
-    def wrong(self):
-        path, title = self.drawn.path, f"<title>{self.drawn.title} - Openfolio</title>"
-        other = next(slug for slug in articles("wiki") if slug not in self.drawn.place)
+    def wrong_results(self):
+        path, title = self.values.path, f"<title>{self.values.title} - Openfolio</title>"
+        other = next(slug for slug in articles("wiki") if slug not in self.values.place)
 
         def put(change):
             return lambda m: m.write(path, change(self.served(m)))
 
         return {
-            "in another folder": lambda m: m.write(f"Music/{self.drawn.file}", self.served(m)),
+            "in another folder": lambda m: m.write(f"Music/{self.values.file}", self.served(m)),
             "the text alone": put(lambda page: seen_text(page, "article")),
             "another page": lambda m: m.write(path, self.served(m, f"/wiki/{other}")),
             "the form to edit it": lambda m: m.write(
-                path, self.served(m, self.drawn.place.replace("wiki", "edit", 1))
+                path, self.served(m, self.values.place.replace("wiki", "edit", 1))
             ),
             "cut off at the end": put(lambda page: page.rstrip().removesuffix("</html>")),
             "half of it": put(lambda page: f"{page[: len(page) // 2]}</html>"),
             "its title alone": put(lambda page: f"{title}</html>\n"),
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         page = re.sub(r"\s+", "\n", self.served(machine)).replace('src="/', 'src="./x_files/')
-        machine.write(self.drawn.path, f"<!-- saved from {self.drawn.url} -->\n{page}\n")
-        machine.write(f"{self.drawn.path.removesuffix('.html')}_files/base.css", "body {}")
+        machine.write(self.values.path, f"<!-- saved from {self.values.url} -->\n{page}\n")
+        machine.write(f"{self.values.path.removesuffix('.html')}_files/base.css", "body {}")
 
     def served(self, machine, place=""):
         """Return a page of the wiki, by default the article's, as the site sends it."""
-        return served_page(machine, "wiki.test", place or self.drawn.place).decode()
+        return served_page(machine, "wiki.test", place or self.values.place).decode()

@@ -5,7 +5,7 @@ import re
 from online_env.tasks import Task
 from online_env.tasks.kit import chromium
 from online_env.tasks.kit.pages import enter, follow, pick, tick, visit
-from online_env.tasks.kit.words import sample
+from online_env.tasks.kit.word_lists import sample
 
 PLACE = "On startup"
 OLD = re.compile("More actions for (search.test|Lumen)")  # its title, once it was open
@@ -35,16 +35,16 @@ class SetStartupPages(Task):
         chromium.change_setting(machine, "session.startup_urls", ["http://search.test/"])
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         pages = chromium.setting(machine, "session.startup_urls") or []
         kind = chromium.setting(machine, "session.restore_on_startup")
-        if sorted(pages) != sorted(self.drawn.urls) or kind != chromium.GIVEN_PAGES:
+        if sorted(pages) != sorted(self.values.urls) or kind != chromium.GIVEN_PAGES:
             yield f"at the start the browser opens {pages} (kind {kind})"
 
     def oracle(self, hand):
         visit(hand, "chrome://settings/onStartup", f"Settings - {PLACE}")
         tick(hand, "radio-button", "Open a specific page or set of pages")
-        for host, url in zip(self.drawn.hosts, self.drawn.urls, strict=True):
+        for host, url in zip(self.values.hosts, self.values.urls, strict=True):
             if hand.see("push-button", f"More actions for {host}"):
                 continue
             follow(hand, "Add a new page")
@@ -53,10 +53,10 @@ class SetStartupPages(Task):
             hand.find("push-button", f"More actions for {host}")
         if hand.see("push-button", OLD):
             pick(hand, OLD, 1)
-            hand.find("push-button", f"More actions for {self.drawn.hosts[0]}")
-            hand.gone("push-button", OLD)
+            hand.find("push-button", f"More actions for {self.values.hosts[0]}")
+            hand.wait_until_gone("push-button", OLD)
 
-    def wrong(self):
+    def wrong_results(self):
         def put(kind, *urls):
             def change(machine):
                 chromium.change_setting(machine, "session.restore_on_startup", kind)
@@ -64,7 +64,7 @@ class SetStartupPages(Task):
 
             return change
 
-        wanted, given = self.drawn.urls, chromium.GIVEN_PAGES
+        wanted, given = self.values.urls, chromium.GIVEN_PAGES
         return {
             "added to the old one": put(given, "http://search.test/", *wanted),
             "another page": put(given, "http://example.test/"),
@@ -72,5 +72,5 @@ class SetStartupPages(Task):
             "as the home page": lambda m: chromium.change_setting(m, "homepage", wanted[0]),
         }
 
-    def right(self, machine):
-        chromium.change_setting(machine, "session.startup_urls", self.drawn.urls[::-1])
+    def right_result(self, machine):
+        chromium.change_setting(machine, "session.startup_urls", self.values.urls[::-1])

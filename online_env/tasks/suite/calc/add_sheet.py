@@ -1,9 +1,9 @@
 """Add a sheet with a name after the others, and write in it."""
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.office import menu, save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, enter, show_sheet
-from online_env.tasks.kit.words import CITIES, MONTHS, sample
+from online_env.tasks.kit.word_lists import CITIES, MONTHS, sample
 from online_env.tasks.plan_words import quoted
 
 
@@ -36,10 +36,10 @@ class AddSheet(SheetTask):
         return {"file": file, "path": path, "rows": rows, "new": months[2], "text": text}
 
     def made(self):
-        return book(self.drawn.rows)
+        return book(self.values.rows)
 
     def judge(self, now, before):
-        new, text = self.drawn.new, self.drawn.text
+        new, text = self.values.new, self.values.text
         yield from changes(now, before, {new})
         if now.sheets != (*before.sheets, new):
             yield f"the sheets are {', '.join(now.sheets)}"
@@ -48,32 +48,32 @@ class AddSheet(SheetTask):
             yield f"the sheet {new} holds {now.values(new)!r}"
 
     def oracle(self, hand):
-        if hand.see("page-tab", self.drawn.new, app="soffice") is None:
+        if hand.see("page-tab", self.values.new, app="soffice") is None:
             menu(hand, "Sheet", "Insert Sheet at End...")
             hand.find("dialog", "Append Sheet", app="soffice")
-            hand.replace(self.drawn.new)
+            hand.replace(self.values.new)
             hand.press("enter")
-            hand.gone("dialog", app="soffice")
-        show_sheet(hand, self.drawn.new)
-        enter(hand, "A1", self.drawn.text)
+            hand.wait_until_gone("dialog", app="soffice")
+        show_sheet(hand, self.values.new)
+        enter(hand, "A1", self.values.text)
         save(hand)
 
     def plan(self):
         return [
-            told.CALC,
+            plan_steps.CALC,
             'click "Sheet" near "Data"',
             'click "Insert Sheet at End"',
             'wait for "Append Sheet"',
             "press ctrl+a",
-            f"type {quoted(self.drawn.new)}",
+            f"type {quoted(self.values.new)}",
             "press enter",
             "wait",
-            *told.enter_in_cell("A1", self.drawn.text),
-            *told.SAVE_XLSX,
+            *plan_steps.enter_in_cell("A1", self.values.text),
+            *plan_steps.SAVE_XLSX,
         ]
 
-    def wrong(self):
-        new, text = self.drawn.new, self.drawn.text
+    def wrong_results(self):
+        new, text = self.values.new, self.values.text
         return {
             "at the start": self.with_sheet(new, {"A1": text}, 0),
             "another name": self.with_sheet("Sheet3", {"A1": text}, 2),
@@ -81,8 +81,8 @@ class AddSheet(SheetTask):
             "too much in it": self.with_sheet(new, {"A1": text, "A2": "?"}, 2),
         }
 
-    def right(self, machine):
-        self.with_sheet(self.drawn.new, {"A1": self.drawn.text}, 2)(machine)
+    def right_result(self, machine):
+        self.with_sheet(self.values.new, {"A1": self.values.text}, 2)(machine)
 
     def with_sheet(self, name, cells, index):
         """Return what adds a sheet."""

@@ -1,9 +1,9 @@
 """Put the average of some rows into a cell."""
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.office import save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, enter
-from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES
+from online_env.tasks.kit.word_lists import FIRST_NAMES, LAST_NAMES
 
 CLASSES = ("5a", "5b", "6a", "6c")
 
@@ -41,10 +41,10 @@ class AverageMatching(SheetTask):
         }
 
     def made(self):
-        return book({"Points": [("First name", "Last name", "Class", "Points"), *self.drawn.rows]})
+        return book({"Points": [("First name", "Last name", "Class", "Points"), *self.values.rows]})
 
     def judge(self, now, before):
-        cell, average = self.drawn.cell, self.drawn.average
+        cell, average = self.values.cell, self.values.average
         yield from changes(now, before, {cell})
         found = now.value(cell)
         is_near = isinstance(found, (int, float)) and abs(found - average) <= 0.0051
@@ -52,25 +52,25 @@ class AverageMatching(SheetTask):
             yield f"{cell} is {found!r}, not {average:.2f}"
 
     def oracle(self, hand):
-        enter(hand, self.drawn.cell, self.drawn.formula)
+        enter(hand, self.values.cell, self.values.formula)
         save(hand)
 
     def plan(self):
         return [
-            told.CALC,
-            *told.enter_in_cell(self.drawn.cell, self.drawn.formula),
-            *told.SAVE_XLSX,
+            plan_steps.CALC,
+            *plan_steps.enter_in_cell(self.values.cell, self.values.formula),
+            *plan_steps.SAVE_XLSX,
         ]
 
-    def wrong(self):
-        cell, average = self.drawn.cell, self.drawn.average
-        points = [row[3] for row in self.drawn.rows]
+    def wrong_results(self):
+        cell, average = self.values.cell, self.values.average
+        points = [row[3] for row in self.values.rows]
         return {
             "the average of all": self.put({cell: sum(points) / len(points) + 1e-2}),
             "too rough": self.put({cell: round(average) + 0.01}),
             "in another cell": self.put({"H9": average}),
-            "a formula without a value": self.put({cell: self.drawn.formula}),
+            "a formula without a value": self.put({cell: self.values.formula}),
         }
 
-    def right(self, machine):
-        self.put({self.drawn.cell: round(self.drawn.average, 2)})(machine)
+    def right_result(self, machine):
+        self.put({self.values.cell: round(self.values.average, 2)})(machine)

@@ -4,7 +4,7 @@ import re
 
 from online_env.tasks.kit.office import dump, save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to, read_book, shown
-from online_env.tasks.kit.words import FIRST_NAMES, GOODS, LAST_NAMES, shuffled
+from online_env.tasks.kit.word_lists import FIRST_NAMES, GOODS, LAST_NAMES, shuffled
 from online_env.tasks.plan_words import quoted
 
 HEADER = ("Order", "Customer", "Article", "State")
@@ -41,20 +41,20 @@ class DeleteRows(SheetTask):
         return {"file": file, "path": f"Documents/{file}", "state": state, "rows": rows}
 
     def made(self):
-        return book({"Orders": [HEADER, *self.drawn.rows]})
+        return book({"Orders": [HEADER, *self.values.rows]})
 
     def judge(self, now, before):
-        left = [row for row in self.drawn.rows if row[3] != self.drawn.state]
+        left = [row for row in self.values.rows if row[3] != self.values.state]
         yield from changes(now, read_book(dump(book({"Orders": [HEADER, *left]}))))
 
     def oracle(self, hand):
-        for number in reversed(matching(hand, self.drawn.state)):
+        for number in reversed(matching(hand, self.values.state)):
             go_to(hand, f"{number}:{number}")
             hand.press("ctrl", "-")
         save(hand)
 
     def plan(self):
-        numbers = [n for n, row in enumerate(self.drawn.rows, 2) if row[3] == self.drawn.state]
+        numbers = [n for n, row in enumerate(self.values.rows, 2) if row[3] == self.values.state]
         steps = ['window "LibreOffice Calc"']
         for number in reversed(numbers):
             steps += [
@@ -65,8 +65,8 @@ class DeleteRows(SheetTask):
             ]
         return [*steps, "press ctrl+s", 'click "Use Excel 2007-365"', "wait"]
 
-    def wrong(self):
-        rows, state = self.drawn.rows, self.drawn.state
+    def wrong_results(self):
+        rows, state = self.values.rows, self.values.state
         numbers = [number for number, row in enumerate(rows, 2) if row[3] == state]
         other = next(number for number, row in enumerate(rows, 2) if row[3] != state)
         return {
@@ -76,9 +76,9 @@ class DeleteRows(SheetTask):
             "emptied": self.put({f"{c}{n}": None for c in "ABCD" for n in numbers}),
         }
 
-    def right(self, machine):
-        rows = enumerate(self.drawn.rows, 2)
-        self.without([number for number, row in rows if row[3] == self.drawn.state])(machine)
+    def right_result(self, machine):
+        rows = enumerate(self.values.rows, 2)
+        self.without([number for number, row in rows if row[3] == self.values.state])(machine)
 
     def without(self, numbers):
         """Return what deletes rows."""

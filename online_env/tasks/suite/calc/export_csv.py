@@ -4,10 +4,10 @@ import csv
 import io
 import re
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.office import keep_format
 from online_env.tasks.kit.sheets import SheetTask, book, changes
-from online_env.tasks.kit.words import CITIES, FIRST_NAMES, LAST_NAMES, TOPICS
+from online_env.tasks.kit.word_lists import CITIES, FIRST_NAMES, LAST_NAMES, TOPICS
 
 HEADER = ("Name", "City", "Members", "Fee")
 NUMBER = re.compile(r"[0-9]+(\.[0-9]+)?")
@@ -51,64 +51,64 @@ class ExportCsv(SheetTask):
         }
 
     def made(self):
-        return book({"Groups": [HEADER, *self.drawn.rows]})
+        return book({"Groups": [HEADER, *self.values.rows]})
 
     def judge(self, now, before):
         yield from changes(now, before)
 
     def problems(self, machine):
         yield from super().problems(machine)
-        text = machine.text(self.drawn.csv)
+        text = machine.text(self.values.csv)
         if text is None:
-            yield f"there is no file {self.drawn.csv}"
+            yield f"there is no file {self.values.csv}"
             return
         found = list(csv.reader(text.splitlines()))  # which also reads what is no text
-        wanted = [list(map(str, row)) for row in (HEADER, *self.drawn.rows)]
+        wanted = [list(map(str, row)) for row in (HEADER, *self.values.rows)]
         if [plain(row) for row in found if row] != [plain(row) for row in wanted]:
-            yield f"{self.drawn.csv} begins with {text[:200]!r}"
+            yield f"{self.values.csv} begins with {text[:200]!r}"
 
     def oracle(self, hand):
         hand.press("ctrl", "shift", "s")
-        hand.choose_file(self.drawn.csv, "Save", app="soffice")
+        hand.choose_file(self.values.csv, "Save", app="soffice")
         overwrite(hand)
         keep_format(hand)
         hand.find("dialog", "Export Text File", app="soffice")
         hand.button("OK", app="soffice")
-        hand.gone("dialog", app="soffice")
-        hand.find("frame", f"{self.drawn.name}.csv - LibreOffice Calc", app="soffice")
+        hand.wait_until_gone("dialog", app="soffice")
+        hand.find("frame", f"{self.values.name}.csv - LibreOffice Calc", app="soffice")
 
     def plan(self):
         return [
-            told.CALC,
+            plan_steps.CALC,
             "press ctrl+shift+s",
-            *told.name_file(self.drawn.csv),
+            *plan_steps.name_file(self.values.csv),
             'click "Use Text CSV"',
             'wait for "Export Text File"',
             'click "OK"',
             "wait",
         ]
 
-    def wrong(self):
+    def wrong_results(self):
         return {
-            "with semicolons": lambda m: m.write(self.drawn.csv, self.lines(";")),
-            "a row is missing": lambda m: m.write(self.drawn.csv, self.lines(",", 1)),
-            "the workbook itself": lambda m: m.run("cp", self.drawn.path, self.drawn.csv),
-            "under another name": lambda m: m.write(f"{self.drawn.csv}.xlsx", self.lines(",")),
+            "with semicolons": lambda m: m.write(self.values.csv, self.lines(";")),
+            "a row is missing": lambda m: m.write(self.values.csv, self.lines(",", 1)),
+            "the workbook itself": lambda m: m.run("cp", self.values.path, self.values.csv),
+            "under another name": lambda m: m.write(f"{self.values.csv}.xlsx", self.lines(",")),
             "the workbook changed": self.spoilt,
         }
 
-    def right(self, machine):
-        machine.write(self.drawn.csv, self.lines(",", quoted=True))
+    def right_result(self, machine):
+        machine.write(self.values.csv, self.lines(",", quoted=True))
 
     def spoilt(self, machine):
         """Export rightly, and change a cell of the workbook."""
-        self.right(machine)
+        self.right_result(machine)
         self.put({"A2": "Nobody"})(machine)
 
     def lines(self, comma, less=0, quoted=False):
         """Return the text of the file."""
         text = io.StringIO()
-        rows = [HEADER, *self.drawn.rows]
+        rows = [HEADER, *self.values.rows]
         quoting = csv.QUOTE_ALL if quoted else csv.QUOTE_MINIMAL
         csv.writer(text, delimiter=comma, quoting=quoting).writerows(rows[: len(rows) - less])
         return text.getvalue()

@@ -10,7 +10,7 @@ from online_env.tasks.kit.sheets import (
     uses,
     with_values,
 )
-from online_env.tasks.kit.words import GOODS, sample
+from online_env.tasks.kit.word_lists import GOODS, sample
 from online_env.tasks.plan_words import quoted
 
 
@@ -40,12 +40,12 @@ class FillAmounts(SheetTask):
         return {"path": path, "left": left, "right": right, "column": column, "rows": rows}
 
     def made(self):
-        header = ("Article", self.drawn.left, self.drawn.right, self.drawn.column)
-        return book({"Sheet1": [header, *self.drawn.rows]})
+        header = ("Article", self.values.left, self.values.right, self.values.column)
+        return book({"Sheet1": [header, *self.values.rows]})
 
     def amounts(self):
         """Return the values by address."""
-        return {f"D{n}": row[1] * row[2] for n, row in enumerate(self.drawn.rows, 2)}
+        return {f"D{n}": row[1] * row[2] for n, row in enumerate(self.values.rows, 2)}
 
     def judge(self, now, before):
         amounts = self.amounts()
@@ -57,7 +57,7 @@ class FillAmounts(SheetTask):
                 yield f"{address} holds no formula with columns B and C of its row"
 
     def oracle(self, hand):
-        go_to(hand, f"D2:D{len(self.drawn.rows) + 1}")
+        go_to(hand, f"D2:D{len(self.values.rows) + 1}")
         hand.type("=B2*C2")
         hand.press("alt", "enter")  # into all cells that are selected
         save(hand)
@@ -66,7 +66,7 @@ class FillAmounts(SheetTask):
         return [
             'window "LibreOffice Calc"',
             "press ctrl+shift+t",
-            f"type {quoted(f'D2:D{len(self.drawn.rows) + 1}')}",
+            f"type {quoted(f'D2:D{len(self.values.rows) + 1}')}",
             "press enter",
             'type "=B2*C2"',
             "press alt+enter",
@@ -75,23 +75,23 @@ class FillAmounts(SheetTask):
             "wait",
         ]
 
-    def wrong(self):
+    def wrong_results(self):
         amounts = self.amounts()
-        last = f"D{len(self.drawn.rows) + 1}"
+        last = f"D{len(self.values.rows) + 1}"
         return {
             "numbers": self.put(amounts),
             "the last row is missing": self.filled({last: None}),
-            "a sum below it": self.filled({f"D{len(self.drawn.rows) + 2}": 1}),
+            "a sum below it": self.filled({f"D{len(self.values.rows) + 2}": 1}),
             "typed numbers in formulas": self.filled(self.typed()),
             "the first row's formula in all": self.filled(dict.fromkeys(amounts, "=B2*C2")),
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         self.filled({})(machine)
 
     def typed(self):
         """Return formulas that take no cells."""
-        return {f"D{n}": f"={row[1]}*{row[2]}" for n, row in enumerate(self.drawn.rows, 2)}
+        return {f"D{n}": f"={row[1]}*{row[2]}" for n, row in enumerate(self.values.rows, 2)}
 
     def filled(self, but):
         """Return what enters the formulas with their values, except for some entries."""
@@ -99,11 +99,11 @@ class FillAmounts(SheetTask):
         formulas = {f"D{n}": f"=C{n}*B{n}" for n in range(2, len(amounts) + 2)}
 
         def outcome(machine):
-            found = self.load(machine.read(self.drawn.path))
+            found = self.load(machine.read(self.values.path))
             for address, entry in {**formulas, **but}.items():
                 found.active[address] = entry
             first = amounts["D2"]
             values = {a: first if but.get(a) == "=B2*C2" else amounts[a] for a in amounts}
-            machine.write(self.drawn.path, with_values(dump(found), values))
+            machine.write(self.values.path, with_values(dump(found), values))
 
         return outcome

@@ -1,6 +1,6 @@
 """Find the one wrong formula of a column and put it right."""
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.office import save
 from online_env.tasks.kit.sheets import (
     SheetTask,
@@ -11,7 +11,7 @@ from online_env.tasks.kit.sheets import (
     uses,
     with_values,
 )
-from online_env.tasks.kit.words import GOODS, sample
+from online_env.tasks.kit.word_lists import GOODS, sample
 
 
 class FixFormula(SheetTask):
@@ -53,58 +53,58 @@ class FixFormula(SheetTask):
     def made(self):
         lines = [
             (item, pieces, price, f"=B{number}*C{number}")
-            for number, (item, pieces, price) in enumerate(self.drawn.rows, 2)
+            for number, (item, pieces, price) in enumerate(self.values.rows, 2)
         ]
         made = book({"Order": [("Item", "Pieces", "Price", "Amount"), *lines]})
-        made.active[self.drawn.cell] = self.drawn.formula
+        made.active[self.values.cell] = self.values.formula
         return made
 
     def judge(self, now, before):
-        cell, number = self.drawn.cell, self.drawn.wrong
+        cell, number = self.values.cell, self.values.wrong
         yield from changes(now, before, {cell})
         if not uses(now.entry(cell), f"B{number}", f"C{number}"):
             yield f"{cell} holds {now.entry(cell)!r}, and no formula with its pieces and price"
-        if now.entry(cell) == self.drawn.formula:
-            yield f"{cell} still holds {self.drawn.formula}"
-        _, pieces, price = self.drawn.rows[number - 2]
+        if now.entry(cell) == self.values.formula:
+            yield f"{cell} still holds {self.values.formula}"
+        _, pieces, price = self.values.rows[number - 2]
         if not is_number(now.value(cell), pieces * price):
             yield f"{cell} is {now.value(cell)!r}, not {pieces * price:.2f}"
 
     def oracle(self, hand):
-        number = self.drawn.wrong
-        enter(hand, self.drawn.cell, f"=B{number}*C{number}")
+        number = self.values.wrong
+        enter(hand, self.values.cell, f"=B{number}*C{number}")
         save(hand)
 
     def plan(self):
-        number = self.drawn.wrong
+        number = self.values.wrong
         return [
-            told.CALC,
-            *told.enter_in_cell(self.drawn.cell, f"=B{number}*C{number}"),
-            *told.SAVE_XLSX,
+            plan_steps.CALC,
+            *plan_steps.enter_in_cell(self.values.cell, f"=B{number}*C{number}"),
+            *plan_steps.SAVE_XLSX,
         ]
 
-    def wrong(self):
-        number = self.drawn.wrong
-        _, pieces, price = self.drawn.rows[number - 2]
+    def wrong_results(self):
+        number = self.values.wrong
+        _, pieces, price = self.values.rows[number - 2]
         other = f"D{number - 1}"
         return {
-            "a number": self.put({self.drawn.cell: pieces * price}),
+            "a number": self.put({self.values.cell: pieces * price}),
             "another formula": self.put({other: f"=C{number - 1}*B{number - 1}"}),
             "the price changed": self.fixed({f"C{number}": price + 1}),
-            "typed numbers in the formula": self.fixed({self.drawn.cell: f"={pieces}*{price}"}),
+            "typed numbers in the formula": self.fixed({self.values.cell: f"={pieces}*{price}"}),
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         self.fixed({})(machine)
 
     def fixed(self, but):
         """Return what puts the formula right with its value, except for some entries."""
-        number = self.drawn.wrong
-        _, pieces, price = self.drawn.rows[number - 2]
+        number = self.values.wrong
+        _, pieces, price = self.values.rows[number - 2]
 
         def outcome(machine):
-            self.put({self.drawn.cell: f"=C{number}*B{number}", **but})(machine)
-            data = machine.read(self.drawn.path)
-            machine.write(self.drawn.path, with_values(data, {self.drawn.cell: pieces * price}))
+            self.put({self.values.cell: f"=C{number}*B{number}", **but})(machine)
+            data = machine.read(self.values.path)
+            machine.write(self.values.path, with_values(data, {self.values.cell: pieces * price}))
 
         return outcome

@@ -3,10 +3,10 @@
 import re
 from dataclasses import replace
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.office import save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to
-from online_env.tasks.kit.words import CITIES, sample
+from online_env.tasks.kit.word_lists import CITIES, sample
 
 
 class FormatPercent(SheetTask):
@@ -33,11 +33,11 @@ class FormatPercent(SheetTask):
         return {"file": file, "path": f"Documents/{file}", "column": column, "rows": rows}
 
     def made(self):
-        return book({"Cities": [("City", "Voters", self.drawn.column), *self.drawn.rows]})
+        return book({"Cities": [("City", "Voters", self.values.column), *self.values.rows]})
 
     def cells(self):
         """Return the addresses of the numbers."""
-        return [f"C{number}" for number in range(2, len(self.drawn.rows) + 2)]
+        return [f"C{number}" for number in range(2, len(self.values.rows) + 2)]
 
     def judge(self, now, before):
         cells = dict(before.cells)
@@ -58,16 +58,16 @@ class FormatPercent(SheetTask):
     def plan(self):
         cells = self.cells()
         return [
-            told.CALC,
-            *told.go_to_cell(f"{cells[0]}:{cells[-1]}"),
+            plan_steps.CALC,
+            *plan_steps.go_to_cell(f"{cells[0]}:{cells[-1]}"),
             "press ctrl+shift+5",
-            *told.SAVE_XLSX,
+            *plan_steps.SAVE_XLSX,
         ]
 
-    def wrong(self):
+    def wrong_results(self):
         cells = self.cells()
-        texts = {f"C{n}": f"{row[2]:.1%}" for n, row in enumerate(self.drawn.rows, 2)}
-        hundredfold = {f"C{n}": row[2] * 100 for n, row in enumerate(self.drawn.rows, 2)}
+        texts = {f"C{n}": f"{row[2]:.1%}" for n, row in enumerate(self.values.rows, 2)}
+        hundredfold = {f"C{n}": row[2] * 100 for n, row in enumerate(self.values.rows, 2)}
         return {
             "texts": self.put(texts),
             "a hundred times as much": self.put(hundredfold),
@@ -76,7 +76,7 @@ class FormatPercent(SheetTask):
             "the voters as well": self.shown([*cells, "B2"]),
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         self.shown(["C1", *self.cells()], "0%")(machine)  # the whole column is as good
 
     def shown(self, addresses, look="0.0%"):

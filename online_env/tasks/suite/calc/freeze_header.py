@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.office import menu, save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to
-from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES, MONTHS
+from online_env.tasks.kit.word_lists import FIRST_NAMES, LAST_NAMES, MONTHS
 
 PARTS = {"the first row": "A2", "the first column": "B1", "the first row and column": "B2"}
 
@@ -36,29 +36,29 @@ class FreezeHeader(SheetTask):
         return {"file": file, "path": f"Documents/{file}", "rows": rows, "part": part}
 
     def made(self):
-        return book({"Days": [("Member", *MONTHS), *self.drawn.rows]})
+        return book({"Days": [("Member", *MONTHS), *self.values.rows]})
 
     def judge(self, now, before):
-        wanted = PARTS[self.drawn.part]
+        wanted = PARTS[self.values.part]
         yield from changes(now, replace(before, frozen={"Days": wanted}))
 
     def oracle(self, hand):
-        go_to(hand, PARTS[self.drawn.part])
+        go_to(hand, PARTS[self.values.part])
         if hand.see("toggle-button", "Freeze Rows and Columns", "soffice", "checked") is None:
             menu(hand, "View", "Freeze Rows and Columns")
         save(hand)
 
     def plan(self):
         return [
-            told.CALC,
-            *told.go_to_cell(PARTS[self.drawn.part]),
+            plan_steps.CALC,
+            *plan_steps.go_to_cell(PARTS[self.values.part]),
             'click "View"',
             'click "Freeze Rows and Columns"',
-            *told.SAVE_XLSX,
+            *plan_steps.SAVE_XLSX,
         ]
 
-    def wrong(self):
-        wanted = PARTS[self.drawn.part]
+    def wrong_results(self):
+        wanted = PARTS[self.values.part]
         others = [place for place in PARTS.values() if place != wanted]
         return {
             "another part": self.frozen(others[0]),
@@ -68,8 +68,8 @@ class FreezeHeader(SheetTask):
             "frozen further down": self.frozen(wanted, start="C9"),
         }
 
-    def right(self, machine):
-        self.frozen(PARTS[self.drawn.part], scrolled="C30")(machine)
+    def right_result(self, machine):
+        self.frozen(PARTS[self.values.part], scrolled="C30")(machine)
 
     def frozen(self, place, state="frozen", start="A1", scrolled=""):
         """Return what freezes all above and left of a cell, where a view begins and scrolls to."""

@@ -1,9 +1,9 @@
 """Sort the rows of a table by a column."""
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.office import dump, menu, save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to, read_book
-from online_env.tasks.kit.words import CITIES, GOODS, sample, shuffled
+from online_env.tasks.kit.word_lists import CITIES, GOODS, sample, shuffled
 from online_env.tasks.plan_words import quoted
 
 HEADER = ("Article", "Made in", "Pieces", "Price")
@@ -49,30 +49,30 @@ class SortTable(SheetTask):
         }
 
     def made(self):
-        return book({"Stock": [HEADER, *self.drawn.rows]})
+        return book({"Stock": [HEADER, *self.values.rows]})
 
     def judge(self, now, before):
-        wanted = book({"Stock": [HEADER, *self.drawn.wanted]})
+        wanted = book({"Stock": [HEADER, *self.values.wanted]})
         yield from changes(now, read_book(dump(wanted)))
 
     def oracle(self, hand):
-        go_to(hand, f"{self.drawn.letter}1")
-        menu(hand, "Data", "Sort Ascending" if self.drawn.rising else "Sort Descending")
+        go_to(hand, f"{self.values.letter}1")
+        menu(hand, "Data", "Sort Ascending" if self.values.rising else "Sort Descending")
         save(hand)
 
     def plan(self):
-        way = "Ascending" if self.drawn.rising else "Descending"
+        way = "Ascending" if self.values.rising else "Descending"
         return [
-            told.CALC,
-            *told.go_to_cell(f"{self.drawn.letter}1"),
+            plan_steps.CALC,
+            *plan_steps.go_to_cell(f"{self.values.letter}1"),
             'click "Data" near "Tools"',
             f"click {quoted(f'Sort {way}')}",
-            *told.SAVE_XLSX,
+            *plan_steps.SAVE_XLSX,
         ]
 
-    def wrong(self):
-        wanted, rows = self.drawn.wanted, self.drawn.rows
-        index = HEADER.index(self.drawn.column)
+    def wrong_results(self):
+        wanted, rows = self.values.wanted, self.values.rows
+        index = HEADER.index(self.values.column)
         torn = [
             (*row[:index], other[index], *row[index + 1 :])
             for row, other in zip(rows, wanted, strict=True)
@@ -83,8 +83,8 @@ class SortTable(SheetTask):
             "a row is missing": self.fill([*wanted[:-1], (None,) * 4]),
         }
 
-    def right(self, machine):
-        self.fill(self.drawn.wanted)(machine)
+    def right_result(self, machine):
+        self.fill(self.values.wanted)(machine)
 
     def fill(self, rows):
         """Return what puts rows below the header."""

@@ -1,9 +1,9 @@
 """Put the total of a column into a cell."""
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.office import save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, enter, is_number
-from online_env.tasks.kit.words import FIRST_NAMES, sample
+from online_env.tasks.kit.word_lists import FIRST_NAMES, sample
 
 PURPOSES = ("train", "hotel", "lunch", "taxi", "books", "postage", "tickets", "printing")
 
@@ -43,34 +43,34 @@ class SumColumn(SheetTask):
 
     def made(self):
         return book(
-            {"Expenses": [("Nr", "Person", "Purpose", self.drawn.column), *self.drawn.rows]}
+            {"Expenses": [("Nr", "Person", "Purpose", self.values.column), *self.values.rows]}
         )
 
     def judge(self, now, before):
-        yield from changes(now, before, {self.drawn.cell})
-        found = now.value(self.drawn.cell)
-        if not is_number(found, self.drawn.total):
-            yield f"{self.drawn.cell} is {found!r}, not {self.drawn.total}"
+        yield from changes(now, before, {self.values.cell})
+        found = now.value(self.values.cell)
+        if not is_number(found, self.values.total):
+            yield f"{self.values.cell} is {found!r}, not {self.values.total}"
 
     def oracle(self, hand):
-        enter(hand, self.drawn.cell, self.drawn.formula)
+        enter(hand, self.values.cell, self.values.formula)
         save(hand)
 
     def plan(self):
         return [
-            told.CALC,
-            *told.enter_in_cell(self.drawn.cell, self.drawn.formula),
-            *told.SAVE_XLSX,
+            plan_steps.CALC,
+            *plan_steps.enter_in_cell(self.values.cell, self.values.formula),
+            *plan_steps.SAVE_XLSX,
         ]
 
-    def wrong(self):
-        cell, total = self.drawn.cell, self.drawn.total
+    def wrong_results(self):
+        cell, total = self.values.cell, self.values.total
         return {
-            "a row is missing": self.put({cell: round(total - self.drawn.rows[-1][3], 2)}),
+            "a row is missing": self.put({cell: round(total - self.values.rows[-1][3], 2)}),
             "in another cell": self.put({"H9": total}),
             "as text": self.put({cell: f"{total} Euros"}),
             "the list changed, too": self.put({cell: total, "B2": "Nobody"}),
         }
 
-    def right(self, machine):
-        self.put({self.drawn.cell: self.drawn.total})(machine)
+    def right_result(self, machine):
+        self.put({self.values.cell: self.values.total})(machine)

@@ -36,18 +36,18 @@ class ChooseIcons(Task):
         return {"icons": icons, "style": style, "wanted": wanted}
 
     def problems(self, machine):
-        yield from machine.untouched()
-        yield from desktop_settings.setting_problems(machine, "xsettings", self.drawn.wanted)
+        yield from machine.unexpected_changes()
+        yield from desktop_settings.setting_problems(machine, "xsettings", self.values.wanted)
 
     def oracle(self, hand):
-        for tab, name in (("Style", self.drawn.style), ("Icons", self.drawn.icons)):
+        for tab, name in (("Style", self.values.style), ("Icons", self.values.icons)):
             desktop_settings.choose_tab(hand, tab, APP)
             hand.click_on("table-cell", re.compile(rf"{name}\n"), APP)
             hand.find("table-cell", re.compile(rf"{name}\n"), APP, "selected")
 
     def plan(self):
         steps = ['window "Appearance"']
-        for tab, name in (("Style", self.drawn.style), ("Icons", self.drawn.icons)):
+        for tab, name in (("Style", self.values.style), ("Icons", self.values.icons)):
             steps += [
                 f"click {quoted(tab)}",
                 f"scroll down to {quoted(name)}",
@@ -55,8 +55,8 @@ class ChooseIcons(Task):
             ]
         return [*steps, "wait"]
 
-    def wrong(self):
-        icons, style = self.drawn.wanted.values()
+    def wrong_results(self):
+        icons, style = self.values.wanted.values()
         other = next(name for name in ICONS.values() if name != icons)
         opposite = DARK if style == "Greybird" else "Greybird"
         return {
@@ -65,8 +65,8 @@ class ChooseIcons(Task):
             "only the style": lambda m: look(m, "elementary-xfce", style),
         }
 
-    def right(self, machine):
-        look(machine, *self.drawn.wanted.values())
+    def right_result(self, machine):
+        look(machine, *self.values.wanted.values())
 
 
 def look(machine, icons, style):

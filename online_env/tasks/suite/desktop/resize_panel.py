@@ -26,33 +26,33 @@ class ResizePanel(Task):
         return {"size": size, "rows": stream.integer(2, 3)}
 
     def problems(self, machine):
-        yield from machine.untouched()
-        wanted = {f"{PANEL}/size": str(self.drawn.size), f"{PANEL}/nrows": str(self.drawn.rows)}
+        yield from machine.unexpected_changes()
+        wanted = {f"{PANEL}/size": str(self.values.size), f"{PANEL}/nrows": str(self.values.rows)}
         yield from desktop_settings.setting_problems(machine, "xfce4-panel", wanted)
 
     def oracle(self, hand):
-        desktop_settings.set_number(hand, "Row size (pixels):", self.drawn.size, APP)
-        desktop_settings.set_number(hand, "Number of rows:", self.drawn.rows, APP)
+        desktop_settings.set_number(hand, "Row size (pixels):", self.values.size, APP)
+        desktop_settings.set_number(hand, "Number of rows:", self.values.rows, APP)
         hand.button("Close", APP)
-        hand.gone("dialog", "Panel Preferences", APP)
+        hand.wait_until_gone("dialog", "Panel Preferences", APP)
 
     def plan(self):
         return [
             'window "Panel"',
             'double-click "36" near "Row size (pixels):"',
             "press ctrl+a",
-            f"type {quoted(str(self.drawn.size))}",
+            f"type {quoted(str(self.values.size))}",
             "press tab",
             'double-click "1" near "Number of rows:"',
             "press ctrl+a",
-            f"type {quoted(str(self.drawn.rows))}",
+            f"type {quoted(str(self.values.rows))}",
             "press tab",
             'click "Close"',
             "wait",
         ]
 
-    def wrong(self):
-        size, rows = self.drawn.size, self.drawn.rows
+    def wrong_results(self):
+        size, rows = self.values.size, self.values.rows
         return {
             "only the size": lambda m: shape(m, size, 1),
             "only the rows": lambda m: shape(m, 36, rows),
@@ -60,8 +60,8 @@ class ResizePanel(Task):
             "too high": lambda m: shape(m, size + 1, rows),
         }
 
-    def right(self, machine):
-        shape(machine, self.drawn.size, self.drawn.rows)
+    def right_result(self, machine):
+        shape(machine, self.values.size, self.values.rows)
 
 
 def shape(machine, size, rows):

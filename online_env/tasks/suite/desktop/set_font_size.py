@@ -41,35 +41,35 @@ class SetFontSize(Task):
                 desktop_settings.store(machine, "xsettings", key, font)
 
     def problems(self, machine):
-        yield from machine.untouched()
-        yield from desktop_settings.setting_problems(machine, "xsettings", self.drawn.wanted)
+        yield from machine.unexpected_changes()
+        yield from desktop_settings.setting_problems(machine, "xsettings", self.values.wanted)
 
     def oracle(self, hand):
         desktop_settings.choose_tab(hand, "Fonts", APP)
-        hand.button(re.compile(self.drawn.button), APP)
+        hand.button(re.compile(self.values.button), APP)
         hand.find("dialog", re.compile("Select a"), APP)
-        desktop_settings.set_number(hand, "Size", self.drawn.size, APP)
+        desktop_settings.set_number(hand, "Size", self.values.size, APP)
         hand.button("Select", APP)
-        hand.gone("dialog", re.compile("Select a"), APP)
+        hand.wait_until_gone("dialog", re.compile("Select a"), APP)
 
     def plan(self):
         return [
             'window "Appearance"',
             'click "Fonts"',
-            f"click {quoted(TEN[self.drawn.key])}",
+            f"click {quoted(TEN[self.values.key])}",
             'double-click "10" near "Size"',
             "press ctrl+a",
-            f"type {quoted(str(self.drawn.size))}",
+            f"type {quoted(str(self.values.size))}",
             "press tab",
             'click "Select" near "Cancel"',
             "wait",
         ]
 
-    def wrong(self):
-        key = self.drawn.key
+    def wrong_results(self):
+        key = self.values.key
         other = next(name for name in TEN if name != key)
         family = TEN[key].removesuffix(" 10")
-        size = self.drawn.size
+        size = self.values.size
         return {
             "another size": lambda m: desktop_settings.store(
                 m, "xsettings", key, f"{family} {size + 1}"
@@ -82,7 +82,7 @@ class SetFontSize(Task):
             ),
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         desktop_settings.store(
-            machine, "xsettings", self.drawn.key, self.drawn.wanted[self.drawn.key]
+            machine, "xsettings", self.values.key, self.values.wanted[self.values.key]
         )

@@ -2,8 +2,8 @@
 
 from hijack_data.rng import Stream
 from online_env.tasks import Task
-from online_env.tasks.kit import desktop_settings, pictures
-from online_env.tasks.kit.words import CITIES, sample
+from online_env.tasks.kit import desktop_settings, gimp
+from online_env.tasks.kit.word_lists import CITIES, sample
 from online_env.tasks.plan_words import quoted
 
 ITEMS = ("table-cell", "list-item")
@@ -38,38 +38,38 @@ class SetWallpaper(Task):
         }
 
     def prepare(self, machine):
-        for name in self.drawn.files:
-            picture = pictures.drawing(Stream(self.seed, name), 320, 180)
-            machine.write(f"{self.drawn.place}/{name}", pictures.encoded(picture))
+        for name in self.values.files:
+            picture = gimp.drawing(Stream(self.seed, name), 320, 180)
+            machine.write(f"{self.values.place}/{name}", gimp.encoded(picture))
 
-    def opens(self, machine):
-        return "thunar", machine.path(self.drawn.place)
+    def initial_app(self, machine):
+        return "thunar", machine.path(self.values.place)
 
     def problems(self, machine):
-        yield from machine.untouched()
-        wanted = {PLACE: machine.path(f"{self.drawn.place}/{self.drawn.file}")}
+        yield from machine.unexpected_changes()
+        wanted = {PLACE: machine.path(f"{self.values.place}/{self.values.file}")}
         yield from desktop_settings.setting_problems(machine, "xfce4-desktop", wanted)
         if desktop_settings.setting(machine, "xfce4-desktop", STYLE) == NO_PICTURE:
             yield "the background shows no picture, but a colour"
 
     def oracle(self, hand):
         hand.press("ctrl", "2")  # as a list: the accessibility tree of Thunar has no icons
-        item = hand.find(ITEMS, self.drawn.file, app="thunar")
+        item = hand.find(ITEMS, self.values.file, app="thunar")
         hand.context_menu(item, "Set as wallpaper", app="thunar")
-        hand.gone("menu-item", "Set as wallpaper", app="thunar")
+        hand.wait_until_gone("menu-item", "Set as wallpaper", app="thunar")
 
     def plan(self):
         return [
             'window "Thunar"',
-            f"right-click {quoted(self.drawn.file)}",
+            f"right-click {quoted(self.values.file)}",
             'click "Set as wallpaper"',
             "wait",
         ]
 
-    def wrong(self):
-        place = self.drawn.place
-        file = self.drawn.file
-        other = next(name for name in self.drawn.files if name != file)
+    def wrong_results(self):
+        place = self.values.place
+        file = self.values.file
+        other = next(name for name in self.values.files if name != file)
         copy = "Pictures/wallpaper.png"
         return {
             "another picture": lambda m: show(m, f"{place}/{other}"),
@@ -81,8 +81,8 @@ class SetWallpaper(Task):
             "a path that is not there": lambda m: show(m, f"Pictures/{file}"),
         }
 
-    def right(self, machine):
-        show(machine, f"{self.drawn.place}/{self.drawn.file}")
+    def right_result(self, machine):
+        show(machine, f"{self.values.place}/{self.values.file}")
 
 
 def show(machine, path):

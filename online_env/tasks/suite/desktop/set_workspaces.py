@@ -26,8 +26,8 @@ class SetWorkspaces(Task):
         return {"count": stream.integer(3, 6), "label": stream.choice(NAMES)}
 
     def problems(self, machine):
-        yield from machine.untouched()
-        wanted = {"general/workspace_count": str(self.drawn.count)}
+        yield from machine.unexpected_changes()
+        wanted = {"general/workspace_count": str(self.values.count)}
         yield from desktop_settings.setting_problems(machine, "xfwm4", wanted)
         names = desktop_settings.setting(machine, "xfwm4", "general/workspace_names")
         if not self.are_right(names):
@@ -35,15 +35,15 @@ class SetWorkspaces(Task):
 
     def are_right(self, names) -> bool:
         """Return whether only the second workspace was renamed; there may be more names."""
-        if names is None or len(names) < self.drawn.count:
+        if names is None or len(names) < self.values.count:
             return False
         usual = [f"Workspace {number}" for number in range(1, len(names) + 1)]
-        return names == [usual[0], self.drawn.label, *usual[2:]]
+        return names == [usual[0], self.values.label, *usual[2:]]
 
     def oracle(self, hand):
-        label = self.drawn.label
-        desktop_settings.set_number(hand, "Number of workspaces:", self.drawn.count, APP)
-        hand.find("table-cell", f"Workspace {self.drawn.count}", APP)
+        label = self.values.label
+        desktop_settings.set_number(hand, "Number of workspaces:", self.values.count, APP)
+        hand.find("table-cell", f"Workspace {self.values.count}", APP)
         if hand.see("table-cell", label, APP) is None:
             hand.double_click(hand.find("table-cell", "Workspace 2", APP))
             # The tree has no node for the text that is edited.
@@ -55,19 +55,19 @@ class SetWorkspaces(Task):
             'window "Workspaces"',
             'double-click right of "Number of workspaces:"',
             "press ctrl+a",
-            f"type {quoted(str(self.drawn.count))}",
+            f"type {quoted(str(self.values.count))}",
             "press tab",
-            f"wait for {quoted(f'Workspace {self.drawn.count}')}",
+            f"wait for {quoted(f'Workspace {self.values.count}')}",
             'double-click "Workspace 2"',
             "press ctrl+a",
-            f"type {quoted(self.drawn.label)}",
+            f"type {quoted(self.values.label)}",
             "press enter",
             'click "Workspace 1"',  # the pointer covers the name, which is selected
-            f"wait for {quoted(self.drawn.label)}",
+            f"wait for {quoted(self.values.label)}",
         ]
 
-    def wrong(self):
-        count, label = self.drawn.count, self.drawn.label
+    def wrong_results(self):
+        count, label = self.values.count, self.values.label
         return {
             "only the number": lambda m: arrange(m, count, "Workspace 2"),
             "only the name": lambda m: arrange(m, 2, label),
@@ -75,8 +75,8 @@ class SetWorkspaces(Task):
             "another one": lambda m: arrange(m, count, "Workspace 2", label),
         }
 
-    def right(self, machine):
-        arrange(machine, self.drawn.count, self.drawn.label)
+    def right_result(self, machine):
+        arrange(machine, self.values.count, self.values.label)
 
 
 def arrange(machine, count, second, third="Workspace 3"):

@@ -27,18 +27,18 @@ class SizeDesktopIcons(Task):
         return {"size": size, "font": font}
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         wanted = {
-            "desktop-icons/icon-size": str(self.drawn.size),
+            "desktop-icons/icon-size": str(self.values.size),
             "desktop-icons/use-custom-font-size": "true",
-            "desktop-icons/font-size": str(self.drawn.font),
+            "desktop-icons/font-size": str(self.values.font),
         }
         yield from desktop_settings.setting_problems(machine, "xfce4-desktop", wanted)
 
     def oracle(self, hand):
         desktop_settings.choose_tab(hand, "Icons", APP)
-        desktop_settings.set_number(hand, "Icon size:", self.drawn.size, APP)
-        desktop_settings.set_number(hand, "Use custom font size:", self.drawn.font, APP)
+        desktop_settings.set_number(hand, "Icon size:", self.values.size, APP)
+        desktop_settings.set_number(hand, "Use custom font size:", self.values.font, APP)
 
     def plan(self):
         return [
@@ -46,17 +46,17 @@ class SizeDesktopIcons(Task):
             'click "Icons" near "Menus"',
             'double-click "48" near "Icon size:"',
             "press ctrl+a",
-            f"type {quoted(str(self.drawn.size))}",
+            f"type {quoted(str(self.values.size))}",
             "press tab",
             'double-click "10" near "Use custom font size:"',
             "press ctrl+a",
-            f"type {quoted(str(self.drawn.font))}",
+            f"type {quoted(str(self.values.font))}",
             "press tab",
             "wait",
         ]
 
-    def wrong(self):
-        size, font = self.drawn.size, self.drawn.font
+    def wrong_results(self):
+        size, font = self.values.size, self.values.font
         return {
             "only the icons": lambda m: resize(m, size, 10),
             "only the font": lambda m: resize(m, 48, font),
@@ -64,8 +64,8 @@ class SizeDesktopIcons(Task):
             "the font is not used": lambda m: resize(m, size, font, "false"),
         }
 
-    def right(self, machine):
-        resize(machine, self.drawn.size, f"{self.drawn.font}.000000")
+    def right_result(self, machine):
+        resize(machine, self.values.size, f"{self.values.font}.000000")
 
 
 def resize(machine, size, font, custom="true"):

@@ -4,7 +4,7 @@ import re
 
 from online_env.tasks import Task
 from online_env.tasks.kit import text_editor
-from online_env.tasks.kit.words import GOODS, sample
+from online_env.tasks.kit.word_lists import GOODS, sample
 
 APP = "geany"
 NAMES = ("count", "price", "weigh", "order", "pack", "label", "store", "check")
@@ -47,17 +47,17 @@ class CommentOutFunction(Task):
         }
 
     def prepare(self, machine):
-        machine.write(self.drawn.path, joined(self.drawn.lines))
+        machine.write(self.values.path, joined(self.values.lines))
 
-    def opens(self, machine):
-        return APP, machine.path(self.drawn.path)
+    def initial_app(self, machine):
+        return APP, machine.path(self.values.path)
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
-        start, end, lines = self.drawn.start, self.drawn.end, self.drawn.lines
-        found = (machine.text(self.drawn.path) or "").rstrip("\n").split("\n")
+        yield from machine.unexpected_changes(self.values.path)
+        start, end, lines = self.values.start, self.values.end, self.values.lines
+        found = (machine.text(self.values.path) or "").rstrip("\n").split("\n")
         if len(found) != len(lines):
-            yield f"{self.drawn.path} has {len(found)} lines, not {len(lines)}"
+            yield f"{self.values.path} has {len(found)} lines, not {len(lines)}"
             return
         for index, (line, old) in enumerate(zip(found, lines, strict=True)):
             inside = start <= index < end
@@ -67,7 +67,7 @@ class CommentOutFunction(Task):
                 yield f"line {index + 1} was changed: {line!r}"
 
     def oracle(self, hand):
-        drawn = self.drawn
+        drawn = self.values
         text_editor.begin(hand, drawn.path, joined(drawn.lines), APP)
         text_editor.go_to_line(hand, drawn.path, drawn.start + 1, APP)
         hand.press("home")
@@ -81,7 +81,7 @@ class CommentOutFunction(Task):
         text_editor.save(hand, drawn.path, APP)
 
     def plan(self):
-        start, end = self.drawn.start, self.drawn.end
+        start, end = self.values.start, self.values.end
         return [
             'window "Geany"',
             "press ctrl+home",
@@ -92,9 +92,9 @@ class CommentOutFunction(Task):
             "wait",
         ]
 
-    def wrong(self):
-        path, lines = self.drawn.path, self.drawn.lines
-        start, end = self.drawn.start, self.drawn.end
+    def wrong_results(self):
+        path, lines = self.values.path, self.values.lines
+        start, end = self.values.start, self.values.end
         first = marked(lines, start, start + 1)
         return {
             "only its first line": lambda m: m.write(path, joined(first)),
@@ -103,9 +103,9 @@ class CommentOutFunction(Task):
             "as a string": lambda m: m.write(path, quoted(lines, start, end)),
         }
 
-    def right(self, machine):
-        lines = marked(self.drawn.lines, self.drawn.start, self.drawn.end)
-        machine.write(self.drawn.path, "\n".join(lines))
+    def right_result(self, machine):
+        lines = marked(self.values.lines, self.values.start, self.values.end)
+        machine.write(self.values.path, "\n".join(lines))
 
 
 def source(stream, function) -> list[str]:

@@ -4,7 +4,7 @@ import re
 
 from online_env.tasks import Task
 from online_env.tasks.kit import text_editor
-from online_env.tasks.kit.words import CITIES, GOODS, LAST_NAMES, sample
+from online_env.tasks.kit.word_lists import CITIES, GOODS, LAST_NAMES, sample
 from online_env.tasks.plan_words import quoted
 
 APP = "mousepad"
@@ -46,31 +46,31 @@ class ConvertLineEnds(Task):
 
     def prepare(self, machine):
         for system, end in ENDS.items():
-            if system != self.drawn.system:
-                machine.write(self.drawn.path, ended(self.drawn.lines, end))
+            if system != self.values.system:
+                machine.write(self.values.path, ended(self.values.lines, end))
 
-    def opens(self, machine):
-        return APP, machine.path(self.drawn.path)
+    def initial_app(self, machine):
+        return APP, machine.path(self.values.path)
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
+        yield from machine.unexpected_changes(self.values.path)
         yield from text_editor.text_problems(
-            machine, self.drawn.path, ended(self.drawn.lines, "\n")
+            machine, self.values.path, ended(self.values.lines, "\n")
         )
-        data = machine.read(self.drawn.path) or b""
-        wanted = ENDS[self.drawn.system].encode()
+        data = machine.read(self.values.path) or b""
+        wanted = ENDS[self.values.system].encode()
         wrong = {end for end in re.findall(rb"\r\n|\n|\r", data) if end != wanted}
         if wrong:
-            yield f"{self.drawn.path} has lines that end with {sorted(wrong)}"
+            yield f"{self.values.path} has lines that end with {sorted(wrong)}"
 
     def oracle(self, hand):
-        text_editor.bring(hand, self.drawn.path, APP)
-        hand.menu("Document", re.compile("Line Ending"), ITEMS[self.drawn.system], app=APP)
-        hand.gone("menu-item", re.compile("Unix"), APP)
-        text_editor.save(hand, self.drawn.path, APP)
+        text_editor.bring(hand, self.values.path, APP)
+        hand.menu("Document", re.compile("Line Ending"), ITEMS[self.values.system], app=APP)
+        hand.wait_until_gone("menu-item", re.compile("Unix"), APP)
+        text_editor.save(hand, self.values.path, APP)
 
     def plan(self):
-        item = {"Windows": "DOS / Windows", "Unix": "Unix (LF)"}[self.drawn.system]
+        item = {"Windows": "DOS / Windows", "Unix": "Unix (LF)"}[self.values.system]
         return [
             'window "Mousepad"',
             'click "Document"',
@@ -80,9 +80,9 @@ class ConvertLineEnds(Task):
             "wait",
         ]
 
-    def wrong(self):
-        path, lines = self.drawn.path, self.drawn.lines
-        end = ENDS[self.drawn.system]
+    def wrong_results(self):
+        path, lines = self.values.path, self.values.lines
+        end = ENDS[self.values.system]
         return {
             "in a copy": lambda m: m.write(f"{path}.txt", ended(lines, end)),
             "as on old Macs": lambda m: m.write(path, ended(lines, "\r")),
@@ -90,9 +90,9 @@ class ConvertLineEnds(Task):
             "a line is gone": lambda m: m.write(path, ended(lines[1:], end)),
         }
 
-    def right(self, machine):
-        end = ENDS[self.drawn.system]
-        machine.write(self.drawn.path, end.join(self.drawn.lines))
+    def right_result(self, machine):
+        end = ENDS[self.values.system]
+        machine.write(self.values.path, end.join(self.values.lines))
 
 
 def ended(lines, end) -> str:

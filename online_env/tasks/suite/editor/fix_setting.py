@@ -4,7 +4,7 @@ import re
 
 from online_env.tasks import Task
 from online_env.tasks.kit import text_editor
-from online_env.tasks.kit.words import sample, shuffled
+from online_env.tasks.kit.word_lists import sample, shuffled
 from online_env.tasks.plan_words import quoted
 
 APP = "geany"
@@ -58,19 +58,19 @@ class FixSetting(Task):
         }
 
     def prepare(self, machine):
-        machine.write(self.drawn.path, self.drawn.text)
+        machine.write(self.values.path, self.values.text)
 
-    def opens(self, machine):
-        return APP, machine.path(self.drawn.path)
+    def initial_app(self, machine):
+        return APP, machine.path(self.values.path)
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
-        found = machine.text(self.drawn.path) or ""
-        if settings(found) != settings(self.drawn.wanted):
-            yield f"{self.drawn.path} holds {found[:600]!r}"
+        yield from machine.unexpected_changes(self.values.path)
+        found = machine.text(self.values.path) or ""
+        if settings(found) != settings(self.values.wanted):
+            yield f"{self.values.path} holds {found[:600]!r}"
 
     def oracle(self, hand):
-        drawn = self.drawn
+        drawn = self.values
         text_editor.begin(hand, drawn.path, drawn.text, APP)
         line = f"{drawn.key} = {drawn.value}"
         text_editor.rewrite_line(hand, drawn.path, drawn.number, line, APP)
@@ -78,7 +78,7 @@ class FixSetting(Task):
         text_editor.save(hand, drawn.path, APP)
 
     def plan(self):
-        drawn = self.drawn
+        drawn = self.values
         return [
             'window "Geany"',
             "press ctrl+home",
@@ -90,22 +90,22 @@ class FixSetting(Task):
             "wait",
         ]
 
-    def wrong(self):
-        path, text, wanted = self.drawn.path, self.drawn.text, self.drawn.wanted
-        line = f"{self.drawn.key} = {self.drawn.value}"
+    def wrong_results(self):
+        path, text, wanted = self.values.path, self.values.text, self.values.wanted
+        line = f"{self.values.key} = {self.values.value}"
         spaced = re.sub(r"(port = \d)", r"\1 ", wanted, count=1)
         lines = text.splitlines()
-        others = [f"{line}\n" if old.startswith(self.drawn.key) else f"{old}\n" for old in lines]
+        others = [f"{line}\n" if old.startswith(self.values.key) else f"{old}\n" for old in lines]
         return {
             "in all sections": lambda m: m.write(path, "".join(others)),
             "at the end": lambda m: m.write(path, f"{text}{line}\n"),
             "commented out": lambda m: m.write(path, wanted.replace(line, f"# {line}")),
             "a blank in the number": lambda m: m.write(path, spaced),
-            "in another folder": lambda m: m.write(self.drawn.file, wanted),
+            "in another folder": lambda m: m.write(self.values.file, wanted),
         }
 
-    def right(self, machine):
-        machine.write(self.drawn.path, self.drawn.wanted.replace(" = ", "=") + "\n")
+    def right_result(self, machine):
+        machine.write(self.values.path, self.values.wanted.replace(" = ", "=") + "\n")
 
 
 def written(sections) -> str:

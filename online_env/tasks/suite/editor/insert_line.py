@@ -2,7 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import text_editor
-from online_env.tasks.kit.words import FIRST_NAMES, GOODS, sample
+from online_env.tasks.kit.word_lists import FIRST_NAMES, GOODS, sample
 from online_env.tasks.plan_words import quoted
 
 APP = "mousepad"
@@ -48,17 +48,17 @@ class InsertLine(Task):
         }
 
     def prepare(self, machine):
-        machine.write(self.drawn.path, self.drawn.text)
+        machine.write(self.values.path, self.values.text)
 
-    def opens(self, machine):
-        return APP, machine.path(self.drawn.path)
+    def initial_app(self, machine):
+        return APP, machine.path(self.values.path)
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
-        yield from text_editor.text_problems(machine, self.drawn.path, self.drawn.wanted)
+        yield from machine.unexpected_changes(self.values.path)
+        yield from text_editor.text_problems(machine, self.values.path, self.values.wanted)
 
     def oracle(self, hand):
-        drawn = self.drawn
+        drawn = self.values
         text_editor.begin(hand, drawn.path, drawn.text, APP)
         text_editor.go_to_line(hand, drawn.path, drawn.number, APP)
         hand.press("end")
@@ -70,16 +70,16 @@ class InsertLine(Task):
         return [
             'window "Mousepad"',
             "press ctrl+home",
-            f"press down {self.drawn.number - 1} times",
+            f"press down {self.values.number - 1} times",
             "press end",
-            f"type {quoted(chr(10) + self.drawn.line)}",
+            f"type {quoted(chr(10) + self.values.line)}",
             "press ctrl+s",
             "wait",
         ]
 
-    def wrong(self):
-        path, text = self.drawn.path, self.drawn.text
-        line, above = self.drawn.line, self.drawn.above
+    def wrong_results(self):
+        path, text = self.values.path, self.values.text
+        line, above = self.values.line, self.values.above
         return {
             "above": lambda m: m.write(path, text.replace(above, f"{line}\n{above}")),
             "at the start": lambda m: m.write(path, f"{line}\n{text}"),
@@ -89,8 +89,8 @@ class InsertLine(Task):
             ),
         }
 
-    def right(self, machine):
-        machine.write(self.drawn.path, self.drawn.wanted.rstrip("\n"))
+    def right_result(self, machine):
+        machine.write(self.values.path, self.values.wanted.rstrip("\n"))
 
 
 def joined(lines) -> str:

@@ -1,8 +1,8 @@
 """Join two text files into a third, in Mousepad."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import text_editor, told
-from online_env.tasks.kit.words import CITIES, LAST_NAMES, sample
+from online_env.tasks.kit import plan_steps, text_editor
+from online_env.tasks.kit.word_lists import CITIES, LAST_NAMES, sample
 from online_env.tasks.plan_words import quoted
 
 APP = "mousepad"
@@ -43,64 +43,66 @@ class JoinTexts(Task):
         }
 
     def prepare(self, machine):
-        for name, text in zip((self.drawn.first, self.drawn.second), self.drawn.texts, strict=True):
+        for name, text in zip(
+            (self.values.first, self.values.second), self.values.texts, strict=True
+        ):
             machine.write(f"Documents/{name}", text)
 
-    def opens(self, machine):
-        return APP, machine.path(f"Documents/{self.drawn.first}")
+    def initial_app(self, machine):
+        return APP, machine.path(f"Documents/{self.values.first}")
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
-        found = machine.text(self.drawn.path)
+        yield from machine.unexpected_changes(self.values.path)
+        found = machine.text(self.values.path)
         if found is None:
-            yield f"there is no file {self.drawn.path}"
-        elif lines(found) != lines("".join(self.drawn.texts)):
-            yield f"{self.drawn.path} holds {found[:300]!r}"
+            yield f"there is no file {self.values.path}"
+        elif lines(found) != lines("".join(self.values.texts)):
+            yield f"{self.values.path} holds {found[:300]!r}"
 
     def oracle(self, hand):
-        first, second = self.drawn.texts
-        text_editor.bring(hand, f"Documents/{self.drawn.second}", APP)
+        first, second = self.values.texts
+        text_editor.bring(hand, f"Documents/{self.values.second}", APP)
         text_editor.wait_for_text(hand, second, APP)
         hand.press("ctrl", "a")
         hand.press("ctrl", "c")
-        text_editor.begin(hand, f"Documents/{self.drawn.first}", first, APP)
+        text_editor.begin(hand, f"Documents/{self.values.first}", first, APP)
         hand.press("ctrl", "end")
         hand.press("ctrl", "v")
         text_editor.wait_for_text(hand, first + second, APP)
         hand.press("ctrl", "shift", "s")
-        hand.choose_file(self.drawn.path, "Save", APP)
-        hand.find("frame", text_editor.title(self.drawn.path, saved=True), APP)
+        hand.choose_file(self.values.path, "Save", APP)
+        hand.find("frame", text_editor.title(self.values.path, saved=True), APP)
 
     def plan(self):
-        first, second = self.drawn.texts
+        first, second = self.values.texts
         return [
             'window "Mousepad"',
-            *told.open_in_editor(f"Documents/{self.drawn.second}"),
+            *plan_steps.open_in_editor(f"Documents/{self.values.second}"),
             f"wait for {quoted(second.splitlines()[0])}",
             "press ctrl+a",
             "press ctrl+c",
-            *told.open_in_editor(f"Documents/{self.drawn.first}"),
+            *plan_steps.open_in_editor(f"Documents/{self.values.first}"),
             f"wait for {quoted(first.splitlines()[0])}",
             "press ctrl+end",
             "press ctrl+v",
             "press ctrl+shift+s",
-            *told.name_file(self.drawn.path),
+            *plan_steps.name_file(self.values.path),
             "wait",
         ]
 
-    def wrong(self):
-        path = self.drawn.path
-        first, second = self.drawn.texts
-        old = f"Documents/{self.drawn.first}"
+    def wrong_results(self):
+        path = self.values.path
+        first, second = self.values.texts
+        old = f"Documents/{self.values.first}"
         return {
             "the wrong order": lambda m: m.write(path, second + first),
             "only the first": lambda m: m.write(path, first),
             "added to the first": lambda m: m.write(old, first + second),
-            "in the home folder": lambda m: m.write(self.drawn.new, first + second),
+            "in the home folder": lambda m: m.write(self.values.new, first + second),
         }
 
-    def right(self, machine):
-        machine.write(self.drawn.path, "\n".join(self.drawn.texts))
+    def right_result(self, machine):
+        machine.write(self.values.path, "\n".join(self.values.texts))
 
 
 def lines(text: str) -> list[str]:

@@ -4,7 +4,7 @@ import re
 
 from online_env.tasks import Task
 from online_env.tasks.kit import text_editor
-from online_env.tasks.kit.words import CITIES, sample
+from online_env.tasks.kit.word_lists import CITIES, sample
 from online_env.tasks.plan_words import quoted
 
 APP = "mousepad"
@@ -68,17 +68,17 @@ class ReplaceWord(Task):
         }
 
     def prepare(self, machine):
-        machine.write(self.drawn.path, self.drawn.text)
+        machine.write(self.values.path, self.values.text)
 
-    def opens(self, machine):
-        return APP, machine.path(self.drawn.path)
+    def initial_app(self, machine):
+        return APP, machine.path(self.values.path)
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
-        yield from text_editor.text_problems(machine, self.drawn.path, self.drawn.wanted)
+        yield from machine.unexpected_changes(self.values.path)
+        yield from text_editor.text_problems(machine, self.values.path, self.values.wanted)
 
     def oracle(self, hand):
-        drawn = self.drawn
+        drawn = self.values
         text_editor.begin(hand, drawn.path, drawn.text, APP)
         hand.press("ctrl", "r")
         hand.find("dialog", "Find and Replace", APP)
@@ -99,9 +99,9 @@ class ReplaceWord(Task):
             "press ctrl+r",
             'wait for "Match whole word"',
             "press ctrl+a",
-            f"type {quoted(self.drawn.old)}",
+            f"type {quoted(self.values.old)}",
             "press tab",
-            f"type {quoted(self.drawn.new)}",
+            f"type {quoted(self.values.new)}",
             'click "Match whole word"',
             'click "Replace all in"',
             'click "Replace" near "Close"',
@@ -111,19 +111,19 @@ class ReplaceWord(Task):
             "wait",
         ]
 
-    def wrong(self):
-        path, text = self.drawn.path, self.drawn.text
-        old, new = self.drawn.old, self.drawn.new
+    def wrong_results(self):
+        path, text = self.values.path, self.values.text
+        old, new = self.values.old, self.values.new
         once = text.replace(f" {old} ", f" {new} ", 1)
         return {
             "in longer words, too": lambda m: m.write(path, text.replace(old, new)),
             "only once": lambda m: m.write(path, once),
-            "in a copy": lambda m: m.write(f"{path}.new", self.drawn.wanted),
-            "removed": lambda m: m.write(path, self.drawn.wanted.replace(new, "")),
+            "in a copy": lambda m: m.write(f"{path}.new", self.values.wanted),
+            "removed": lambda m: m.write(path, self.values.wanted.replace(new, "")),
         }
 
-    def right(self, machine):
-        machine.write(self.drawn.path, self.drawn.wanted.rstrip("\n"))
+    def right_result(self, machine):
+        machine.write(self.values.path, self.values.wanted.rstrip("\n"))
 
 
 def _is_field(node):

@@ -4,7 +4,7 @@ import re
 
 from online_env.tasks import Task
 from online_env.tasks.kit import text_editor
-from online_env.tasks.kit.words import CITIES, FIRST_NAMES, GOODS, sample
+from online_env.tasks.kit.word_lists import CITIES, FIRST_NAMES, GOODS, sample
 
 APP = "mousepad"
 WORK = (
@@ -60,20 +60,20 @@ class TickItems(Task):
         }
 
     def prepare(self, machine):
-        machine.write(self.drawn.path, self.drawn.text)
+        machine.write(self.values.path, self.values.text)
 
-    def opens(self, machine):
-        return APP, machine.path(self.drawn.path)
+    def initial_app(self, machine):
+        return APP, machine.path(self.values.path)
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
-        found = (machine.text(self.drawn.path) or "").splitlines()
+        yield from machine.unexpected_changes(self.values.path)
+        found = (machine.text(self.values.path) or "").splitlines()
         plain = [re.sub(r"^\[ *[xX] *\]", "[x]", line.rstrip()) for line in found]
-        if plain != self.drawn.lines:
-            yield f"{self.drawn.path} holds {found}"
+        if plain != self.values.lines:
+            yield f"{self.values.path} holds {found}"
 
     def oracle(self, hand):
-        drawn = self.drawn
+        drawn = self.values
         text_editor.begin(hand, drawn.path, drawn.text, APP)
         for index in drawn.done:
             text_editor.go_to_line(hand, drawn.path, index + 1, APP)
@@ -86,20 +86,20 @@ class TickItems(Task):
     def plan(self):
         steps = ['window "Mousepad"', "press ctrl+home"]
         line = 0
-        for index in self.drawn.done:
+        for index in self.values.done:
             if index > line:
                 steps.append(f"press down {index - line} times")
             steps += ["press home", "press right", "press delete", 'type "x"']
             line = index
         return [*steps, "press ctrl+s", "wait"]
 
-    def wrong(self):
-        path, lines, text = self.drawn.path, self.drawn.lines, self.drawn.text
+    def wrong_results(self):
+        path, lines, text = self.values.path, self.values.lines, self.values.text
         less = list(lines)
-        less[self.drawn.done[0]] = less[self.drawn.done[0]].replace("[x]", "[ ]")
+        less[self.values.done[0]] = less[self.values.done[0]].replace("[x]", "[ ]")
         more = list(lines)
-        more[self.drawn.open[0]] = more[self.drawn.open[0]].replace("[ ]", "[x]")
-        short = [line for index, line in enumerate(lines) if index not in self.drawn.done]
+        more[self.values.open[0]] = more[self.values.open[0]].replace("[ ]", "[x]")
+        short = [line for index, line in enumerate(lines) if index not in self.values.done]
         return {
             "one is missing": lambda m: m.write(path, "\n".join(less)),
             "one too many": lambda m: m.write(path, "\n".join(more)),
@@ -107,8 +107,8 @@ class TickItems(Task):
             "all of them": lambda m: m.write(path, text.replace("[ ]", "[x]")),
         }
 
-    def right(self, machine):
-        machine.write(self.drawn.path, "\n".join(self.drawn.lines).replace("[x]", "[X]"))
+    def right_result(self, machine):
+        machine.write(self.values.path, "\n".join(self.values.lines).replace("[x]", "[X]"))
 
 
 def listed(items, ticked) -> list[str]:

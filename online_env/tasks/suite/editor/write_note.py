@@ -3,8 +3,8 @@
 import re
 
 from online_env.tasks import Task
-from online_env.tasks.kit import told
-from online_env.tasks.kit.words import sample
+from online_env.tasks.kit import plan_steps
+from online_env.tasks.kit.word_lists import sample
 from online_env.tasks.plan_words import quoted
 
 TOPICS = ("shopping", "meeting", "travel", "garden", "reading", "repairs")
@@ -42,35 +42,35 @@ class WriteNote(Task):
         return {"file": name, "text": text, "path": f"Documents/{name}"}
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
-        found = machine.text(self.drawn.path)
+        yield from machine.unexpected_changes(self.values.path)
+        found = machine.text(self.values.path)
         if found is None:
-            yield f"there is no file {self.drawn.path}"
-        elif found.removesuffix("\n") != self.drawn.text:
-            yield f"{self.drawn.path} holds {found[:200]!r}"
+            yield f"there is no file {self.values.path}"
+        elif found.removesuffix("\n") != self.values.text:
+            yield f"{self.values.path} holds {found[:200]!r}"
 
     def oracle(self, hand):
         hand.click_on("text", app="mousepad")
-        hand.replace(self.drawn.text)
+        hand.replace(self.values.text)
         hand.press("ctrl", "s")
-        hand.choose_file(self.drawn.path, "Save", app="mousepad")
-        hand.find("frame", re.compile(f"[^*]*{self.drawn.file}"))
+        hand.choose_file(self.values.path, "Save", app="mousepad")
+        hand.find("frame", re.compile(f"[^*]*{self.values.file}"))
 
     def plan(self):
         return [
             'window "Mousepad"',
-            f"type {quoted(self.drawn.text)}",
-            *told.save_as(self.drawn.path),
+            f"type {quoted(self.values.text)}",
+            *plan_steps.save_as(self.values.path),
         ]
 
-    def wrong(self):
-        path, text = self.drawn.path, self.drawn.text
+    def wrong_results(self):
+        path, text = self.values.path, self.values.text
         return {
             "a line is missing": lambda m: m.write(path, text.rpartition("\n")[0]),
-            "in the home folder": lambda m: m.write(self.drawn.file, text),
+            "in the home folder": lambda m: m.write(self.values.file, text),
             "two line feeds at the end": lambda m: m.write(path, text + "\n\n"),
             "in another encoding": lambda m: m.write(path, text.encode("utf-16")),
         }
 
-    def right(self, machine):
-        machine.write(self.drawn.path, self.drawn.text + "\n")
+    def right_result(self, machine):
+        machine.write(self.values.path, self.values.text + "\n")

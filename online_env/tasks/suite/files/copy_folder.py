@@ -1,9 +1,9 @@
 """Copy a folder with all that is in it, under another name."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar, told
-from online_env.tasks.kit.files import below, rearranged, sample_file
-from online_env.tasks.kit.words import MONTHS, TOPICS, sample
+from online_env.tasks.kit import plan_steps, thunar
+from online_env.tasks.kit.sample_files import below, rearranged, sample_file
+from online_env.tasks.kit.word_lists import MONTHS, TOPICS, sample
 from online_env.tasks.plan_words import quoted
 
 PROJECTS = ("Thesis", "Novel", "Website", "Tournament", "Exhibition")
@@ -41,45 +41,45 @@ class CopyFolder(Task):
         }
 
     def prepare(self, machine):
-        for path in self.drawn.files:
-            machine.write(f"{self.drawn.place}/{path}", sample_file(path))
-        machine.write(f"{self.drawn.old}/{self.drawn.files[0]}", "An older version.\n")
+        for path in self.values.files:
+            machine.write(f"{self.values.place}/{path}", sample_file(path))
+        machine.write(f"{self.values.old}/{self.values.files[0]}", "An older version.\n")
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "thunar", machine.path("Documents")
 
     def problems(self, machine):
-        place, target = self.drawn.place, self.drawn.target
+        place, target = self.values.place, self.values.target
         paths = below(machine, place)
         copies = [(f"{place}/{path}", f"{target}/{path}") for path in paths]
         yield from rearranged(machine, copied=copies)
 
     def oracle(self, hand):
-        project = self.drawn.project
+        project = self.values.project
         thunar.go(hand, BACKUPS)
-        if not thunar.present(hand, self.drawn.copy):
+        if not thunar.present(hand, self.values.copy):
             if not thunar.present(hand, project):
                 thunar.go(hand, "Documents")
                 thunar.select(hand, project)
                 hand.press("ctrl", "c")
                 thunar.go(hand, BACKUPS)
                 thunar.paste(hand, project)
-            thunar.rename(hand, project, self.drawn.copy)
+            thunar.rename(hand, project, self.values.copy)
 
     def plan(self):
         return [
             'window "Thunar"',
-            f"click {quoted(self.drawn.project)}",
+            f"click {quoted(self.values.project)}",
             "press ctrl+c",
             'double-click "Backups"',
-            f"wait for {quoted(f'{self.drawn.project} (old)')}",
+            f"wait for {quoted(f'{self.values.project} (old)')}",
             "press ctrl+v",
-            *told.rename(self.drawn.project, self.drawn.copy),
+            *plan_steps.rename(self.values.project, self.values.copy),
         ]
 
-    def wrong(self):
-        place, target, old = self.drawn.place, self.drawn.target, self.drawn.old
-        picture = self.drawn.files[-1]
+    def wrong_results(self):
+        place, target, old = self.values.place, self.values.target, self.values.old
+        picture = self.values.files[-1]
         return {
             "moved": lambda m: m.run("mv", place, target),
             "the old backup copied": lambda m: m.run("cp", "-r", old, target),
@@ -89,5 +89,5 @@ class CopyFolder(Task):
             ),
         }
 
-    def right(self, machine):
-        machine.run("cp", "-rp", self.drawn.place, self.drawn.target)
+    def right_result(self, machine):
+        machine.run("cp", "-rp", self.values.place, self.values.target)

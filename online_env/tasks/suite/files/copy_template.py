@@ -1,9 +1,9 @@
 """Start three documents from one template."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar, told
-from online_env.tasks.kit.files import move_files, rearranged, sample_file
-from online_env.tasks.kit.words import LAST_NAMES, sample
+from online_env.tasks.kit import plan_steps, thunar
+from online_env.tasks.kit.sample_files import move_files, rearranged, sample_file
+from online_env.tasks.kit.word_lists import LAST_NAMES, sample
 from online_env.tasks.plan_words import quoted
 
 NAMES = tuple(name for name in LAST_NAMES if name.isalpha())
@@ -40,16 +40,16 @@ class CopyTemplate(Task):
         }
 
     def prepare(self, machine):
-        for name in (self.drawn.template, self.drawn.old):
+        for name in (self.values.template, self.values.old):
             machine.write(f"Documents/Forms/{name}", sample_file(name))
-        machine.write(f"Documents/{self.drawn.folder}/list.txt", "Nothing sent so far.\n")
+        machine.write(f"Documents/{self.values.folder}/list.txt", "Nothing sent so far.\n")
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "thunar", machine.path("Documents/Forms")
 
     def copies(self, template=""):
         """Return the paths of a template and of its copies."""
-        drawn = self.drawn
+        drawn = self.values
         start = f"Documents/Forms/{template or drawn.template}"
         return [(start, f"Documents/{drawn.folder}/{name}") for name in (drawn.a, drawn.b, drawn.c)]
 
@@ -57,7 +57,7 @@ class CopyTemplate(Task):
         yield from rearranged(machine, copied=self.copies())
 
     def oracle(self, hand):
-        drawn = self.drawn
+        drawn = self.values
         thunar.go(hand, "Documents/Forms")
         thunar.select(hand, drawn.template)
         hand.press("ctrl", "c")
@@ -70,7 +70,7 @@ class CopyTemplate(Task):
             thunar.rename(hand, drawn.template, name)
 
     def plan(self):
-        drawn = self.drawn
+        drawn = self.values
         steps = [
             'window "Thunar"',
             f"click {quoted(drawn.template)}",
@@ -80,15 +80,15 @@ class CopyTemplate(Task):
             'wait for "list.txt"',
         ]
         for name in (drawn.a, drawn.b, drawn.c):
-            steps += ["press ctrl+v", *told.rename(drawn.template, name)]
+            steps += ["press ctrl+v", *plan_steps.rename(drawn.template, name)]
         return steps
 
-    def wrong(self):
+    def wrong_results(self):
         copies = self.copies()
-        first = [(copies[0][0], f"Documents/Forms/{self.drawn.a}")]
+        first = [(copies[0][0], f"Documents/Forms/{self.values.a}")]
         return {
             "two copies": lambda m: move_files(m, copies[:2], "cp"),
-            "of the old template": lambda m: move_files(m, self.copies(self.drawn.old), "cp"),
+            "of the old template": lambda m: move_files(m, self.copies(self.values.old), "cp"),
             "one beside the template": lambda m: move_files(m, [*first, *copies[1:]], "cp"),
             "the template is gone": lambda m: (
                 move_files(m, copies, "cp"),
@@ -96,5 +96,5 @@ class CopyTemplate(Task):
             ),
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         move_files(machine, reversed(self.copies()), "cp")

@@ -1,10 +1,10 @@
 """Unpack an archive of the Downloads folder, and put what was in it where it belongs."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar, told
+from online_env.tasks.kit import plan_steps, thunar
 from online_env.tasks.kit.archives import make_zip
-from online_env.tasks.kit.files import sample_file
-from online_env.tasks.kit.words import CITIES, TOPICS, sample
+from online_env.tasks.kit.sample_files import sample_file
+from online_env.tasks.kit.word_lists import CITIES, TOPICS, sample
 from online_env.tasks.plan_words import quoted
 
 TARGETS = ("Documents", "Pictures", "Desktop")
@@ -38,23 +38,23 @@ class ExtractArchive(Task):
         }
 
     def prepare(self, machine):
-        drawn = self.drawn
+        drawn = self.values
         inside = {path: sample_file(path) for path in drawn.files}
         machine.write(f"Downloads/{drawn.archive}", make_zip(inside))
         machine.write(f"Downloads/{drawn.other}", make_zip({"tickets.txt": b"Row 7\n"}))
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "thunar", machine.path("Downloads")
 
     def problems(self, machine):
-        wanted = {f"{self.drawn.target}/{path}": sample_file(path) for path in self.drawn.files}
-        yield from machine.untouched(*wanted)
+        wanted = {f"{self.values.target}/{path}": sample_file(path) for path in self.values.files}
+        yield from machine.unexpected_changes(*wanted)
         for path, data in wanted.items():
             if machine.read(path) != data:
                 yield f"{path} is not there as it is in the archive"
 
     def oracle(self, hand):
-        drawn = self.drawn
+        drawn = self.values
         thunar.go(hand, drawn.target)
         if thunar.present(hand, drawn.folder):
             return
@@ -66,30 +66,30 @@ class ExtractArchive(Task):
         thunar.move(hand, [drawn.folder], drawn.target)
 
     def plan(self):
-        drawn = self.drawn
+        drawn = self.values
         return [
             'window "Thunar"',
             f"right-click {quoted(drawn.archive)}",
             'click "Extract Here"',
             f"click {quoted(drawn.folder)}",
             "press ctrl+x",
-            *told.go(drawn.target),
+            *plan_steps.go(drawn.target),
             "press ctrl+v",
             f"wait for {quoted(drawn.folder)}",
         ]
 
-    def wrong(self):
-        target, archive = self.drawn.target, f"Downloads/{self.drawn.archive}"
-        files = self.drawn.files
+    def wrong_results(self):
+        target, archive = self.values.target, f"Downloads/{self.values.archive}"
+        files = self.values.files
         return {
             "in Downloads": lambda m: extract(m, "Downloads", files),
             "a file is missing": lambda m: extract(m, target, files[:-1]),
-            "without the folder": lambda m: extract(m, target, files, self.drawn.folder),
+            "without the folder": lambda m: extract(m, target, files, self.values.folder),
             "and the archive is gone": lambda m: (extract(m, target, files), m.run("rm", archive)),
         }
 
-    def right(self, machine):
-        extract(machine, self.drawn.target, reversed(self.drawn.files))
+    def right_result(self, machine):
+        extract(machine, self.values.target, reversed(self.values.files))
 
 
 def extract(machine, target, paths, without=""):

@@ -1,9 +1,9 @@
 """Move all that came from one company into a folder of its own."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar, told
-from online_env.tasks.kit.files import move_files, rearranged, sample_file
-from online_env.tasks.kit.words import sample, shuffled
+from online_env.tasks.kit import plan_steps, thunar
+from online_env.tasks.kit.sample_files import move_files, rearranged, sample_file
+from online_env.tasks.kit.word_lists import sample, shuffled
 
 COMPANIES = ("Alder", "Birke & Co", "Calder", "Dunmore", "Elmhurst", "Fjord Power", "Gable")
 KINDS = ("invoice", "reminder", "receipt")
@@ -32,43 +32,43 @@ class FileInvoices(Task):
         return {"company": company, "files": files, "all": shuffled(stream, names)}
 
     def prepare(self, machine):
-        for name in self.drawn.all:
+        for name in self.values.all:
             machine.write(f"Documents/Inbox/{name}", sample_file(name))
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "thunar", machine.path("Documents/Inbox")
 
     def moves(self, company):
         """Return old and new paths of what came from a company."""
-        folder = f"Documents/{self.drawn.company}"
-        names = self.drawn.files[company]
+        folder = f"Documents/{self.values.company}"
+        names = self.values.files[company]
         return [(f"Documents/Inbox/{name}", f"{folder}/{name}") for name in names]
 
     def problems(self, machine):
-        yield from rearranged(machine, self.moves(self.drawn.company))
+        yield from rearranged(machine, self.moves(self.values.company))
 
     def oracle(self, hand):
-        company = self.drawn.company
+        company = self.values.company
         thunar.go(hand, "Documents")
         thunar.make_folder(hand, company)
         thunar.go(hand, "Documents/Inbox")
-        thunar.move(hand, self.drawn.files[company], f"Documents/{company}")
+        thunar.move(hand, self.values.files[company], f"Documents/{company}")
 
     def plan(self):
-        company = self.drawn.company
+        company = self.values.company
         return [
             'window "Thunar"',
-            *told.go("Documents"),
-            *told.make_folder(company),
-            *told.go("Documents/Inbox"),
-            *told.move(self.drawn.files[company], f"Documents/{company}"),
+            *plan_steps.go("Documents"),
+            *plan_steps.make_folder(company),
+            *plan_steps.go("Documents/Inbox"),
+            *plan_steps.move(self.values.files[company], f"Documents/{company}"),
         ]
 
-    def wrong(self):
-        moves = self.moves(self.drawn.company)
-        other = self.moves(list(self.drawn.files)[1])
+    def wrong_results(self):
+        moves = self.moves(self.values.company)
+        other = self.moves(list(self.values.files)[1])
         inbox = [
-            (old, f"{old.replace('Inbox', f'Inbox/{self.drawn.company}')}") for old, _ in moves
+            (old, f"{old.replace('Inbox', f'Inbox/{self.values.company}')}") for old, _ in moves
         ]
         return {
             "one is left": lambda m: move_files(m, moves[:-1]),
@@ -77,8 +77,8 @@ class FileInvoices(Task):
             "a folder in the inbox": lambda m: move_files(m, inbox),
         }
 
-    def right(self, machine):
-        move_files(machine, reversed(self.moves(self.drawn.company)))
+    def right_result(self, machine):
+        move_files(machine, reversed(self.moves(self.values.company)))
 
 
 def letters(stream, company):

@@ -1,9 +1,9 @@
 """Make a folder for a project, with folders in it."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar, told
-from online_env.tasks.kit.files import rearranged
-from online_env.tasks.kit.words import CITIES, sample
+from online_env.tasks.kit import plan_steps, thunar
+from online_env.tasks.kit.sample_files import rearranged
+from online_env.tasks.kit.word_lists import CITIES, sample
 
 PARTS = ("Drawings", "Letters", "Photos", "Offers", "Notes", "Contracts", "Plans")
 WORKS = ("Roof", "Kitchen", "Garden", "Bridge", "School", "Harbour")
@@ -41,14 +41,14 @@ class MakeFolderTree(Task):
             "folders": folders,
         }
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "thunar", machine.path("Documents")
 
     def problems(self, machine):
-        yield from rearranged(machine, folders=self.drawn.folders)
+        yield from rearranged(machine, folders=self.values.folders)
 
     def oracle(self, hand):
-        drawn = self.drawn
+        drawn = self.values
         thunar.go(hand, "Documents")
         thunar.make_folder(hand, drawn.top)
         thunar.enter(hand, drawn.top)
@@ -59,21 +59,21 @@ class MakeFolderTree(Task):
             thunar.make_folder(hand, str(name))
 
     def plan(self):
-        drawn = self.drawn
+        drawn = self.values
         steps = [
             'window "Thunar"',
-            *told.make_folder(drawn.top),
-            *told.go(f"Documents/{drawn.top}"),
+            *plan_steps.make_folder(drawn.top),
+            *plan_steps.go(f"Documents/{drawn.top}"),
         ]
         for name in (drawn.a, drawn.b, drawn.c):
-            steps += told.make_folder(name)
-        steps += told.go(f"Documents/{drawn.top}/{drawn.b}")
+            steps += plan_steps.make_folder(name)
+        steps += plan_steps.go(f"Documents/{drawn.top}/{drawn.b}")
         for name in (drawn.year, drawn.next):
-            steps += told.make_folder(str(name))
+            steps += plan_steps.make_folder(str(name))
         return steps
 
-    def wrong(self):
-        drawn = self.drawn
+    def wrong_results(self):
+        drawn = self.values
         folders = drawn.folders
         other = folders[-1].replace(f"/{drawn.b}/", f"/{drawn.c}/")
         return {
@@ -83,8 +83,8 @@ class MakeFolderTree(Task):
             "a file in the place of one": lambda m: half_file(m, folders),
         }
 
-    def right(self, machine):
-        machine.run("mkdir", "-p", *reversed(self.drawn.folders))
+    def right_result(self, machine):
+        machine.run("mkdir", "-p", *reversed(self.values.folders))
 
 
 def half_file(machine, folders):

@@ -3,10 +3,10 @@
 from pathlib import PurePosixPath
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar, told
+from online_env.tasks.kit import plan_steps, thunar
 from online_env.tasks.kit.archives import make_zip, unpacked
-from online_env.tasks.kit.files import sample_file
-from online_env.tasks.kit.words import LAST_NAMES, TOPICS, sample, shuffled
+from online_env.tasks.kit.sample_files import sample_file
+from online_env.tasks.kit.word_lists import LAST_NAMES, TOPICS, sample, shuffled
 from online_env.tasks.plan_words import quoted
 
 NAMES = tuple(name for name in LAST_NAMES if name.isascii() and name.isalpha())
@@ -45,21 +45,21 @@ class MakeZip(Task):
         }
 
     def prepare(self, machine):
-        for name in self.drawn.all:
-            machine.write(f"{self.drawn.place}/{name}", sample_file(name))
+        for name in self.values.all:
+            machine.write(f"{self.values.place}/{name}", sample_file(name))
 
-    def opens(self, machine):
-        return "thunar", machine.path(self.drawn.place)
+    def initial_app(self, machine):
+        return "thunar", machine.path(self.values.place)
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
-        data = machine.read(self.drawn.path)
+        yield from machine.unexpected_changes(self.values.path)
+        data = machine.read(self.values.path)
         if data is None or data[:2] != b"PK":
-            yield f"there is no ZIP archive {self.drawn.path}"
+            yield f"there is no ZIP archive {self.values.path}"
             return
         found = unpacked(data) or {}
         inside = {PurePosixPath(path).name: found[path] for path in found}
-        if inside != self.files(self.drawn.packed) or len(inside) != len(found):
+        if inside != self.files(self.values.packed) or len(inside) != len(found):
             yield f"the archive holds {sorted(found)}"
 
     def files(self, names):
@@ -67,32 +67,32 @@ class MakeZip(Task):
         return {name: sample_file(name) for name in names}
 
     def oracle(self, hand):
-        names = self.drawn.packed
-        thunar.go(hand, self.drawn.place)
-        if thunar.present(hand, self.drawn.archive):
-            thunar.select(hand, self.drawn.archive)
+        names = self.values.packed
+        thunar.go(hand, self.values.place)
+        if thunar.present(hand, self.values.archive):
+            thunar.select(hand, self.values.archive)
             hand.press("delete")
         thunar.select(hand, *names)
         row = hand.find(thunar.ROWS, names[-1], app="thunar")
         hand.context_menu(row, "Create Archive...", app="thunar")
         hand.find("file-chooser", "Create a new archive", app="xarchiver")
-        hand.replace(self.drawn.archive)
+        hand.replace(self.values.archive)
         hand.click(below(hand, "Archive type:"))
         hand.find("menu-item", "apk", app="xarchiver")
         hand.press("end")  # the list of types is longer than the screen
         hand.click_on("menu-item", "zip", app="xarchiver")
         hand.button("Create", app="xarchiver")
-        hand.gone("file-chooser", app="xarchiver")
+        hand.wait_until_gone("file-chooser", app="xarchiver")
         # Now and then Thunar crashes when files come and go, so its window may not show it.
         for _ in range(LOOKS):
-            if thunar.present(hand, self.drawn.archive):
+            if thunar.present(hand, self.values.archive):
                 return
 
     def plan(self):
-        drawn = self.drawn
+        drawn = self.values
         return [
             'window "Thunar"',
-            *told.choose(drawn.packed),
+            *plan_steps.choose(drawn.packed),
             f"right-click {quoted(drawn.packed[-1])}",
             'click "Create Archive"',
             'wait for "Archive type:"',
@@ -105,21 +105,21 @@ class MakeZip(Task):
             f"wait for {quoted(drawn.archive)}",
         ]
 
-    def wrong(self):
-        path, names = self.drawn.path, self.drawn.packed
-        everything = make_zip(self.files(self.drawn.all))
+    def wrong_results(self):
+        path, names = self.values.path, self.values.packed
+        everything = make_zip(self.files(self.values.all))
         return {
             "one is missing": lambda m: m.write(path, make_zip(self.files(names[:2]))),
             "all six": lambda m: m.write(path, everything),
             "an empty file": lambda m: m.write(path, ""),
             "moved into it": lambda m: (
-                self.right(m),
-                m.run("rm", f"{self.drawn.place}/{names[0]}"),
+                self.right_result(m),
+                m.run("rm", f"{self.values.place}/{names[0]}"),
             ),
         }
 
-    def right(self, machine):
-        machine.write(self.drawn.path, make_zip(self.files(reversed(self.drawn.packed))))
+    def right_result(self, machine):
+        machine.write(self.values.path, make_zip(self.files(reversed(self.values.packed))))
 
 
 def below(hand, label):

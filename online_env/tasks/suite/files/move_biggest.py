@@ -1,9 +1,9 @@
 """Find the biggest file of a folder, and move it away."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar, told
-from online_env.tasks.kit.files import move_files, rearranged
-from online_env.tasks.kit.words import CITIES, TOPICS, sample, shuffled
+from online_env.tasks.kit import plan_steps, thunar
+from online_env.tasks.kit.sample_files import move_files, rearranged
+from online_env.tasks.kit.word_lists import CITIES, TOPICS, sample, shuffled
 
 PLACES = (("Videos", "Downloads"), ("Downloads", "Videos"), ("Documents/Recordings", "Music"))
 KILO = 1024
@@ -38,36 +38,36 @@ class MoveBiggest(Task):
         }
 
     def prepare(self, machine):
-        for name, size in self.drawn.files.items():
-            machine.write(f"{self.drawn.place}/{name}", name.encode()[:1] * size * KILO)
+        for name, size in self.values.files.items():
+            machine.write(f"{self.values.place}/{name}", name.encode()[:1] * size * KILO)
 
-    def opens(self, machine):
-        return "thunar", machine.path(self.drawn.place)
+    def initial_app(self, machine):
+        return "thunar", machine.path(self.values.place)
 
     def move(self, name):
         """Return old and new path of one file."""
-        return f"{self.drawn.place}/{name}", f"{self.drawn.target}/{name}"
+        return f"{self.values.place}/{name}", f"{self.values.target}/{name}"
 
     def problems(self, machine):
-        yield from rearranged(machine, [self.move(self.drawn.biggest)])
+        yield from rearranged(machine, [self.move(self.values.biggest)])
 
     def oracle(self, hand):
-        thunar.go(hand, self.drawn.place)
+        thunar.go(hand, self.values.place)
         hand.click_on("table-column-header", "Size", app="thunar")
         thunar.reload(hand)
-        thunar.move(hand, [self.drawn.biggest], self.drawn.target)
+        thunar.move(hand, [self.values.biggest], self.values.target)
 
     def plan(self):
-        return ['window "Thunar"', *told.move([self.drawn.biggest], self.drawn.target)]
+        return ['window "Thunar"', *plan_steps.move([self.values.biggest], self.values.target)]
 
-    def wrong(self):
-        biggest, second = self.move(self.drawn.biggest), self.move(self.drawn.second)
+    def wrong_results(self):
+        biggest, second = self.move(self.values.biggest), self.move(self.values.second)
         return {
             "the second": lambda m: move_files(m, [second]),
             "two of them": lambda m: move_files(m, [biggest, second]),
             "copied": lambda m: move_files(m, [biggest], "cp"),
-            "to the home folder": lambda m: m.run("mv", biggest[0], self.drawn.biggest),
+            "to the home folder": lambda m: m.run("mv", biggest[0], self.values.biggest),
         }
 
-    def right(self, machine):
-        move_files(machine, [self.move(self.drawn.biggest)], "mv")
+    def right_result(self, machine):
+        move_files(machine, [self.move(self.values.biggest)], "mv")

@@ -1,8 +1,8 @@
 """Rename a file in the file manager."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import told
-from online_env.tasks.kit.words import TOPICS, sample
+from online_env.tasks.kit import plan_steps
+from online_env.tasks.kit.word_lists import TOPICS, sample
 
 FOLDERS = ("Reports", "Invoices", "Letters", "Drafts")
 ITEMS = ("table-cell", "list-item")
@@ -30,45 +30,45 @@ class RenameFile(Task):
         return {"folder": folder, "place": place, "names": names, "old": names[0], "new": new}
 
     def prepare(self, machine):
-        for name in self.drawn.names:
-            machine.write(f"{self.drawn.place}/{name}", content(name))
+        for name in self.values.names:
+            machine.write(f"{self.values.place}/{name}", content(name))
 
-    def opens(self, machine):
-        return "thunar", machine.path(self.drawn.place)
+    def initial_app(self, machine):
+        return "thunar", machine.path(self.values.place)
 
     def problems(self, machine):
-        old = f"{self.drawn.place}/{self.drawn.old}"
-        new = f"{self.drawn.place}/{self.drawn.new}"
-        yield from machine.untouched(old, new)
+        old = f"{self.values.place}/{self.values.old}"
+        new = f"{self.values.place}/{self.values.new}"
+        yield from machine.unexpected_changes(old, new)
         if machine.exists(old):
             yield f"{old} is still there"
-        if machine.text(new) != content(self.drawn.old):
-            yield f"{new} is not the file that was {self.drawn.old}"
+        if machine.text(new) != content(self.values.old):
+            yield f"{new} is not the file that was {self.values.old}"
 
     def oracle(self, hand):
         hand.press("ctrl", "2")  # as a list: the accessibility tree of Thunar has no icons
-        hand.click_on(ITEMS, self.drawn.old, app="thunar")
+        hand.click_on(ITEMS, self.values.old, app="thunar")
         hand.press("f2")
         hand.find(("text", "entry"), app="thunar", state="focused")
-        hand.replace(self.drawn.new)
+        hand.replace(self.values.new)
         hand.press("enter")
-        hand.find(ITEMS, self.drawn.new, app="thunar")
+        hand.find(ITEMS, self.values.new, app="thunar")
 
     def plan(self):
-        return ['window "Thunar"', *told.rename(self.drawn.old, self.drawn.new)]
+        return ['window "Thunar"', *plan_steps.rename(self.values.old, self.values.new)]
 
-    def wrong(self):
-        place, new = self.drawn.place, self.drawn.new
-        old, other = self.drawn.names[:2]
+    def wrong_results(self):
+        place, new = self.values.place, self.values.new
+        old, other = self.values.names[:2]
         return {
             "a copy": lambda m: m.run("cp", f"{place}/{old}", f"{place}/{new}"),
             "another file": lambda m: m.run("mv", f"{place}/{other}", f"{place}/{new}"),
             "in another folder": lambda m: m.run("mv", f"{place}/{old}", f"Documents/{new}"),
         }
 
-    def right(self, machine):
-        place = self.drawn.place
-        machine.run("mv", f"{place}/{self.drawn.old}", f"{place}/{self.drawn.new}")
+    def right_result(self, machine):
+        place = self.values.place
+        machine.run("mv", f"{place}/{self.values.old}", f"{place}/{self.values.new}")
 
 
 def content(name: str) -> str:

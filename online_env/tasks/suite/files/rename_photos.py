@@ -3,9 +3,9 @@
 import re
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar, told
-from online_env.tasks.kit.files import move_files, rearranged, sample_file
-from online_env.tasks.kit.words import CITIES
+from online_env.tasks.kit import plan_steps, thunar
+from online_env.tasks.kit.sample_files import move_files, rearranged, sample_file
+from online_env.tasks.kit.word_lists import CITIES
 
 EVENTS = ("Wedding", "Hike", "Birthday", "Harvest", "Regatta")
 
@@ -44,33 +44,33 @@ class RenamePhotos(Task):
         }
 
     def prepare(self, machine):
-        for name in [*(old for old, _ in self.drawn.pairs), *self.drawn.others]:
-            machine.write(f"{self.drawn.place}/{name}", sample_file(name))
+        for name in [*(old for old, _ in self.values.pairs), *self.values.others]:
+            machine.write(f"{self.values.place}/{name}", sample_file(name))
 
-    def opens(self, machine):
-        return "thunar", machine.path(self.drawn.place)
+    def initial_app(self, machine):
+        return "thunar", machine.path(self.values.place)
 
     def moves(self, pairs=()):
         """Return old and new paths."""
-        place = self.drawn.place
-        return [(f"{place}/{old}", f"{place}/{new}") for old, new in pairs or self.drawn.pairs]
+        place = self.values.place
+        return [(f"{place}/{old}", f"{place}/{new}") for old, new in pairs or self.values.pairs]
 
     def problems(self, machine):
         yield from rearranged(machine, self.moves())
 
     def oracle(self, hand):
-        thunar.go(hand, self.drawn.place)
-        for old, new in self.drawn.pairs:
+        thunar.go(hand, self.values.place)
+        for old, new in self.values.pairs:
             thunar.rename(hand, old, new)
 
     def plan(self):
         steps = ['window "Thunar"']
-        for old, new in self.drawn.pairs:
-            steps += told.rename(old, new)
+        for old, new in self.values.pairs:
+            steps += plan_steps.rename(old, new)
         return steps
 
-    def wrong(self):
-        pairs = self.drawn.pairs
+    def wrong_results(self):
+        pairs = self.values.pairs
         news = [new for _, new in pairs]
         backwards = [(old, new) for (old, _), new in zip(pairs, reversed(news), strict=True)]
         padded = [(old, re.sub(r" (\d)\.", r" 0\1.", new)) for old, new in pairs]
@@ -81,5 +81,5 @@ class RenamePhotos(Task):
             "copied": lambda m: move_files(m, self.moves(), "cp"),
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         move_files(machine, reversed(self.moves()))

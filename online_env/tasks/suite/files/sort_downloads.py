@@ -1,9 +1,9 @@
 """Sort a full Downloads folder by kind of file."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import thunar, told
-from online_env.tasks.kit.files import move_files, rearranged, sample_file
-from online_env.tasks.kit.words import CITIES, GOODS, TOPICS, sample, shuffled
+from online_env.tasks.kit import plan_steps, thunar
+from online_env.tasks.kit.sample_files import move_files, rearranged, sample_file
+from online_env.tasks.kit.word_lists import CITIES, GOODS, TOPICS, sample, shuffled
 
 PLACE = "Downloads"
 ENDS = (".png", ".jpg", ".jpg")
@@ -41,15 +41,15 @@ class SortDownloads(Task):
         }
 
     def prepare(self, machine):
-        for name in self.drawn.all:
+        for name in self.values.all:
             machine.write(f"{PLACE}/{name}", sample_file(name))
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "thunar", machine.path(PLACE)
 
     def moves(self):
         """Return old and new paths."""
-        for folder, names in self.drawn.files.items():
+        for folder, names in self.values.files.items():
             yield from ((f"{PLACE}/{name}", f"{PLACE}/{folder}/{name}") for name in names)
 
     def problems(self, machine):
@@ -57,9 +57,9 @@ class SortDownloads(Task):
 
     def oracle(self, hand):
         thunar.go(hand, PLACE)
-        for folder in self.drawn.files:
+        for folder in self.values.files:
             thunar.make_folder(hand, folder)
-        for folder, names in self.drawn.files.items():
+        for folder, names in self.values.files.items():
             left = thunar.present(hand, *names)
             if not left:
                 continue
@@ -71,19 +71,19 @@ class SortDownloads(Task):
 
     def plan(self):
         steps = ['window "Thunar"']
-        for folder, names in self.drawn.files.items():
+        for folder, names in self.values.files.items():
             steps += [
-                *told.make_folder(folder),
-                *told.move(names, f"{PLACE}/{folder}"),
-                *told.go(PLACE),
+                *plan_steps.make_folder(folder),
+                *plan_steps.move(names, f"{PLACE}/{folder}"),
+                *plan_steps.go(PLACE),
             ]
         return steps
 
-    def wrong(self):
+    def wrong_results(self):
         moves = list(self.moves())
-        other = self.drawn.others[1]
-        extra = (f"{PLACE}/{other}", f"{PLACE}/{self.drawn.papers}/{other}")
-        swapped = [(old, f"{PLACE}/{self.drawn.papers}/{old[10:]}") for old, _ in moves]
+        other = self.values.others[1]
+        extra = (f"{PLACE}/{other}", f"{PLACE}/{self.values.papers}/{other}")
+        swapped = [(old, f"{PLACE}/{self.values.papers}/{old[10:]}") for old, _ in moves]
         return {
             "one is left": lambda m: move_files(m, moves[1:]),
             "a table with pdf in its name, too": lambda m: move_files(m, [*moves, extra]),
@@ -91,5 +91,5 @@ class SortDownloads(Task):
             "copied": lambda m: move_files(m, moves, "cp"),
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         move_files(machine, reversed(list(self.moves())))

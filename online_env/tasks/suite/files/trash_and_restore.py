@@ -2,9 +2,9 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import thunar
-from online_env.tasks.kit.files import sample_file
+from online_env.tasks.kit.sample_files import sample_file
 from online_env.tasks.kit.trash import take_out, throw_away, thrown_away
-from online_env.tasks.kit.words import TOPICS, sample
+from online_env.tasks.kit.word_lists import TOPICS, sample
 from online_env.tasks.plan_words import quoted
 
 FOLDERS = ("Club", "Choir", "Allotment", "Parish")
@@ -38,57 +38,57 @@ class TrashAndRestore(Task):
         }
 
     def prepare(self, machine):
-        for name in self.drawn.kept:
-            machine.write(f"{self.drawn.place}/{name}", sample_file(name))
-        for name in self.drawn.trash:
-            throw_away(machine, f"{self.drawn.place}/{name}", sample_file(name))
+        for name in self.values.kept:
+            machine.write(f"{self.values.place}/{name}", sample_file(name))
+        for name in self.values.trash:
+            throw_away(machine, f"{self.values.place}/{name}", sample_file(name))
 
-    def opens(self, machine):
-        return "thunar", machine.path(self.drawn.place)
+    def initial_app(self, machine):
+        return "thunar", machine.path(self.values.place)
 
     def problems(self, machine):
-        place = self.drawn.place
-        out, back = f"{place}/{self.drawn.out}", f"{place}/{self.drawn.back}"
-        yield from machine.untouched(out, back)
+        place = self.values.place
+        out, back = f"{place}/{self.values.out}", f"{place}/{self.values.back}"
+        yield from machine.unexpected_changes(out, back)
         if machine.exists(out):
             yield f"{out} is still there"
-        if machine.read(back) != sample_file(self.drawn.back):
+        if machine.read(back) != sample_file(self.values.back):
             yield f"{back} is not there as it was"
-        wanted = {f"{place}/{name}" for name in [self.drawn.out, *self.drawn.trash[1:]]}
+        wanted = {f"{place}/{name}" for name in [self.values.out, *self.values.trash[1:]]}
         found = set(thrown_away(machine))
         if found != wanted:
             yield f"the trash holds {sorted(found)}, not {sorted(wanted)}"
 
     def oracle(self, hand):
-        out, back = self.drawn.out, self.drawn.back
-        thunar.go(hand, self.drawn.place)
+        out, back = self.values.out, self.values.back
+        thunar.go(hand, self.values.place)
         if thunar.present(hand, out):
             thunar.select(hand, out)
             hand.press("delete")
-            hand.gone(thunar.ROWS, out, app="thunar")
+            hand.wait_until_gone(thunar.ROWS, out, app="thunar")
         if thunar.present(hand, back):
             return
         hand.click_on("table-cell", "Trash", app="thunar")
         hand.find("frame", "Trash - Thunar", app="thunar")
         thunar.as_list(hand)
         hand.context_menu(hand.find(thunar.ROWS, back, app="thunar"), "Restore", app="thunar")
-        hand.gone(thunar.ROWS, back, app="thunar")
+        hand.wait_until_gone(thunar.ROWS, back, app="thunar")
 
     def plan(self):
         return [
             'window "Thunar"',
-            f"click {quoted(self.drawn.out)}",
+            f"click {quoted(self.values.out)}",
             "press delete",
             "wait",
             'click "Trash" near "Places"',
-            f"right-click {quoted(self.drawn.back)}",
+            f"right-click {quoted(self.values.back)}",
             'click "Restore"',
             "wait",
         ]
 
-    def wrong(self):
-        place, out, back = self.drawn.place, self.drawn.out, self.drawn.back
-        other = self.drawn.trash[1]
+    def wrong_results(self):
+        place, out, back = self.values.place, self.values.out, self.values.back
+        other = self.values.trash[1]
         return {
             "deleted for good": lambda m: (m.run("rm", f"{place}/{out}"), restore(m, place, back)),
             "nothing restored": lambda m: trash(m, place, out),
@@ -100,9 +100,9 @@ class TrashAndRestore(Task):
             ),
         }
 
-    def right(self, machine):
-        restore(machine, self.drawn.place, self.drawn.back)
-        trash(machine, self.drawn.place, self.drawn.out)
+    def right_result(self, machine):
+        restore(machine, self.values.place, self.values.back)
+        trash(machine, self.values.place, self.values.out)
 
 
 def trash(machine, place, name):

@@ -2,7 +2,7 @@
 
 from online_env.embedded.sites.hosts.forms import FIRST_NUMBER
 from online_env.tasks import Task
-from online_env.tasks.kit import registrations, told
+from online_env.tasks.kit import plan_steps, registrations
 from online_env.tasks.kit.pages import enter, follow, visit
 from online_env.tasks.plan_words import quoted
 
@@ -37,35 +37,35 @@ class CancelRegistration(Task):
         }
 
     def prepare(self, machine):
-        registrations.store(machine, *self.drawn.everybody)
+        registrations.store(machine, *self.values.everybody)
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", registrations.SITE
 
     def problems(self, machine):
-        yield from machine.untouched()
-        kept = [entry for n, entry in enumerate(self.drawn.everybody) if n != self.drawn.which]
+        yield from machine.unexpected_changes()
+        kept = [entry for n, entry in enumerate(self.values.everybody) if n != self.values.which]
         yield from registrations.unlike(machine, *kept)
         gone = registrations.cancelled(machine)
-        if gone != [self.drawn.number]:
+        if gone != [self.values.number]:
             yield f"registrations {gone} were cancelled"
 
     def oracle(self, hand):
         visit(hand, f"{registrations.SITE}/find", "Your registration")
-        enter(hand, "Registration number", str(self.drawn.number))
-        enter(hand, "E-mail", self.drawn.email)
-        follow(hand, "Find it", f"Registration {self.drawn.number}")
+        enter(hand, "Registration number", str(self.values.number))
+        enter(hand, "E-mail", self.values.email)
+        follow(hand, "Find it", f"Registration {self.values.number}")
         if hand.see("heading", "Registration cancelled"):
             return
-        follow(hand, "Cancel it", f"Cancel registration {self.drawn.number}")
-        follow(hand, "Cancel the registration", f"Registration {self.drawn.number}")
+        follow(hand, "Cancel it", f"Cancel registration {self.values.number}")
+        follow(hand, "Cancel the registration", f"Registration {self.values.number}")
         hand.find("heading", "Registration cancelled")
 
     def plan(self):
-        number = self.drawn.number
+        number = self.values.number
         return [
             'window "Chromium"',
-            *told.find_registration(number, self.drawn.email),
+            *plan_steps.find_registration(number, self.values.email),
             'scroll down to "Cancel it"',
             'click "Cancel it"',
             f"wait for {quoted(f'Cancel registration {number}')}",
@@ -73,22 +73,22 @@ class CancelRegistration(Task):
             'wait for "Registration cancelled"',
         ]
 
-    def wrong(self):
+    def wrong_results(self):
         def cancel(machine, *numbers):
-            entries = enumerate(self.drawn.everybody)
+            entries = enumerate(self.values.everybody)
             kept = [{**e, "cancelled": True} if n in numbers else e for n, e in entries]
             registrations.store(machine, *kept)
 
         return {
-            "the other course": lambda m: cancel(m, 2 - self.drawn.which),
+            "the other course": lambda m: cancel(m, 2 - self.values.which),
             "all of the person": lambda m: cancel(m, 0, 2),
             "somebody else": lambda m: cancel(m, 1),
-            "removed": lambda m: registrations.store(m, *self.drawn.everybody[:2]),
+            "removed": lambda m: registrations.store(m, *self.values.everybody[:2]),
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         kept = [
-            {"cancelled": number == self.drawn.which, **entry}
-            for number, entry in enumerate(self.drawn.everybody)
+            {"cancelled": number == self.values.which, **entry}
+            for number, entry in enumerate(self.values.everybody)
         ]
         registrations.store(machine, *kept)

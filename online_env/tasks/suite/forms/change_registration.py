@@ -2,10 +2,10 @@
 
 from online_env.embedded.sites.hosts.forms import FIRST_NUMBER, content
 from online_env.tasks import Task
-from online_env.tasks.kit import registrations, told
+from online_env.tasks.kit import plan_steps, registrations
 from online_env.tasks.kit.browser import select
 from online_env.tasks.kit.pages import enter, follow, tick, visit
-from online_env.tasks.kit.words import sample
+from online_env.tasks.kit.word_lists import sample
 from online_env.tasks.plan_words import quoted
 
 
@@ -45,46 +45,46 @@ class ChangeRegistration(Task):
         }
 
     def prepare(self, machine):
-        registrations.store(machine, *self.drawn.everybody)
+        registrations.store(machine, *self.values.everybody)
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", registrations.SITE
 
     def problems(self, machine):
-        yield from machine.untouched()
-        yield from registrations.unlike(machine, *self.drawn.wanted)
+        yield from machine.unexpected_changes()
+        yield from registrations.unlike(machine, *self.values.wanted)
         if registrations.cancelled(machine):
             yield "a registration was cancelled"
 
     def oracle(self, hand):
         visit(hand, f"{registrations.SITE}/find", "Your registration")
-        enter(hand, "Registration number", str(self.drawn.number))
-        enter(hand, "E-mail", self.drawn.email)
-        follow(hand, "Find it", f"Registration {self.drawn.number}")
+        enter(hand, "Registration number", str(self.values.number))
+        enter(hand, "E-mail", self.values.email)
+        follow(hand, "Find it", f"Registration {self.values.number}")
         follow(hand, "Change it")
-        hand.find("heading", f"Change registration {self.drawn.number}")
-        select(hand, "Course", self.drawn.course)
-        tick(hand, "radio-button", self.drawn.level)
+        hand.find("heading", f"Change registration {self.values.number}")
+        select(hand, "Course", self.values.course)
+        tick(hand, "radio-button", self.values.level)
         follow(hand, "Save changes")
         hand.find("heading", "You are registered")
 
     def plan(self):
         return [
             'window "Chromium"',
-            *told.find_registration(self.drawn.number, self.drawn.email),
+            *plan_steps.find_registration(self.values.number, self.values.email),
             'scroll down to "Cancel it"',
             'click "Change it" near "Cancel it"',
-            f"wait for {quoted(f'Change registration {self.drawn.number}')}",
+            f"wait for {quoted(f'Change registration {self.values.number}')}",
             'click "Course"',
-            f"type {quoted(self.drawn.course)}",
-            f"click {quoted(self.drawn.level)}",
+            f"type {quoted(self.values.course)}",
+            f"click {quoted(self.values.level)}",
             'scroll down to "Save changes"',
             'click "Save changes"',
             'wait for "You are registered"',
         ]
 
-    def wrong(self):
-        drawn, store = self.drawn, registrations.store
+    def wrong_results(self):
+        drawn, store = self.values, registrations.store
         old, new = drawn.everybody[drawn.which], drawn.wanted[drawn.which]
         other = (drawn.which + 1) % 3
         spoilt = [new if n == other else entry for n, entry in enumerate(drawn.everybody)]
@@ -102,5 +102,5 @@ class ChangeRegistration(Task):
             ),
         }
 
-    def right(self, machine):
-        registrations.store(machine, *[dict(reversed(e.items())) for e in self.drawn.wanted])
+    def right_result(self, machine):
+        registrations.store(machine, *[dict(reversed(e.items())) for e in self.values.wanted])

@@ -48,11 +48,11 @@ class GiveFeedback(Task):
             "answer": "yes" if quote else "no",
         }
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", SITE
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         state = machine.sites.read("forms")
         if state.get("registrations"):
             yield "somebody was registered for a course"
@@ -60,37 +60,37 @@ class GiveFeedback(Task):
         if len(sent) != 1:
             yield f"feedback was sent {len(sent)} times"
         for entry in sent:
-            yield from differences(entry, self.drawn.wanted)
+            yield from differences(entry, self.values.wanted)
 
     def oracle(self, hand):
         visit(hand, SITE, "Northgate")
         follow(hand, "Feedback", "Course feedback")
-        select(hand, "Course", self.drawn.title)
-        tick(hand, "radio-button", self.drawn.label)
-        enter(hand, "Comment", self.drawn.comment)
-        if self.drawn.wanted["quote"]:
+        select(hand, "Course", self.values.title)
+        tick(hand, "radio-button", self.values.label)
+        enter(hand, "Comment", self.values.comment)
+        if self.values.wanted["quote"]:
             tick(hand, "check-box", "You may quote me")
         follow(hand, "Send feedback", "Thank you")
 
     def plan(self):
-        quote = ['click "You may quote me"'] if self.drawn.wanted["quote"] else []
+        quote = ['click "You may quote me"'] if self.values.wanted["quote"] else []
         return [
             'window "Chromium"',
             'click "Feedback"',
             'wait for "Course feedback"',
             'click "Choose a course"',
-            f"type {quoted(self.drawn.title)}",
+            f"type {quoted(self.values.title)}",
             "press enter",
-            f"click {quoted(self.drawn.label)}",
+            f"click {quoted(self.values.label)}",
             'click "Comment"',
-            f"type {quoted(self.drawn.comment)}",
+            f"type {quoted(self.values.comment)}",
             *quote,
             'click "Send feedback"',
             'wait for "Thank you"',
         ]
 
-    def wrong(self):
-        wanted = self.drawn.wanted
+    def wrong_results(self):
+        wanted = self.values.wanted
         return {
             "no comment": lambda m: send(m, {**wanted, "comment": ""}),
             "quoting is turned round": lambda m: send(m, {**wanted, "quote": not wanted["quote"]}),
@@ -98,8 +98,8 @@ class GiveFeedback(Task):
             "another course": lambda m: send(m, {**wanted, "course": "none"}),
         }
 
-    def right(self, machine):
-        wanted = dict(reversed(self.drawn.wanted.items()))
+    def right_result(self, machine):
+        wanted = dict(reversed(self.values.wanted.items()))
         send(machine, {**wanted, "comment": wanted["comment"].replace(" ", "  ")})
 
 

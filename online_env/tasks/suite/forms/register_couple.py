@@ -1,7 +1,7 @@
 """Register two people for the same course."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import registrations, told
+from online_env.tasks.kit import plan_steps, registrations
 from online_env.tasks.kit.browser import begin
 from online_env.tasks.kit.pages import visit
 
@@ -45,31 +45,31 @@ class RegisterCouple(Task):
             "level": registrations.level(shared["level"]),
         }
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", ADDRESS
 
     def problems(self, machine):
-        yield from machine.untouched()
-        yield from registrations.unlike(machine, *self.drawn.wanted)
+        yield from machine.unexpected_changes()
+        yield from registrations.unlike(machine, *self.values.wanted)
 
     def oracle(self, hand):
-        first, second = self.drawn.wanted
+        first, second = self.values.wanted
         begin(hand, ADDRESS, "Course registration")
         registrations.fill_in(hand, first)
         visit(hand, ADDRESS, "Course registration")
         registrations.fill_in(hand, second)
 
     def plan(self):
-        first, second = self.drawn.wanted
+        first, second = self.values.wanted
         return [
             'window "Chromium"',
-            *told.register(first),
-            *told.visit(ADDRESS, "Full name"),
-            *told.register(second),
+            *plan_steps.register(first),
+            *plan_steps.visit(ADDRESS, "Full name"),
+            *plan_steps.register(second),
         ]
 
-    def wrong(self):
-        store, (first, second) = registrations.store, self.drawn.wanted
+    def wrong_results(self):
+        store, (first, second) = registrations.store, self.values.wanted
         mixed = {**first, "birth_date": second["birth_date"]}
         return {
             "one of them": lambda m: store(m, first),
@@ -78,5 +78,5 @@ class RegisterCouple(Task):
             "one too many": lambda m: store(m, first, second, second),
         }
 
-    def right(self, machine):
-        registrations.store(machine, *reversed(self.drawn.wanted))
+    def right_result(self, machine):
+        registrations.store(machine, *reversed(self.values.wanted))

@@ -1,7 +1,7 @@
 """Fill in the registration form of forms.test in the browser."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import registrations, told
+from online_env.tasks.kit import plan_steps, registrations
 from online_env.tasks.kit.pages import visit
 
 ADDRESS = f"{registrations.SITE}/register"
@@ -41,22 +41,22 @@ class RegisterCourse(Task):
             "boxes": registrations.boxes(wanted),
         }
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", ADDRESS
 
     def problems(self, machine):
-        yield from machine.untouched()
-        yield from registrations.unlike(machine, self.drawn.wanted)
+        yield from machine.unexpected_changes()
+        yield from registrations.unlike(machine, self.values.wanted)
 
     def oracle(self, hand):
         visit(hand, ADDRESS, "Course registration")
-        registrations.fill_in(hand, self.drawn.wanted)
+        registrations.fill_in(hand, self.values.wanted)
 
     def plan(self):
-        return ['window "Chromium"', *told.register(self.drawn.wanted)]
+        return ['window "Chromium"', *plan_steps.register(self.values.wanted)]
 
-    def wrong(self):
-        wanted, store = self.drawn.wanted, registrations.store
+    def wrong_results(self):
+        wanted, store = self.values.wanted, registrations.store
         return {
             "another name": lambda m: store(m, {**wanted, "name": "Somebody Else"}),
             "no notes": lambda m: store(m, {**wanted, "notes": ""}),
@@ -65,7 +65,7 @@ class RegisterCourse(Task):
             "another course": lambda m: store(m, {**wanted, "course": "none"}),
         }
 
-    def right(self, machine):
-        wrong = {**self.drawn.wanted, "notes": "", "cancelled": True}
-        right = {**self.drawn.wanted, "email": self.drawn.email.upper()}
+    def right_result(self, machine):
+        wrong = {**self.values.wanted, "notes": "", "cancelled": True}
+        right = {**self.values.wanted, "email": self.values.email.upper()}
         registrations.store(machine, wrong, right)

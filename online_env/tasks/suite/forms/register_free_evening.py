@@ -2,10 +2,10 @@
 
 from online_env.embedded.sites.hosts.forms import content
 from online_env.tasks import Task
-from online_env.tasks.kit import registrations, told
+from online_env.tasks.kit import plan_steps, registrations
 from online_env.tasks.kit.notes import read_file
 from online_env.tasks.kit.pages import visit
-from online_env.tasks.kit.words import sample, shuffled
+from online_env.tasks.kit.word_lists import sample, shuffled
 
 ADDRESS = f"{registrations.SITE}/register"
 BUSY = ("Choir", "Night shift", "Football practice", "Visit to my parents", "Council meeting")
@@ -59,33 +59,33 @@ class RegisterFreeEvening(Task):
         }
 
     def prepare(self, machine):
-        machine.write(self.drawn.path, "\n".join(self.drawn.lines) + "\n")
+        machine.write(self.values.path, "\n".join(self.values.lines) + "\n")
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", registrations.SITE
 
     def problems(self, machine):
-        yield from machine.untouched()
-        yield from registrations.unlike(machine, self.drawn.wanted)
+        yield from machine.unexpected_changes()
+        yield from registrations.unlike(machine, self.values.wanted)
 
     def oracle(self, hand):
-        read_file(hand, self.drawn.path)
+        read_file(hand, self.values.path)
         visit(hand, registrations.SITE, "Northgate")
         hand.find("heading", "Courses this spring")
         visit(hand, ADDRESS, "Course registration")
-        registrations.fill_in(hand, self.drawn.wanted)
+        registrations.fill_in(hand, self.values.wanted)
 
     def plan(self):
         return [
             'window "Chromium"',
-            *told.visit(f"file:///home/user/{self.drawn.path}", self.drawn.lines[0]),
-            *told.visit(ADDRESS, "Full name"),
-            *told.register(self.drawn.wanted),
+            *plan_steps.visit(f"file:///home/user/{self.values.path}", self.values.lines[0]),
+            *plan_steps.visit(ADDRESS, "Full name"),
+            *plan_steps.register(self.values.wanted),
         ]
 
-    def wrong(self):
-        wanted, store = self.drawn.wanted, registrations.store
-        first = {**wanted, "course": self.drawn.courses[0]}
+    def wrong_results(self):
+        wanted, store = self.values.wanted, registrations.store
+        first = {**wanted, "course": self.values.courses[0]}
         return {
             "the first, though busy": lambda m: store(m, first),
             "both": lambda m: store(m, first, wanted),
@@ -93,5 +93,5 @@ class RegisterFreeEvening(Task):
             "cancelled after that": lambda m: store(m, {**wanted, "cancelled": True}),
         }
 
-    def right(self, machine):
-        registrations.store(machine, dict(reversed(self.drawn.wanted.items())))
+    def right_result(self, machine):
+        registrations.store(machine, dict(reversed(self.values.wanted.items())))

@@ -1,10 +1,10 @@
 """Register the person whose details are in a text file on the desktop."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import registrations, told
+from online_env.tasks.kit import plan_steps, registrations
 from online_env.tasks.kit.notes import read_file
 from online_env.tasks.kit.pages import visit
-from online_env.tasks.kit.words import shuffled
+from online_env.tasks.kit.word_lists import shuffled
 
 ADDRESS = f"{registrations.SITE}/register"
 
@@ -45,30 +45,32 @@ class RegisterFromFile(Task):
         return {"wanted": wanted, "lines": lines, "file": file, "address": ADDRESS}
 
     def prepare(self, machine):
-        machine.write(f"Desktop/{self.drawn.file}", "\n".join(self.drawn.lines) + "\n")
+        machine.write(f"Desktop/{self.values.file}", "\n".join(self.values.lines) + "\n")
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", ADDRESS
 
     def problems(self, machine):
-        yield from machine.untouched()
-        yield from registrations.unlike(machine, self.drawn.wanted)
+        yield from machine.unexpected_changes()
+        yield from registrations.unlike(machine, self.values.wanted)
 
     def oracle(self, hand):
-        read_file(hand, f"Desktop/{self.drawn.file}")
+        read_file(hand, f"Desktop/{self.values.file}")
         visit(hand, ADDRESS, "Course registration")
-        registrations.fill_in(hand, self.drawn.wanted)
+        registrations.fill_in(hand, self.values.wanted)
 
     def plan(self):
         return [
             'window "Chromium"',
-            *told.visit(f"file:///home/user/Desktop/{self.drawn.file}", self.drawn.lines[0]),
-            *told.visit(ADDRESS, "Full name"),
-            *told.register(self.drawn.wanted),
+            *plan_steps.visit(
+                f"file:///home/user/Desktop/{self.values.file}", self.values.lines[0]
+            ),
+            *plan_steps.visit(ADDRESS, "Full name"),
+            *plan_steps.register(self.values.wanted),
         ]
 
-    def wrong(self):
-        wanted, store = self.drawn.wanted, registrations.store
+    def wrong_results(self):
+        wanted, store = self.values.wanted, registrations.store
         extra = sorted({"newsletter", "volunteer", "carpool"} ^ set(wanted["interests"]))
         return {
             "other boxes": lambda m: store(m, {**wanted, "interests": extra}),
@@ -77,5 +79,5 @@ class RegisterFromFile(Task):
             "sent twice": lambda m: store(m, wanted, wanted),
         }
 
-    def right(self, machine):
-        registrations.store(machine, dict(reversed(self.drawn.wanted.items())))
+    def right_result(self, machine):
+        registrations.store(machine, dict(reversed(self.values.wanted.items())))

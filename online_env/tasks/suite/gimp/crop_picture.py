@@ -2,13 +2,13 @@
 
 from PIL import Image
 
-from online_env.tasks.kit import pictures
-from online_env.tasks.kit.words import GOODS
+from online_env.tasks.kit import gimp
+from online_env.tasks.kit.word_lists import GOODS
 
 CORNERS = ("top left", "top right", "bottom left", "bottom right")
 
 
-class CropPicture(pictures.PictureTask):
+class CropPicture(gimp.PictureTask):
     """What is left is a part of the picture at one of its corners, in the same file."""
 
     name = "crop_picture"
@@ -40,38 +40,38 @@ class CropPicture(pictures.PictureTask):
         }
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
-        yield from pictures.picture_problems(machine, self.drawn.path, self.cut(self.drawn.box))
+        yield from machine.unexpected_changes(self.values.path)
+        yield from gimp.picture_problems(machine, self.values.path, self.cut(self.values.box))
 
     def oracle(self, hand):
-        drawn = self.drawn
-        pictures.undo_all(hand)
-        pictures.gimp_command(hand, "canvas size")
+        drawn = self.values
+        gimp.undo_all(hand)
+        gimp.gimp_command(hand, "canvas size")
         hand.find("dialog", "Set Image Canvas Size", "gimp")
-        pictures.set_canvas(hand, drawn.width, drawn.height, -drawn.left, -drawn.top)
-        hand.find("frame", pictures.size_title(drawn.width, drawn.height), "gimp")
-        pictures.gimp_export(hand, drawn.path)
+        gimp.set_canvas(hand, drawn.width, drawn.height, -drawn.left, -drawn.top)
+        hand.find("frame", gimp.size_title(drawn.width, drawn.height), "gimp")
+        gimp.gimp_export(hand, drawn.path)
 
-    def wrong(self):
-        path, size = self.drawn.path, (self.drawn.width, self.drawn.height)
-        left, top, right, bottom = self.drawn.box
-        cut = pictures.encoded(self.cut(self.drawn.box))
-        whole_width = self.cut((0, top, self.drawn.size[0], bottom))
+    def wrong_results(self):
+        path, size = self.values.path, (self.values.width, self.values.height)
+        left, top, right, bottom = self.values.box
+        cut = gimp.encoded(self.cut(self.values.box))
+        whole_width = self.cut((0, top, self.values.size[0], bottom))
         shift = 2 if left == 0 else -2
         beside = self.cut((left + shift, top, right + shift, bottom))
         return {
-            "a little beside": lambda m: m.write(path, pictures.encoded(beside)),
+            "a little beside": lambda m: m.write(path, gimp.encoded(beside)),
             "with a dab of the brush": lambda m: m.write(
-                path, pictures.encoded(pictures.dabbed(self.cut(self.drawn.box)))
+                path, gimp.encoded(gimp.dabbed(self.cut(self.values.box)))
             ),
-            "only the height": lambda m: m.write(path, pictures.encoded(whole_width)),
-            "scaled": lambda m: m.write(path, pictures.encoded(self.picture().resize(size))),
+            "only the height": lambda m: m.write(path, gimp.encoded(whole_width)),
+            "scaled": lambda m: m.write(path, gimp.encoded(self.picture().resize(size))),
             "in a copy": lambda m: m.write("Pictures/cut.png", cut),
         }
 
-    def right(self, machine):
-        cut = self.cut(self.drawn.box).convert("RGBA")
-        machine.write(self.drawn.path, pictures.encoded(cut))
+    def right_result(self, machine):
+        cut = self.cut(self.values.box).convert("RGBA")
+        machine.write(self.values.path, gimp.encoded(cut))
 
     def cut(self, box) -> Image.Image:
         """Return a part of it."""

@@ -1,11 +1,11 @@
 """Export a picture as JPEG of a given quality, in GIMP."""
 
-from online_env.tasks.kit import pictures
-from online_env.tasks.kit.words import GOODS
+from online_env.tasks.kit import gimp
+from online_env.tasks.kit.word_lists import GOODS
 from online_env.tasks.plan_words import quoted
 
 
-class ExportJpeg(pictures.PictureTask):
+class ExportJpeg(gimp.PictureTask):
     """The quality is read from the tables of the file."""
 
     name = "export_jpeg"
@@ -29,17 +29,17 @@ class ExportJpeg(pictures.PictureTask):
         }
 
     def problems(self, machine):
-        drawn = self.drawn
-        yield from machine.untouched(drawn.result)
+        drawn = self.values
+        yield from machine.unexpected_changes(drawn.result)
         wanted = self.picture()
-        yield from pictures.picture_problems(machine, drawn.result, wanted, "JPEG", slack=10)
-        found = pictures.opened(machine, drawn.result)
-        if found is not None and not pictures.has_quality(found, drawn.quality):
+        yield from gimp.picture_problems(machine, drawn.result, wanted, "JPEG", slack=10)
+        found = gimp.opened(machine, drawn.result)
+        if found is not None and not gimp.has_quality(found, drawn.quality):
             yield f"{drawn.result} has not the quality {drawn.quality}"
 
     def oracle(self, hand):
-        pictures.undo_all(hand)
-        pictures.gimp_export(hand, self.drawn.result, self.drawn.quality)
+        gimp.undo_all(hand)
+        gimp.gimp_export(hand, self.values.result, self.values.quality)
 
     def plan(self):
         return [
@@ -47,32 +47,32 @@ class ExportJpeg(pictures.PictureTask):
             "press ctrl+shift+e",
             'wait for "Export Image"',
             "press ctrl+a",
-            f"type {quoted(self.drawn.new)}",
+            f"type {quoted(self.values.new)}",
             "press enter",
             'double-click "90" near "Quality:"',
             "press ctrl+a",
-            f"type {quoted(str(self.drawn.quality))}",
+            f"type {quoted(str(self.values.quality))}",
             "press tab",
             'click "Export"',
             "wait",
         ]
 
-    def wrong(self):
-        path, result, picture = self.drawn.path, self.drawn.result, self.picture()
-        good = pictures.encoded(picture, "JPEG", 90)
-        better = pictures.encoded(picture, "JPEG", self.drawn.quality + 1)
+    def wrong_results(self):
+        path, result, picture = self.values.path, self.values.result, self.picture()
+        good = gimp.encoded(picture, "JPEG", 90)
+        better = gimp.encoded(picture, "JPEG", self.values.quality + 1)
         small = picture.resize((picture.width // 2, picture.height // 2))
-        half = pictures.encoded(small, "JPEG", self.drawn.quality)
+        half = gimp.encoded(small, "JPEG", self.values.quality)
         return {
             "the quality that it offers": lambda m: m.write(result, good),
             "nearly the quality": lambda m: m.write(result, better),
             "with a dab of the brush": lambda m: m.write(
-                result, pictures.encoded(pictures.dabbed(picture), "JPEG", self.drawn.quality)
+                result, gimp.encoded(gimp.dabbed(picture), "JPEG", self.values.quality)
             ),
             "half the size": lambda m: m.write(result, half),
             "a PNG file with that name": lambda m: m.run("cp", path, result),
         }
 
-    def right(self, machine):
-        data = pictures.encoded(self.picture(), "JPEG", self.drawn.quality)
-        machine.write(self.drawn.result, data)
+    def right_result(self, machine):
+        data = gimp.encoded(self.picture(), "JPEG", self.values.quality)
+        machine.write(self.values.result, data)

@@ -2,11 +2,11 @@
 
 from PIL import Image, ImageChops
 
-from online_env.tasks.kit import pictures, told
-from online_env.tasks.kit.words import CITIES
+from online_env.tasks.kit import gimp, plan_steps
+from online_env.tasks.kit.word_lists import CITIES
 
 
-class GreyPicture(pictures.PictureTask):
+class GreyPicture(gimp.PictureTask):
     """A picture in shades of grey goes into a new file; the old one stays."""
 
     name = "grey_picture"
@@ -29,33 +29,36 @@ class GreyPicture(pictures.PictureTask):
         }
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.result)
-        yield from pictures.grey_problems(machine, self.drawn.result, self.picture())
+        yield from machine.unexpected_changes(self.values.result)
+        yield from gimp.grey_problems(machine, self.values.result, self.picture())
 
     def oracle(self, hand):
-        pictures.undo_all(hand)
-        pictures.gimp_command(hand, "grayscale")
-        hand.find("frame", pictures.mode_title("Grayscale"), "gimp")
-        pictures.gimp_export(hand, self.drawn.result)
+        gimp.undo_all(hand)
+        gimp.gimp_command(hand, "grayscale")
+        hand.find("frame", gimp.mode_title("Grayscale"), "gimp")
+        gimp.gimp_export(hand, self.values.result)
 
     def plan(self):
-        return [*told.command_of_gimp("grayscale"), *told.export_from_gimp(self.drawn.new)]
+        return [
+            *plan_steps.command_of_gimp("grayscale"),
+            *plan_steps.export_from_gimp(self.values.new),
+        ]
 
-    def wrong(self):
-        path, result, picture = self.drawn.path, self.drawn.result, self.picture()
+    def wrong_results(self):
+        path, result, picture = self.values.path, self.values.result, self.picture()
         grey = picture.convert("L")
         pale = Image.blend(picture, grey.convert("RGB"), 0.8)
         return {
-            "the old file": lambda m: m.write(path, pictures.encoded(grey)),
-            "pale colours": lambda m: m.write(result, pictures.encoded(pale)),
+            "the old file": lambda m: m.write(path, gimp.encoded(grey)),
+            "pale colours": lambda m: m.write(result, gimp.encoded(pale)),
             "with a dab of the brush": lambda m: m.write(
-                result, pictures.encoded(pictures.dabbed(grey).convert("L"))
+                result, gimp.encoded(gimp.dabbed(grey).convert("L"))
             ),
             "only copied": lambda m: m.run("cp", path, result),
-            "all black": lambda m: m.write(result, pictures.encoded(grey.point(lambda _: 0))),
+            "all black": lambda m: m.write(result, gimp.encoded(grey.point(lambda _: 0))),
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         red, green, blue = self.picture().split()
         value = ImageChops.lighter(ImageChops.lighter(red, green), blue)  # as a way of GIMP has it
-        machine.write(self.drawn.result, pictures.encoded(value.convert("RGB")))
+        machine.write(self.values.result, gimp.encoded(value.convert("RGB")))

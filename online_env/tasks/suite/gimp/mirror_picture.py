@@ -2,8 +2,8 @@
 
 from PIL import Image, ImageDraw
 
-from online_env.tasks.kit import pictures, told
-from online_env.tasks.kit.words import FIRST_NAMES
+from online_env.tasks.kit import gimp, plan_steps
+from online_env.tasks.kit.word_lists import FIRST_NAMES
 
 WAYS = {
     "Mirror it, so that left and right change places": (
@@ -18,7 +18,7 @@ WAYS = {
 }
 
 
-class MirrorPicture(pictures.PictureTask):
+class MirrorPicture(gimp.PictureTask):
     """A turned picture goes into a new file; the old one stays."""
 
     name = "mirror_picture"
@@ -47,35 +47,38 @@ class MirrorPicture(pictures.PictureTask):
         }
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.result)
-        wanted = self.picture().transpose(self.drawn.method)
-        yield from pictures.picture_problems(machine, self.drawn.result, wanted)
+        yield from machine.unexpected_changes(self.values.result)
+        wanted = self.picture().transpose(self.values.method)
+        yield from gimp.picture_problems(machine, self.values.result, wanted)
 
     def oracle(self, hand):
-        pictures.undo_all(hand)
-        pictures.gimp_command(hand, self.drawn.command)
-        hand.gone("frame", "Search Actions", "gimp")
-        pictures.gimp_export(hand, self.drawn.result)
+        gimp.undo_all(hand)
+        gimp.gimp_command(hand, self.values.command)
+        hand.wait_until_gone("frame", "Search Actions", "gimp")
+        gimp.gimp_export(hand, self.values.result)
 
     def plan(self):
-        return [*told.command_of_gimp(self.drawn.command), *told.export_from_gimp(self.drawn.new)]
+        return [
+            *plan_steps.command_of_gimp(self.values.command),
+            *plan_steps.export_from_gimp(self.values.new),
+        ]
 
-    def wrong(self):
-        path, result, picture = self.drawn.path, self.drawn.result, self.picture()
-        turned = picture.transpose(self.drawn.method)
-        others = [method for _, method in WAYS.values() if method != self.drawn.method]
+    def wrong_results(self):
+        path, result, picture = self.values.path, self.values.result, self.picture()
+        turned = picture.transpose(self.values.method)
+        others = [method for _, method in WAYS.values() if method != self.values.method]
         other = picture.transpose(others[0])
         quarter = picture.transpose(Image.Transpose.ROTATE_90)
         spotted = turned.copy()
         ImageDraw.Draw(spotted).ellipse((90, 90, 110, 110), "black")
         return {
-            "the old file": lambda m: m.write(path, pictures.encoded(turned)),
-            "another way": lambda m: m.write(result, pictures.encoded(other)),
-            "by 90 degrees": lambda m: m.write(result, pictures.encoded(quarter)),
-            "with a dab of the brush": lambda m: m.write(result, pictures.encoded(spotted)),
+            "the old file": lambda m: m.write(path, gimp.encoded(turned)),
+            "another way": lambda m: m.write(result, gimp.encoded(other)),
+            "by 90 degrees": lambda m: m.write(result, gimp.encoded(quarter)),
+            "with a dab of the brush": lambda m: m.write(result, gimp.encoded(spotted)),
             "only copied": lambda m: m.run("cp", path, result),
         }
 
-    def right(self, machine):
-        turned = self.picture().transpose(self.drawn.method)
-        machine.write(self.drawn.result, pictures.encoded(turned.convert("RGBA")))
+    def right_result(self, machine):
+        turned = self.picture().transpose(self.values.method)
+        machine.write(self.values.result, gimp.encoded(turned.convert("RGBA")))

@@ -2,12 +2,12 @@
 
 from PIL import Image
 
-from online_env.tasks.kit import pictures, told
-from online_env.tasks.kit.words import CITIES
+from online_env.tasks.kit import gimp, plan_steps
+from online_env.tasks.kit.word_lists import CITIES
 from online_env.tasks.plan_words import quoted
 
 
-class ScalePicture(pictures.PictureTask):
+class ScalePicture(gimp.PictureTask):
     """A smaller picture of the same shape goes into a new file; the old one stays."""
 
     name = "scale_picture"
@@ -35,53 +35,53 @@ class ScalePicture(pictures.PictureTask):
         }
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.result)
-        yield from pictures.picture_problems(machine, self.drawn.result, self.scaled(), slack=8)
+        yield from machine.unexpected_changes(self.values.result)
+        yield from gimp.picture_problems(machine, self.values.result, self.scaled(), slack=8)
 
     def oracle(self, hand):
-        drawn = self.drawn
-        pictures.undo_all(hand)
-        pictures.gimp_command(hand, "scale image")
+        drawn = self.values
+        gimp.undo_all(hand)
+        gimp.gimp_command(hand, "scale image")
         hand.find("dialog", "Scale Image", "gimp")
         hand.find("spin-button", app="gimp", state="focused")
         hand.replace(str(drawn.width))
         hand.press("tab")  # the height follows
         hand.button("Scale", "gimp")
-        hand.gone("dialog", "Scale Image", "gimp")
-        pictures.gimp_export(hand, drawn.result)
+        hand.wait_until_gone("dialog", "Scale Image", "gimp")
+        gimp.gimp_export(hand, drawn.result)
 
     def plan(self):
         return [
-            *told.command_of_gimp("scale image"),
+            *plan_steps.command_of_gimp("scale image"),
             'wait for "Image Size"',
             "press ctrl+a",
-            f"type {quoted(str(self.drawn.width))}",
+            f"type {quoted(str(self.values.width))}",
             "press tab",
             'click "Scale" near "Cancel"',
             "wait",
-            *told.export_from_gimp(self.drawn.new),
+            *plan_steps.export_from_gimp(self.values.new),
         ]
 
-    def wrong(self):
-        drawn = self.drawn
-        scaled = pictures.encoded(self.scaled())
-        squeezed = pictures.encoded(self.picture().resize((drawn.width, drawn.height - 20)))
-        cut = pictures.encoded(self.picture().crop((0, 0, drawn.width, drawn.height)))
+    def wrong_results(self):
+        drawn = self.values
+        scaled = gimp.encoded(self.scaled())
+        squeezed = gimp.encoded(self.picture().resize((drawn.width, drawn.height - 20)))
+        cut = gimp.encoded(self.picture().crop((0, 0, drawn.width, drawn.height)))
         return {
             "the old file": lambda m: m.write(drawn.path, scaled),
             "out of proportion": lambda m: m.write(drawn.result, squeezed),
             "cut, not scaled": lambda m: m.write(drawn.result, cut),
             "with a dab of the brush": lambda m: m.write(
-                drawn.result, pictures.encoded(pictures.dabbed(self.scaled()))
+                drawn.result, gimp.encoded(gimp.dabbed(self.scaled()))
             ),
             "not scaled": lambda m: m.run("cp", drawn.path, drawn.result),
         }
 
-    def right(self, machine):
-        size = self.drawn.width, self.drawn.height
+    def right_result(self, machine):
+        size = self.values.width, self.values.height
         soft = self.picture().resize(size, Image.Resampling.BILINEAR)
-        machine.write(self.drawn.result, pictures.encoded(soft))
+        machine.write(self.values.result, gimp.encoded(soft))
 
     def scaled(self) -> Image.Image:
         """Return the picture as it should be."""
-        return self.picture().resize((self.drawn.width, self.drawn.height))
+        return self.picture().resize((self.values.width, self.values.height))

@@ -1,7 +1,8 @@
 """Add a slide with a title after a given one."""
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.office import menu, save
+from online_env.tasks.kit.sample_talks import talk
 from online_env.tasks.kit.slides import (
     SlideContent,
     SlideTask,
@@ -12,7 +13,6 @@ from online_env.tasks.kit.slides import (
     slide_changes,
     write_in,
 )
-from online_env.tasks.kit.talks import talk
 from online_env.tasks.plan_words import quoted
 
 
@@ -38,36 +38,36 @@ class AddSlide(SlideTask):
         return {**drawn, "title": title, "index": index, "after": after}
 
     def made(self):
-        return presentation(self.drawn.slides)
+        return presentation(self.values.slides)
 
     def judge(self, now, before):
-        place = self.drawn.index + 1
-        new = SlideContent(title=self.drawn.title)
+        place = self.values.index + 1
+        new = SlideContent(title=self.values.title)
         yield from slide_changes(now, (*before[:place], new, *before[place:]))
 
     def oracle(self, hand):
-        count = len(self.drawn.slides)
-        if hand.see("panel", self.drawn.title, app="soffice") is None:
-            show_slide(hand, self.drawn.index + 1, self.drawn.after, of=count)
+        count = len(self.values.slides)
+        if hand.see("panel", self.values.title, app="soffice") is None:
+            show_slide(hand, self.values.index + 1, self.values.after, of=count)
             menu(hand, "Slide", "New Slide")
-            write_in(hand, "Click to add Title", self.drawn.title)
+            write_in(hand, "Click to add Title", self.values.title)
         save(hand)
 
     def plan(self):
         return [
-            told.IMPRESS,
-            f"press pagedown {self.drawn.index} times",
+            plan_steps.IMPRESS,
+            f"press pagedown {self.values.index} times",
             "wait",
             "press ctrl+m",
             'double-click "Click to add Title"',
             "wait",
-            f"type {quoted(self.drawn.title)}",
+            f"type {quoted(self.values.title)}",
             "press esc 2 times",
-            *told.SAVE_PPTX,
+            *plan_steps.SAVE_PPTX,
         ]
 
-    def wrong(self):
-        title, place = self.drawn.title, self.drawn.index + 1
+    def wrong_results(self):
+        title, place = self.values.title, self.values.index + 1
         return {
             "at the wrong place": self.put(title, place - 1),
             "without a title": self.put("", place),
@@ -75,8 +75,8 @@ class AddSlide(SlideTask):
             "with a text": self.put(title, place, "more"),
         }
 
-    def right(self, machine):
-        self.put(self.drawn.title, self.drawn.index + 1)(machine)
+    def right_result(self, machine):
+        self.put(self.values.title, self.values.index + 1)(machine)
 
     def put(self, title, place, text=""):
         """Return what adds a slide with a number of slides before it."""

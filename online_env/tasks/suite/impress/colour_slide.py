@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from online_env.tasks.kit.office import menu, save
+from online_env.tasks.kit.sample_talks import talk
 from online_env.tasks.kit.slides import SlideTask, presentation, show_slide, slide_changes
-from online_env.tasks.kit.talks import talk
 
 # The colours of LibreOffice's standard palette, and what a person may take for them.
 COLOURS = {"Yellow": "FFFF00", "Orange": "FF8000", "Red": "FF0000", "Lime": "81D41A"}
@@ -38,41 +38,41 @@ class ColourSlide(SlideTask):
         }
 
     def made(self):
-        return presentation(self.drawn.slides)
+        return presentation(self.values.slides)
 
     def judge(self, now, before):
         wanted = list(before)
-        index = self.drawn.index
-        wanted[index] = replace(before[index], background=COLOURS[self.drawn.name])
+        index = self.values.index
+        wanted[index] = replace(before[index], background=COLOURS[self.values.name])
         yield from slide_changes(now, wanted)
 
     def oracle(self, hand):
-        show_slide(hand, self.drawn.index + 1, self.drawn.title, of=len(self.drawn.slides))
+        show_slide(hand, self.values.index + 1, self.values.title, of=len(self.values.slides))
         menu(hand, "Slide", "Slide Properties...")
         hand.find("dialog", "Slide Properties", app="soffice")
         hand.click_on("page-tab", "Background", app="soffice")
         hand.click_on("toggle-button", "Color", app="soffice")
-        hand.click_on("list-item", self.drawn.name, app="soffice")
+        hand.click_on("list-item", self.values.name, app="soffice")
         hand.wait("the colour's code", self.is_code)
         hand.button("OK", app="soffice")
-        hand.gone("dialog", app="soffice")
+        hand.wait_until_gone("dialog", app="soffice")
         save(hand)
 
     def is_code(self, node):
         """Return whether a node is the field with the code of the colour."""
-        return node.role == "text" and node.text.upper() == COLOURS[self.drawn.name]
+        return node.role == "text" and node.text.upper() == COLOURS[self.values.name]
 
-    def wrong(self):
-        index, right = self.drawn.index, COLOURS[self.drawn.name]
+    def wrong_results(self):
+        index, right = self.values.index, COLOURS[self.values.name]
         other = "0000FF"
         return {
             "another colour": self.painted({index: other}),
             "another slide": self.painted({index - 1: right}),
-            "all slides": self.painted(dict.fromkeys(range(len(self.drawn.slides)), right)),
+            "all slides": self.painted(dict.fromkeys(range(len(self.values.slides)), right)),
         }
 
-    def right(self, machine):
-        self.painted({self.drawn.index: COLOURS[self.drawn.name]})(machine)
+    def right_result(self, machine):
+        self.painted({self.values.index: COLOURS[self.values.name]})(machine)
 
     def painted(self, colours):
         """Return what gives slides a background: colours by the index of the slide."""

@@ -1,7 +1,8 @@
 """Delete a slide."""
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.office import menu, save
+from online_env.tasks.kit.sample_talks import talk
 from online_env.tasks.kit.slides import (
     SlideTask,
     order_slides,
@@ -9,7 +10,6 @@ from online_env.tasks.kit.slides import (
     show_slide,
     slide_changes,
 )
-from online_env.tasks.kit.talks import talk
 
 
 class DeleteSlide(SlideTask):
@@ -31,34 +31,34 @@ class DeleteSlide(SlideTask):
         return {**drawn, "index": index, "title": drawn["slides"][index][0]}
 
     def made(self):
-        return presentation(self.drawn.slides)
+        return presentation(self.values.slides)
 
     def judge(self, now, before):
-        index = self.drawn.index
+        index = self.values.index
         yield from slide_changes(now, (*before[:index], *before[index + 1 :]))
 
     def oracle(self, hand):
-        count = len(self.drawn.slides)
-        if hand.see("panel", self.drawn.title, app="soffice") is not None:
-            show_slide(hand, self.drawn.index + 1, self.drawn.title, of=count)
+        count = len(self.values.slides)
+        if hand.see("panel", self.values.title, app="soffice") is not None:
+            show_slide(hand, self.values.index + 1, self.values.title, of=count)
             menu(hand, "Slide", "Delete Slide")
-            hand.gone("panel", self.drawn.title, app="soffice")
+            hand.wait_until_gone("panel", self.values.title, app="soffice")
         save(hand)
 
     def plan(self):
         return [
-            told.IMPRESS,
-            f"press pagedown {self.drawn.index} times",
+            plan_steps.IMPRESS,
+            f"press pagedown {self.values.index} times",
             "wait",
             'click "Slide" near "Format"',
             'click "Delete Slide"',
             "wait",
-            *told.SAVE_PPTX,
+            *plan_steps.SAVE_PPTX,
         ]
 
-    def wrong(self):
-        index = self.drawn.index
-        count = len(self.drawn.slides)
+    def wrong_results(self):
+        index = self.values.index
+        count = len(self.values.slides)
         others = [number for number in range(count) if number != index]
         return {
             "another slide": self.keep([number for number in range(count) if number != index - 1]),
@@ -66,9 +66,9 @@ class DeleteSlide(SlideTask):
             "moved to the end": self.keep([*others, index]),
         }
 
-    def right(self, machine):
-        count = len(self.drawn.slides)
-        self.keep([number for number in range(count) if number != self.drawn.index])(machine)
+    def right_result(self, machine):
+        count = len(self.values.slides)
+        self.keep([number for number in range(count) if number != self.values.index])(machine)
 
     def keep(self, order):
         """Return what leaves some slides, in an order."""

@@ -1,7 +1,8 @@
 """Move a slide to the end, or to the start."""
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.office import menu, save
+from online_env.tasks.kit.sample_talks import talk
 from online_env.tasks.kit.slides import (
     SlideTask,
     order_slides,
@@ -9,7 +10,6 @@ from online_env.tasks.kit.slides import (
     show_slide,
     slide_changes,
 )
-from online_env.tasks.kit.talks import talk
 from online_env.tasks.plan_words import quoted
 
 
@@ -39,49 +39,49 @@ class MoveSlide(SlideTask):
         }
 
     def made(self):
-        return presentation(self.drawn.slides)
+        return presentation(self.values.slides)
 
     def judge(self, now, before):
         yield from slide_changes(now, [before[number] for number in self.wanted()])
 
     def wanted(self):
         """Return the present indices of the slides in their new order."""
-        index = self.drawn.index
-        others = [number for number in range(len(self.drawn.slides)) if number != index]
-        return [index, *others] if self.drawn.order == "first" else [*others, index]
+        index = self.values.index
+        others = [number for number in range(len(self.values.slides)) if number != index]
+        return [index, *others] if self.values.order == "first" else [*others, index]
 
     def oracle(self, hand):
-        count = len(self.drawn.slides)
-        is_first = self.drawn.order == "first"
-        show_slide(hand, self.drawn.index + 1, self.drawn.title, of=count)
+        count = len(self.values.slides)
+        is_first = self.values.order == "first"
+        show_slide(hand, self.values.index + 1, self.values.title, of=count)
         menu(hand, "Slide", "Move", "Slide to Start" if is_first else "Slide to End")
         save(hand)
 
     def plan(self):
-        end = {"first": "Start", "last": "End"}[self.drawn.order]
+        end = {"first": "Start", "last": "End"}[self.values.order]
         return [
-            told.IMPRESS,
-            f"press pagedown {self.drawn.index} times",
+            plan_steps.IMPRESS,
+            f"press pagedown {self.values.index} times",
             "wait",
             'click "Slide" near "Format"',
             'click "Move"',
             f"click {quoted(f'Slide to {end}')}",
             "wait",
-            *told.SAVE_PPTX,
+            *plan_steps.SAVE_PPTX,
         ]
 
-    def wrong(self):
+    def wrong_results(self):
         wanted = self.wanted()
-        index = self.drawn.index
+        index = self.values.index
         others = [number for number in wanted if number != index]
-        is_first = self.drawn.order == "first"
+        is_first = self.values.order == "first"
         return {
             "to the other end": self.put([*others, index] if is_first else [index, *others]),
             "the others turned": self.put([index, *others[::-1]]),
             "without it": self.put(others),
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         self.put(self.wanted())(machine)
 
     def put(self, order):

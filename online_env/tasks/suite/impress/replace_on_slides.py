@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.office import replace_all, save
+from online_env.tasks.kit.sample_talks import talk
 from online_env.tasks.kit.slides import SlideTask, presentation, slide_changes
-from online_env.tasks.kit.talks import talk
-from online_env.tasks.kit.words import CITIES
+from online_env.tasks.kit.word_lists import CITIES
 
 
 class ReplaceOnSlides(SlideTask):
@@ -28,7 +28,7 @@ class ReplaceOnSlides(SlideTask):
         return {**drawn, "old": drawn["city"], "new": stream.choice(others)}
 
     def made(self):
-        return presentation(self.drawn.slides)
+        return presentation(self.values.slides)
 
     def judge(self, now, before):
         wanted = [
@@ -43,29 +43,29 @@ class ReplaceOnSlides(SlideTask):
 
     def moved(self, text):
         """Return a text with the new name."""
-        return text.replace(self.drawn.old, self.drawn.new)
+        return text.replace(self.values.old, self.values.new)
 
     def oracle(self, hand):
-        replace_all(hand, self.drawn.old, self.drawn.new)
+        replace_all(hand, self.values.old, self.values.new)
         save(hand)
 
     def plan(self):
         return [
-            told.IMPRESS,
-            *told.replace_in_office(self.drawn.old, self.drawn.new),
-            *told.SAVE_PPTX,
+            plan_steps.IMPRESS,
+            *plan_steps.replace_in_office(self.values.old, self.values.new),
+            *plan_steps.SAVE_PPTX,
         ]
 
-    def wrong(self):
+    def wrong_results(self):
         return {
             "the titles alone": self.changed(lambda text: self.moved(text), texts=False),
             "the texts alone": self.changed(lambda text: self.moved(text), titles=False),
             "in capitals": self.changed(
-                lambda text: text.replace(self.drawn.old, self.drawn.new.upper())
+                lambda text: text.replace(self.values.old, self.values.new.upper())
             ),
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         self.changed(self.moved)(machine)
 
     def changed(self, change, titles=True, texts=True):

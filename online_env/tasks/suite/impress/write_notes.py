@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from online_env.tasks.kit.office import menu, save
+from online_env.tasks.kit.sample_talks import talk
 from online_env.tasks.kit.slides import SlideTask, presentation, show_slide, slide_changes, write_in
-from online_env.tasks.kit.talks import talk
 from online_env.tasks.plan_words import quoted
 
 NOTES = (
@@ -39,38 +39,38 @@ class WriteNotes(SlideTask):
         return {**drawn, "index": index, "title": title, "note": stream.choice(NOTES)}
 
     def made(self):
-        return presentation(self.drawn.slides)
+        return presentation(self.values.slides)
 
     def judge(self, now, before):
         wanted = list(before)
-        wanted[self.drawn.index] = replace(before[self.drawn.index], notes=self.drawn.note)
+        wanted[self.values.index] = replace(before[self.values.index], notes=self.values.note)
         yield from slide_changes(now, wanted)
 
     def oracle(self, hand):
-        show_slide(hand, self.drawn.index + 1, self.drawn.title, of=len(self.drawn.slides))
+        show_slide(hand, self.values.index + 1, self.values.title, of=len(self.values.slides))
         menu(hand, "View", "Notes")
-        if not any(node.text == self.drawn.note for node in hand.look()):
-            write_in(hand, "Click to add Notes", self.drawn.note)
+        if not any(node.text == self.values.note for node in hand.look()):
+            write_in(hand, "Click to add Notes", self.values.note)
         save(hand)
 
     def plan(self):
         return [
             'window "LibreOffice Impress"',
-            f"press pagedown {self.drawn.index} times",
+            f"press pagedown {self.values.index} times",
             "wait",
             'click "View"',
             'click "Notes" near "Outline"',
             'double-click "Click to add Notes"',
             "wait",
-            f"type {quoted(self.drawn.note)}",
+            f"type {quoted(self.values.note)}",
             "press esc",
             "press ctrl+s",
             'click "Use PowerPoint 2007-365"',
             "wait",
         ]
 
-    def wrong(self):
-        index, note = self.drawn.index, self.drawn.note
+    def wrong_results(self):
+        index, note = self.values.index, self.values.note
         return {
             "at another slide": self.noted({index - 1: note}),
             "at two slides": self.noted({index: note, index - 1: note}),
@@ -78,8 +78,8 @@ class WriteNotes(SlideTask):
             "on the slide": self.edited(self.write_on),
         }
 
-    def right(self, machine):
-        self.noted({self.drawn.index: f"{self.drawn.note}\n"})(machine)
+    def right_result(self, machine):
+        self.noted({self.values.index: f"{self.values.note}\n"})(machine)
 
     def noted(self, notes):
         """Return what writes notes, by the index of the slide."""
@@ -92,5 +92,5 @@ class WriteNotes(SlideTask):
 
     def write_on(self, made):
         """Write the note on the slide."""
-        frame = made.slides[self.drawn.index].placeholders[1].text_frame
-        frame.text = f"{frame.text}\n{self.drawn.note}"
+        frame = made.slides[self.values.index].placeholders[1].text_frame
+        frame.text = f"{frame.text}\n{self.values.note}"

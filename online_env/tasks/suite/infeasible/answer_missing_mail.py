@@ -2,7 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import browser, mail
-from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES, TOPICS, sample
+from online_env.tasks.kit.word_lists import FIRST_NAMES, LAST_NAMES, TOPICS, sample
 from online_env.tasks.plan_words import quoted
 
 
@@ -42,33 +42,33 @@ class AnswerMissingMail(Task):
         }
 
     def prepare(self, machine):
-        mail.receive(machine, *self.drawn.mails)
+        mail.receive(machine, *self.values.mails)
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", mail.INBOX
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         yield from mail.problems(machine)
 
     def oracle(self, hand):
         browser.begin(hand, mail.INBOX, "Inbox")
-        mail.search(hand, self.drawn.who)
+        mail.search(hand, self.values.who)
         hand.find("static", "Nothing here.", app=browser.APP)
-        hand.give_up(f"{self.drawn.who} has written no mail")
+        hand.give_up(f"{self.values.who} has written no mail")
 
     def plan(self):
         return [
             'window "Chromium"',
             'click "Search mail"',
-            f"type {quoted(self.drawn.who)}",
+            f"type {quoted(self.values.who)}",
             "press enter",
             'wait for "Nothing here."',
-            f"give up {quoted(f'{self.drawn.who} has written no mail')}",
+            f"give up {quoted(f'{self.values.who} has written no mail')}",
         ]
 
-    def wrong(self):
-        subject = f"Re: The {self.drawn.topic}"
+    def wrong_results(self):
+        subject = f"Re: The {self.values.topic}"
         return {
             "to the namesake": lambda m: mail.store(m, ["first@mail.test"], subject, "I agree."),
             "to the other one": lambda m: mail.store(m, ["o@mail.test"], subject, "I agree."),

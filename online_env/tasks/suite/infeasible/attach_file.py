@@ -2,7 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import browser, mail
-from online_env.tasks.kit.words import MONTHS, TOPICS
+from online_env.tasks.kit.word_lists import MONTHS, TOPICS
 
 PEOPLE = ("ilse@mail.test", "piet@mail.test", "jun@mail.test", "oda@mail.test")
 
@@ -31,13 +31,13 @@ class AttachFile(Task):
         }
 
     def prepare(self, machine):
-        machine.write(self.drawn.file, self.drawn.content)
+        machine.write(self.values.file, self.values.content)
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", mail.INBOX
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         yield from mail.problems(machine)
 
     def oracle(self, hand):
@@ -56,8 +56,8 @@ class AttachFile(Task):
             'give up "a message has no place for a file"',
         ]
 
-    def wrong(self):
-        to, file, content = [self.drawn.to], self.drawn.file, self.drawn.content
+    def wrong_results(self):
+        to, file, content = [self.values.to], self.values.file, self.values.content
         return {
             "the content as text": lambda m: mail.store(m, to, file, content),
             "only its name": lambda m: mail.store(m, to, "Your file", file),

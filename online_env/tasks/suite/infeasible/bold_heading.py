@@ -3,7 +3,7 @@
 import re
 
 from online_env.tasks import Task
-from online_env.tasks.kit.words import CITIES, GOODS, TOPICS, sample
+from online_env.tasks.kit.word_lists import CITIES, GOODS, TOPICS, sample
 from online_env.tasks.plan_words import quoted
 
 APP = "mousepad"
@@ -37,21 +37,21 @@ class BoldHeading(Task):
         }
 
     def prepare(self, machine):
-        machine.write(f"Documents/{self.drawn.file}", self.drawn.text)
+        machine.write(f"Documents/{self.values.file}", self.values.text)
 
-    def opens(self, machine):
-        return APP, machine.path(f"Documents/{self.drawn.file}")
+    def initial_app(self, machine):
+        return APP, machine.path(f"Documents/{self.values.file}")
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
 
     def oracle(self, hand):
         for name in ("Edit", "Document"):
             hand.menu(name, app=APP)
             hand.find("menu-item", re.compile("Select All|Word Wrap"), APP)
             hand.press("escape")
-            hand.gone("menu-item", re.compile("Select All|Word Wrap"), APP)
-        hand.give_up(f"the editor writes plain text, which cannot be {self.drawn.look}")
+            hand.wait_until_gone("menu-item", re.compile("Select All|Word Wrap"), APP)
+        hand.give_up(f"the editor writes plain text, which cannot be {self.values.look}")
 
     def plan(self):
         return [
@@ -62,12 +62,12 @@ class BoldHeading(Task):
             'click "Document"',
             'wait for "Word Wrap"',
             "press esc",
-            f"give up {quoted(f'the editor writes plain text, which cannot be {self.drawn.look}')}",
+            f"give up {quoted(f'the editor writes plain text, which cannot be {self.values.look}')}",
         ]
 
-    def wrong(self):
-        path = f"Documents/{self.drawn.file}"
-        heading, text = self.drawn.heading, self.drawn.text
+    def wrong_results(self):
+        path = f"Documents/{self.values.file}"
+        heading, text = self.values.heading, self.values.text
         return {
             "stars": lambda m: m.write(path, text.replace(heading, f"**{heading}**")),
             "capitals": lambda m: m.write(path, text.replace(heading, heading.upper())),

@@ -2,8 +2,8 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import thunar
-from online_env.tasks.kit.files import sample_file
-from online_env.tasks.kit.words import CITIES, TOPICS, sample
+from online_env.tasks.kit.sample_files import sample_file
+from online_env.tasks.kit.word_lists import CITIES, TOPICS, sample
 from online_env.tasks.plan_words import quoted
 
 STICKS = ("KINGSTON", "SANDISK", "INTENSO", "TRANSCEND")
@@ -30,15 +30,15 @@ class CopyToStick(Task):
         return {"folder": folder, "place": f"Documents/{folder}", "names": names, "stick": stick}
 
     def prepare(self, machine):
-        for name in self.drawn.names:
-            machine.write(f"{self.drawn.place}/{name}", sample_file(name))
-        machine.write(f"Documents/Old {self.drawn.stick}/list.txt", "Copied in spring.\n")
+        for name in self.values.names:
+            machine.write(f"{self.values.place}/{name}", sample_file(name))
+        machine.write(f"Documents/Old {self.values.stick}/list.txt", "Copied in spring.\n")
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "thunar", machine.path("Documents")
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
 
     def oracle(self, hand):
         thunar.go(hand, "Documents")
@@ -46,19 +46,19 @@ class CopyToStick(Task):
         hand.find("frame", "Computer - Thunar", app="thunar")
         thunar.as_list(hand)
         hand.find(thunar.ROWS, "File System", app="thunar")
-        if not thunar.present(hand, self.drawn.stick):
-            hand.give_up(f"no stick {self.drawn.stick} is plugged in")
+        if not thunar.present(hand, self.values.stick):
+            hand.give_up(f"no stick {self.values.stick} is plugged in")
 
     def plan(self):
         return [
             'window "Thunar"',
             'click "Computer"',
             'wait for "File System"',
-            f"give up {quoted(f'no stick {self.drawn.stick} is plugged in')}",
+            f"give up {quoted(f'no stick {self.values.stick} is plugged in')}",
         ]
 
-    def wrong(self):
-        place, stick = self.drawn.place, self.drawn.stick
+    def wrong_results(self):
+        place, stick = self.values.place, self.values.stick
         old = f"Documents/Old {stick}"
         return {
             "a folder of that name": lambda m: m.run("cp", "-r", place, f"Documents/{stick}"),

@@ -2,7 +2,7 @@
 
 from online_env.embedded.sites.library import articles
 from online_env.tasks import Task
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.articles import address, open_history, put
 from online_env.tasks.kit.pages import follow
 
@@ -25,14 +25,14 @@ class DeleteArticle(Task):
     def draw(self, stream):
         return {"title": stream.choice(list(articles("wiki").values())).title}
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", "http://wiki.test/"
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
 
     def oracle(self, hand):
-        open_history(hand, self.drawn.title)
+        open_history(hand, self.values.title)
         follow(hand, "Edit", "Editing")
         hand.find("push-button", "Save changes", scroll=True)
         hand.give_up("an article can be read, edited and followed back, but not deleted")
@@ -40,14 +40,14 @@ class DeleteArticle(Task):
     def plan(self):
         return [
             'window "Chromium"',
-            *told.visit(address(self.drawn.title, "history"), "First version"),
+            *plan_steps.visit(address(self.values.title, "history"), "First version"),
             'click "Edit" near "Read"',
             'scroll down to "Save changes"',
             'give up "an article can be read, edited and followed back, but not deleted"',
         ]
 
-    def wrong(self):
-        title = self.drawn.title
+    def wrong_results(self):
+        title = self.values.title
         return {
             "nearly empty": lambda m: put(m, title, "."),
             "said to be deleted": lambda m: put(m, title, "This article was deleted."),

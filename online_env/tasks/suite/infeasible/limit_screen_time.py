@@ -1,7 +1,7 @@
 """Limit the time for a site in Chromium's settings, where there is no such thing."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import chromium, told
+from online_env.tasks.kit import chromium, plan_steps
 from online_env.tasks.kit.pages import visit
 
 SITES = ("news.test", "shop.test", "wiki.test", "mail.test", "search.test")
@@ -25,11 +25,11 @@ class LimitScreenTime(Task):
     def draw(self, stream):
         return {"site": stream.choice(SITES), "minutes": 5 * stream.integer(2, 18)}
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return ("chrome",)
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         for kind in ("javascript", "images", "popups", "cookies"):
             if chromium.exceptions(machine, kind):
                 yield f"{kind} of a site were blocked or allowed"
@@ -45,14 +45,14 @@ class LimitScreenTime(Task):
     def plan(self):
         return [
             'window "Chromium"',
-            *told.visit("chrome://settings/performance", "Memory"),
-            *told.visit("chrome://settings/privacy", "Privacy and security"),
+            *plan_steps.visit("chrome://settings/performance", "Memory"),
+            *plan_steps.visit("chrome://settings/privacy", "Privacy and security"),
             'give up "the settings have no limits of time"',
         ]
 
-    def wrong(self):
+    def wrong_results(self):
         def block(kind):
-            return lambda m: chromium.block(m, kind, self.drawn.site)
+            return lambda m: chromium.block(m, kind, self.values.site)
 
         return {
             "its scripts blocked": block("javascript"),

@@ -24,13 +24,13 @@ class NightLight(Task):
         return {"start": stream.integer(18, 23), "end": stream.integer(5, 9)}
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
 
     def oracle(self, hand):
         hand.fill("Search", "night", APP)
-        hand.gone("label", "Hardware", APP)
+        hand.wait_until_gone("label", "Hardware", APP)
         hand.replace("blue light")
-        hand.gone("label", "Hardware", APP)
+        hand.wait_until_gone("label", "Hardware", APP)
         hand.give_up("the settings find neither a night light nor a blue light filter")
 
     def plan(self):
@@ -45,7 +45,7 @@ class NightLight(Task):
             'give up "the settings find neither a night light nor a blue light filter"',
         ]
 
-    def wrong(self):
+    def wrong_results(self):
         return {
             "a script": lambda m: m.write("Desktop/night.sh", "xgamma -bgamma 0.7\n"),
             "a note": lambda m: m.write("Documents/night light.txt", "on\n"),

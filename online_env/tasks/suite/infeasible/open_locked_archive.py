@@ -3,7 +3,7 @@
 from online_env.tasks import Task
 from online_env.tasks.kit import thunar
 from online_env.tasks.kit.archives import make_locked_zip
-from online_env.tasks.kit.words import LAST_NAMES, TOPICS, sample
+from online_env.tasks.kit.word_lists import LAST_NAMES, TOPICS, sample
 from online_env.tasks.plan_words import quoted
 
 NAMES = tuple(name for name in LAST_NAMES if name.isalpha())
@@ -36,37 +36,37 @@ class OpenLockedArchive(Task):
         }
 
     def prepare(self, machine):
-        machine.write(f"Downloads/{self.drawn.archive}", self.drawn.data)
-        machine.write("Downloads/readme.txt", self.drawn.note)
+        machine.write(f"Downloads/{self.values.archive}", self.values.data)
+        machine.write("Downloads/readme.txt", self.values.note)
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "thunar", machine.path("Downloads")
 
     def problems(self, machine):
-        tried = f"Downloads/{self.drawn.stem}"  # what Xarchiver makes before it asks
-        yield from machine.untouched(tried)
+        tried = f"Downloads/{self.values.stem}"  # what Xarchiver makes before it asks
+        yield from machine.unexpected_changes(tried)
         if machine.names(tried):
             yield f"there is something in {tried}"
 
     def oracle(self, hand):
         thunar.go(hand, "Downloads")
-        hand.double_click(hand.find(thunar.ROWS, self.drawn.archive, app="thunar"))
-        hand.find("table-cell", self.drawn.wanted, app="xarchiver")
+        hand.double_click(hand.find(thunar.ROWS, self.values.archive, app="thunar"))
+        hand.find("table-cell", self.values.wanted, app="xarchiver")
         hand.button("Extract", app="xarchiver")
         hand.find("dialog", "Extract files", app="xarchiver")
         hand.find("label", "Password:", app="xarchiver")
         hand.button("Cancel", app="xarchiver")
-        hand.gone("dialog", "Extract files", app="xarchiver")
+        hand.wait_until_gone("dialog", "Extract files", app="xarchiver")
         hand.press("alt", "f4")
-        hand.gone("frame", app="xarchiver")
+        hand.wait_until_gone("frame", app="xarchiver")
         hand.give_up("the archive asks for a password, and I was not told any")
 
     def plan(self):
         return [
             'window "Thunar"',
-            f"double-click {quoted(self.drawn.archive)}",
+            f"double-click {quoted(self.values.archive)}",
             'window "xarchiver"',
-            f"wait for {quoted(self.drawn.wanted)}",
+            f"wait for {quoted(self.values.wanted)}",
             'click "Action"',
             'click "Extract"',
             'wait for "Password:"',
@@ -74,9 +74,9 @@ class OpenLockedArchive(Task):
             'give up "the archive asks for a password, and nobody told me any"',
         ]
 
-    def wrong(self):
-        wanted, archive = self.drawn.wanted, f"Downloads/{self.drawn.archive}"
-        folder = f"Downloads/{self.drawn.stem}"
+    def wrong_results(self):
+        wanted, archive = self.values.wanted, f"Downloads/{self.values.archive}"
+        folder = f"Downloads/{self.values.stem}"
         return {
             "an empty file": lambda m: m.write(f"Documents/{wanted}", ""),
             "the archive itself": lambda m: m.run("cp", archive, f"Documents/{wanted}"),

@@ -35,34 +35,34 @@ class PayByMethod(Task):
         }
 
     def prepare(self, machine):
-        shop.fill(machine, self.drawn.cart)
+        shop.fill(machine, self.values.cart)
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", shop.CART
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         yield from shop.problems(machine)
 
     def oracle(self, hand):
         browser.begin(hand, shop.CART, "Your cart")
         browser.follow(hand, "Go to checkout", "Checkout")
         hand.find("radio-button", "Cash on delivery", app=browser.APP, scroll=True)
-        hand.give_up(f"the shop does not take {self.drawn.way}")
+        hand.give_up(f"the shop does not take {self.values.way}")
 
     def plan(self):
         return [
             'window "Chromium"',
             'click "Go to checkout"',
             'scroll down to "Cash on delivery"',
-            f"give up {quoted(f'the shop does not take {self.drawn.way}')}",
+            f"give up {quoted(f'the shop does not take {self.values.way}')}",
         ]
 
-    def wrong(self):
-        cart, person = self.drawn.cart, self.drawn.person
+    def wrong_results(self):
+        cart, person = self.values.cart, self.values.person
         return {
             "by invoice": lambda m: shop.order(m, cart, person),
             "in cash": lambda m: shop.order(m, cart, person, payment="cash"),
-            "the wish on the card": lambda m: shop.order(m, cart, person, message=self.drawn.way),
+            "the wish on the card": lambda m: shop.order(m, cart, person, message=self.values.way),
             "the cart was emptied": lambda m: shop.fill(m, {}),
         }

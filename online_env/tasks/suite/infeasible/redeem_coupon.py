@@ -30,13 +30,13 @@ class RedeemCoupon(Task):
         }
 
     def prepare(self, machine):
-        shop.fill(machine, self.drawn.cart)
+        shop.fill(machine, self.values.cart)
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", shop.CART
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         yield from shop.problems(machine)
 
     def oracle(self, hand):
@@ -57,8 +57,8 @@ class RedeemCoupon(Task):
             'give up "there is no field for a coupon"',
         ]
 
-    def wrong(self):
-        cart, code = self.drawn.cart, self.drawn.code
+    def wrong_results(self):
+        cart, code = self.values.cart, self.values.code
         return {
             "ordered without it": lambda m: shop.order(m, cart, shop.NOBODY),
             "the code on the card": lambda m: shop.order(m, cart, shop.NOBODY, message=code),

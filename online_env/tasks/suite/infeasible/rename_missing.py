@@ -2,8 +2,8 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import thunar
-from online_env.tasks.kit.files import sample_file
-from online_env.tasks.kit.words import TOPICS, sample
+from online_env.tasks.kit.sample_files import sample_file
+from online_env.tasks.kit.word_lists import TOPICS, sample
 from online_env.tasks.plan_words import quoted
 
 FOLDERS = ("Council", "Tenants", "Orchestra", "Workshop")
@@ -38,30 +38,30 @@ class RenameMissing(Task):
         }
 
     def prepare(self, machine):
-        for name in self.drawn.names:
-            machine.write(f"{self.drawn.place}/{name}", sample_file(name))
+        for name in self.values.names:
+            machine.write(f"{self.values.place}/{name}", sample_file(name))
 
-    def opens(self, machine):
-        return "thunar", machine.path(self.drawn.place)
+    def initial_app(self, machine):
+        return "thunar", machine.path(self.values.place)
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
 
     def oracle(self, hand):
-        thunar.go(hand, self.drawn.place)
-        found = thunar.present(hand, self.drawn.old)
+        thunar.go(hand, self.values.place)
+        found = thunar.present(hand, self.values.old)
         hand.click_on("table-cell", "Trash", app="thunar")
         hand.find("frame", "Trash - Thunar", app="thunar")
-        found += thunar.present(hand, self.drawn.old)
+        found += thunar.present(hand, self.values.old)
         if not found:
-            hand.give_up(f"there is no {self.drawn.old}, neither in the folder nor in the trash")
+            hand.give_up(f"there is no {self.values.old}, neither in the folder nor in the trash")
 
     def plan(self):
-        said = f"there is no {self.drawn.old}, neither in the folder nor in the trash"
+        said = f"there is no {self.values.old}, neither in the folder nor in the trash"
         return ['window "Thunar"', 'click "Trash" near "Places"', "wait", f"give up {quoted(said)}"]
 
-    def wrong(self):
-        place, new, names = self.drawn.place, self.drawn.new, self.drawn.names
+    def wrong_results(self):
+        place, new, names = self.values.place, self.values.new, self.values.names
         return {
             "another year": lambda m: m.run("mv", f"{place}/{names[0]}", f"{place}/{new}"),
             "another ending": lambda m: m.run("mv", f"{place}/{names[2]}", f"{place}/{new}"),

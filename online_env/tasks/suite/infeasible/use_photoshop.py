@@ -1,8 +1,8 @@
 """Work with a program that is not on this computer."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit.files import sample_file
-from online_env.tasks.kit.words import CITIES, sample
+from online_env.tasks.kit.sample_files import sample_file
+from online_env.tasks.kit.word_lists import CITIES, sample
 from online_env.tasks.plan_words import quoted
 
 PANEL = "xfce4-panel"
@@ -41,25 +41,25 @@ class UsePhotoshop(Task):
         }
 
     def prepare(self, machine):
-        for name in (self.drawn.picture, self.drawn.other):
+        for name in (self.values.picture, self.values.other):
             machine.write(f"Pictures/{name}", sample_file(name))
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "thunar", machine.path("Pictures")
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
 
     def oracle(self, hand):
         hand.click_on("toggle-button", "Applications", app=PANEL)
         hand.menu("Graphics", app=PANEL)
         hand.find("menu-item", "Ristretto Image Viewer", app=PANEL)
-        found = hand.see("menu-item", self.drawn.program, app=PANEL)
+        found = hand.see("menu-item", self.values.program, app=PANEL)
         hand.press("escape")
         hand.press("escape")
-        hand.gone("menu", "Graphics", app=PANEL)
+        hand.wait_until_gone("menu", "Graphics", app=PANEL)
         if found is None:
-            hand.give_up(f"{self.drawn.program} is not among the applications")
+            hand.give_up(f"{self.values.program} is not among the applications")
 
     def plan(self):
         return [
@@ -68,11 +68,11 @@ class UsePhotoshop(Task):
             'click "Graphics"',
             'wait for "Ristretto"',
             "press esc 2 times",
-            f"give up {quoted(f'{self.drawn.program} is not among the applications')}",
+            f"give up {quoted(f'{self.values.program} is not among the applications')}",
         ]
 
-    def wrong(self):
-        picture, target = f"Pictures/{self.drawn.picture}", f"Pictures/{self.drawn.target}"
+    def wrong_results(self):
+        picture, target = f"Pictures/{self.values.picture}", f"Pictures/{self.values.target}"
         return {
             "renamed": lambda m: m.run("mv", picture, target),
             "copied under the name": lambda m: m.run("cp", picture, target),

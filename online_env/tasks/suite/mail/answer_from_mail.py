@@ -1,7 +1,7 @@
 """Answer a question with a fact that stands in another mail."""
 
-from online_env.tasks.kit import browser, mail, told
-from online_env.tasks.kit.words import FIRST_NAMES, sample
+from online_env.tasks.kit import browser, mail, plan_steps
+from online_env.tasks.kit.word_lists import FIRST_NAMES, sample
 from online_env.tasks.plan_words import quoted
 
 QUESTIONS = (
@@ -59,11 +59,11 @@ class AnswerFromMail(mail.MailTask):
         }
 
     def prepare(self, machine):
-        mail.receive(machine, *self.drawn.mails)
+        mail.receive(machine, *self.values.mails)
 
     def problems(self, machine):
-        yield from machine.untouched()
-        drawn = self.drawn
+        yield from machine.unexpected_changes()
+        drawn = self.values
         letter = mail.Letter(
             to=["asker@mail.test"],
             subject="Re: A question",
@@ -73,34 +73,34 @@ class AnswerFromMail(mail.MailTask):
 
     def oracle(self, hand):
         browser.begin(hand, mail.INBOX, "Inbox")
-        mail.search(hand, self.drawn.subject)
-        mail.open_mail(hand, self.drawn.teller, self.drawn.subject)
+        mail.search(hand, self.values.subject)
+        mail.open_mail(hand, self.values.teller, self.values.subject)
         browser.follow(hand, browser.starting("Inbox"), "Inbox")
-        mail.open_mail(hand, self.drawn.asker, "A question")
+        mail.open_mail(hand, self.values.asker, "A question")
         browser.follow(hand, "Reply")
-        mail.compose(hand, text=f"It is {self.drawn.new}. Robin")
+        mail.compose(hand, text=f"It is {self.values.new}. Robin")
         mail.send(hand)
 
     def plan(self):
-        drawn = self.drawn
+        drawn = self.values
         return [
             'window "Chromium"',
-            *told.search_mail(drawn.subject),
+            *plan_steps.search_mail(drawn.subject),
             f"click {quoted(drawn.teller)} near {quoted(drawn.subject)}",
             f"wait for {quoted(f'it is {drawn.new}')}",
             'click "Inbox"',
             'click "A question"',
             'click "Reply"',
-            *told.compose(text=f"It is {drawn.new}. Robin"),
-            *told.SEND,
+            *plan_steps.compose(text=f"It is {drawn.new}. Robin"),
+            *plan_steps.SEND,
         ]
 
-    def wrong(self):
+    def wrong_results(self):
         to, subject, old, new = (
             ["asker@mail.test"],
             "Re: A question",
-            self.drawn.old,
-            self.drawn.new,
+            self.values.old,
+            self.values.new,
         )
         return {
             "the old number": lambda m: mail.store(m, to, subject, f"It is {old}."),
@@ -115,6 +115,8 @@ class AnswerFromMail(mail.MailTask):
             "only a draft": lambda m: mail.store(m, to, subject, new, folder="drafts"),
         }
 
-    def right(self, machine):
-        body = f"Dear {self.drawn.asker},\n{self.drawn.thing} is {self.drawn.new}.\n\n> Hello Robin"
+    def right_result(self, machine):
+        body = (
+            f"Dear {self.values.asker},\n{self.values.thing} is {self.values.new}.\n\n> Hello Robin"
+        )
         mail.store(machine, ["asker@mail.test"], "RE: A question", body)

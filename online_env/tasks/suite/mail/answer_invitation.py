@@ -1,7 +1,7 @@
 """Answer a mail with a sentence that is given."""
 
-from online_env.tasks.kit import browser, mail, told
-from online_env.tasks.kit.words import FIRST_NAMES, sample
+from online_env.tasks.kit import browser, mail, plan_steps
+from online_env.tasks.kit.word_lists import FIRST_NAMES, sample
 from online_env.tasks.plan_words import quoted
 
 EVENTS = ("Supper", "A walk on the dunes", "Cards", "Rehearsal", "The quiz night", "A film")
@@ -53,32 +53,32 @@ class AnswerInvitation(mail.MailTask):
         }
 
     def prepare(self, machine):
-        mail.receive(machine, *self.drawn.mails)
+        mail.receive(machine, *self.values.mails)
 
     def problems(self, machine):
-        yield from machine.untouched()
-        drawn = self.drawn
+        yield from machine.unexpected_changes()
+        drawn = self.values
         letter = mail.Letter(to=[drawn.to], subject=drawn.subject, text=drawn.answer)
         yield from mail.problems(machine, sent=[letter])
 
     def oracle(self, hand):
         browser.begin(hand, mail.INBOX, "Inbox")
-        mail.open_mail(hand, self.drawn.who, self.drawn.chosen["subject"])
+        mail.open_mail(hand, self.values.who, self.values.chosen["subject"])
         browser.follow(hand, "Reply")
-        mail.compose(hand, text=self.drawn.answer)
+        mail.compose(hand, text=self.values.answer)
         mail.send(hand)
 
     def plan(self):
         return [
             'window "Chromium"',
-            f"click {quoted(self.drawn.chosen['subject'])}",
+            f"click {quoted(self.values.chosen['subject'])}",
             'click "Reply"',
-            *told.compose(text=self.drawn.answer),
-            *told.SEND,
+            *plan_steps.compose(text=self.values.answer),
+            *plan_steps.SEND,
         ]
 
-    def wrong(self):
-        to, subject, answer = self.drawn.to, self.drawn.subject, self.drawn.answer
+    def wrong_results(self):
+        to, subject, answer = self.values.to, self.values.subject, self.values.answer
         return {
             "another text": lambda m: mail.store(m, [to], subject, "Yes."),
             "to somebody else": lambda m: mail.store(m, ["oda@mail.test"], subject, answer),
@@ -87,7 +87,7 @@ class AnswerInvitation(mail.MailTask):
             "twice": lambda m: [mail.store(m, [to], subject, answer) for _ in range(2)],
         }
 
-    def right(self, machine):
-        quoted = "\n".join(f"> {line}" for line in self.drawn.chosen["body"].splitlines())
-        body = f"{self.drawn.answer}\n\n{quoted}"
-        mail.store(machine, [self.drawn.to.upper()], self.drawn.subject, body)
+    def right_result(self, machine):
+        quoted = "\n".join(f"> {line}" for line in self.values.chosen["body"].splitlines())
+        body = f"{self.values.answer}\n\n{quoted}"
+        mail.store(machine, [self.values.to.upper()], self.values.subject, body)

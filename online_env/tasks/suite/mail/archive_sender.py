@@ -1,7 +1,7 @@
 """Archive all mails of one sender."""
 
 from online_env.tasks.kit import browser, mail
-from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES, TOPICS, sample, shuffled
+from online_env.tasks.kit.word_lists import FIRST_NAMES, LAST_NAMES, TOPICS, sample, shuffled
 from online_env.tasks.plan_words import quoted
 
 
@@ -38,28 +38,28 @@ class ArchiveSender(mail.MailTask):
         }
 
     def prepare(self, machine):
-        mail.receive(machine, *self.drawn.mails)
+        mail.receive(machine, *self.values.mails)
 
     def problems(self, machine):
-        yield from machine.untouched()
-        flags = {ident: {"folder": "archive"} for ident in self.drawn.chosen}
+        yield from machine.unexpected_changes()
+        flags = {ident: {"folder": "archive"} for ident in self.values.chosen}
         yield from mail.problems(machine, flags=flags)
 
     def oracle(self, hand):
         browser.begin(hand, mail.INBOX, "Inbox")
-        for subject in self.drawn.subjects:
-            if mail.lists(hand, self.drawn.who, subject):
-                mail.open_mail(hand, self.drawn.who, subject)
+        for subject in self.values.subjects:
+            if mail.lists(hand, self.values.who, subject):
+                mail.open_mail(hand, self.values.who, subject)
                 browser.push(hand, "Archive", "Inbox")
 
     def plan(self):
         steps = ['window "Chromium"']
-        for subject in self.drawn.subjects:
+        for subject in self.values.subjects:
             steps += [f"click {quoted(subject)}", 'click "Archive" near "Back"', 'wait for "Inbox"']
         return steps
 
-    def wrong(self):
-        chosen, others = self.drawn.chosen, self.drawn.others
+    def wrong_results(self):
+        chosen, others = self.values.chosen, self.values.others
         return {
             "one is left": lambda m: mail.flag(m, *chosen[1:], folder="archive"),
             "deleted": lambda m: mail.flag(m, *chosen, folder="trash"),
@@ -67,5 +67,5 @@ class ArchiveSender(mail.MailTask):
             "all": lambda m: mail.flag(m, *chosen, *others, folder="archive"),
         }
 
-    def right(self, machine):
-        mail.flag(machine, *reversed(self.drawn.chosen), folder="archive", read=True)
+    def right_result(self, machine):
+        mail.flag(machine, *reversed(self.values.chosen), folder="archive", read=True)

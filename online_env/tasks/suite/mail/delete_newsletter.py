@@ -1,7 +1,7 @@
 """Delete the old issues of a newsletter, and keep the newest."""
 
-from online_env.tasks.kit import browser, mail, told
-from online_env.tasks.kit.words import CITIES, sample
+from online_env.tasks.kit import browser, mail, plan_steps
+from online_env.tasks.kit.word_lists import CITIES, sample
 from online_env.tasks.plan_words import quoted
 
 NAMES = ("The {city} Gardener", "Sails of {city}", "{city} by Train", "Cooking in {city}")
@@ -37,33 +37,33 @@ class DeleteNewsletter(mail.MailTask):
         }
 
     def prepare(self, machine):
-        mail.receive(machine, *self.drawn.mails)
+        mail.receive(machine, *self.values.mails)
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         flags = {ident: {"folder": "trash"} for ident in ("r0", "r2", "r4")}
         yield from mail.problems(machine, flags=flags)
 
     def oracle(self, hand):
         browser.begin(hand, mail.INBOX, "Inbox")
-        for subject in self.drawn.subjects:
-            if mail.lists(hand, self.drawn.title, subject):
-                mail.open_mail(hand, self.drawn.title, subject)
+        for subject in self.values.subjects:
+            if mail.lists(hand, self.values.title, subject):
+                mail.open_mail(hand, self.values.title, subject)
                 browser.push(hand, "Delete", "Inbox")
 
     def plan(self):
         steps = ['window "Chromium"']
-        for subject in self.drawn.subjects:
+        for subject in self.values.subjects:
             number = subject.rpartition(" ")[2]
             steps += [
-                *told.search_mail(subject),
+                *plan_steps.search_mail(subject),
                 f"click {quoted(f'this is issue {number}')}",
                 'click "Delete" near "Back"',
                 "wait",
             ]
         return steps
 
-    def wrong(self):
+    def wrong_results(self):
         return {
             "the newest as well": lambda m: mail.flag(m, "r0", "r2", "r4", "r5", folder="trash"),
             "one too few": lambda m: mail.flag(m, "r0", "r2", folder="trash"),
@@ -74,5 +74,5 @@ class DeleteNewsletter(mail.MailTask):
             ),
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         mail.flag(machine, "r4", "r2", "r0", folder="trash", read=True)

@@ -3,7 +3,7 @@
 import re
 
 from online_env.tasks.kit import browser, mail
-from online_env.tasks.kit.words import CITIES, MONTHS, TOPICS, sample
+from online_env.tasks.kit.word_lists import CITIES, MONTHS, TOPICS, sample
 from online_env.tasks.plan_words import quoted
 
 PEOPLE = ("ilse@mail.test", "piet@mail.test", "jun@mail.test", "adaeze@mail.test")
@@ -41,32 +41,32 @@ class FinishDraft(mail.MailTask):
         }
 
     def prepare(self, machine):
-        drafts = list(zip(self.drawn.subjects, self.drawn.texts, strict=True))
-        for subject, text in drafts if self.drawn.first else reversed(drafts):
+        drafts = list(zip(self.values.subjects, self.values.texts, strict=True))
+        for subject, text in drafts if self.values.first else reversed(drafts):
             mail.store(machine, [], subject, text, folder="drafts")
 
     @property
     def ident(self):
         """The id of the draft that is sent."""
-        return "s01" if self.drawn.first else "s02"
+        return "s01" if self.values.first else "s02"
 
     @property
     def whole(self):
         """The text of the mail."""
-        return f"{self.drawn.texts[0]}\n{self.drawn.line}"
+        return f"{self.values.texts[0]}\n{self.values.line}"
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         letter = mail.Letter(
-            to=[self.drawn.to], subject=self.drawn.subject, text=self.whole, last=self.drawn.line
+            to=[self.values.to], subject=self.values.subject, text=self.whole, last=self.values.line
         )
         yield from mail.problems(machine, sent=[letter], finished=[self.ident])
 
     def oracle(self, hand):
         browser.begin(hand, mail.INBOX, "Inbox")
         browser.follow(hand, browser.starting("Drafts"), "Drafts")
-        browser.follow(hand, re.compile(f"To: *{self.drawn.subject}"), "New message")
-        mail.compose(hand, to=self.drawn.to)
+        browser.follow(hand, re.compile(f"To: *{self.values.subject}"), "New message")
+        mail.compose(hand, to=self.values.to)
         hand.replace(self.whole)
         mail.send(hand)
 
@@ -74,33 +74,33 @@ class FinishDraft(mail.MailTask):
         return [
             'window "Chromium"',
             'click "Drafts"',
-            f"click {quoted(self.drawn.subject)}",
+            f"click {quoted(self.values.subject)}",
             'wait for "New message"',
             'click "To"',
-            f"type {quoted(self.drawn.to)}",
+            f"type {quoted(self.values.to)}",
             "press tab 3 times",
             "press ctrl+end",
-            f"type {quoted(chr(10) + self.drawn.line)}",
+            f"type {quoted(chr(10) + self.values.line)}",
             'click "Send"',
-            f"wait for {quoted(self.drawn.subject)}",
+            f"wait for {quoted(self.values.subject)}",
         ]
 
     def finish(self, machine, to, text):
         """Send the draft, as the site does."""
         with machine.sites.update("mail") as state:
             state["drafts"] = [draft for draft in state["drafts"] if draft["id"] != self.ident]
-        mail.store(machine, [to], self.drawn.subject, text)
+        mail.store(machine, [to], self.values.subject, text)
 
-    def wrong(self):
-        to, subject, texts = self.drawn.to, self.drawn.subject, self.drawn.texts
+    def wrong_results(self):
+        to, subject, texts = self.values.to, self.values.subject, self.values.texts
         return {
             "without the line": lambda m: self.finish(m, to, texts[0]),
-            "in the line before": lambda m: self.finish(m, to, f"{texts[0]} {self.drawn.line}"),
+            "in the line before": lambda m: self.finish(m, to, f"{texts[0]} {self.values.line}"),
             "to somebody else": lambda m: self.finish(m, "oda@mail.test", self.whole),
-            "the other text": lambda m: self.finish(m, to, f"{texts[1]}\n{self.drawn.line}"),
+            "the other text": lambda m: self.finish(m, to, f"{texts[1]}\n{self.values.line}"),
             "the draft is left": lambda m: mail.store(m, [to], subject, self.whole),
             "not sent": lambda m: mail.store(m, [to], subject, self.whole, folder="drafts"),
         }
 
-    def right(self, machine):
-        self.finish(machine, self.drawn.to, f"{self.drawn.texts[0]}\n\n{self.drawn.line}\n")
+    def right_result(self, machine):
+        self.finish(machine, self.values.to, f"{self.values.texts[0]}\n\n{self.values.line}\n")

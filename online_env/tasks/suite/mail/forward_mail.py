@@ -1,7 +1,7 @@
 """Forward a mail with a line of one's own."""
 
-from online_env.tasks.kit import browser, mail, told
-from online_env.tasks.kit.words import FIRST_NAMES, TOPICS, sample
+from online_env.tasks.kit import browser, mail, plan_steps
+from online_env.tasks.kit.word_lists import FIRST_NAMES, TOPICS, sample
 from online_env.tasks.plan_words import quoted
 
 LINES = (
@@ -54,34 +54,34 @@ class ForwardMail(mail.MailTask):
         }
 
     def prepare(self, machine):
-        mail.receive(machine, *self.drawn.mails)
+        mail.receive(machine, *self.values.mails)
 
     def problems(self, machine):
-        yield from machine.untouched()
-        drawn = self.drawn
+        yield from machine.unexpected_changes()
+        drawn = self.values
         letter = mail.Letter(to=[drawn.to], text=drawn.line, passes_on=drawn.chosen)
         yield from mail.problems(machine, sent=[letter])
 
     def oracle(self, hand):
         browser.begin(hand, mail.INBOX, "Inbox")
-        mail.open_mail(hand, self.drawn.who, self.drawn.subject)
+        mail.open_mail(hand, self.values.who, self.values.subject)
         browser.follow(hand, "Forward")
-        mail.compose(hand, to=self.drawn.to, text=self.drawn.line)
+        mail.compose(hand, to=self.values.to, text=self.values.line)
         mail.send(hand)
 
     def plan(self):
         return [
             'window "Chromium"',
-            f"click {quoted(self.drawn.subject)}",
+            f"click {quoted(self.values.subject)}",
             'click "Forward"',
-            *told.compose(to=self.drawn.to, text=self.drawn.line),
-            *told.SEND,
+            *plan_steps.compose(to=self.values.to, text=self.values.line),
+            *plan_steps.SEND,
         ]
 
-    def wrong(self):
-        to, line, body = self.drawn.to, self.drawn.line, self.drawn.body
+    def wrong_results(self):
+        to, line, body = self.values.to, self.values.line, self.values.body
         whole = f"{line}\n\n{body}"
-        other = next(m["body"] for m in self.drawn.mails if m["body"] != body)
+        other = next(m["body"] for m in self.values.mails if m["body"] != body)
         return {
             "without the line": lambda m: mail.store(m, [to], "Fwd", body),
             "only the line": lambda m: mail.store(m, [to], "Fwd", line),
@@ -98,7 +98,7 @@ class ForwardMail(mail.MailTask):
             ],
         }
 
-    def right(self, machine):
-        quoted = "\n".join(f"> {line}" for line in self.drawn.body.splitlines())
-        body = f"{self.drawn.line}\n\n{quoted}"
-        mail.store(machine, [self.drawn.to], f"Fwd: {self.drawn.subject}", body)
+    def right_result(self, machine):
+        quoted = "\n".join(f"> {line}" for line in self.values.body.splitlines())
+        body = f"{self.values.line}\n\n{quoted}"
+        mail.store(machine, [self.values.to], f"Fwd: {self.values.subject}", body)

@@ -1,7 +1,7 @@
 """Find an old mail by its words, and mark it as unread."""
 
-from online_env.tasks.kit import browser, mail, told
-from online_env.tasks.kit.words import CITIES, FIRST_NAMES, GOODS, MONTHS, sample
+from online_env.tasks.kit import browser, mail, plan_steps
+from online_env.tasks.kit.word_lists import CITIES, FIRST_NAMES, GOODS, MONTHS, sample
 from online_env.tasks.plan_words import quoted
 
 
@@ -45,30 +45,30 @@ class MarkFoundUnread(mail.MailTask):
         }
 
     def prepare(self, machine):
-        mail.receive(machine, *self.drawn.mails)
+        mail.receive(machine, *self.values.mails)
 
     def problems(self, machine):
-        yield from machine.untouched()
-        yield from mail.problems(machine, flags={self.drawn.ident: {"read": False}})
+        yield from machine.unexpected_changes()
+        yield from mail.problems(machine, flags={self.values.ident: {"read": False}})
 
     def oracle(self, hand):
         browser.begin(hand, mail.INBOX, "Inbox")
-        mail.search(hand, f"{self.drawn.thing} from {self.drawn.city}")
-        mail.open_mail(hand, self.drawn.who, "From the market")
+        mail.search(hand, f"{self.values.thing} from {self.values.city}")
+        mail.open_mail(hand, self.values.who, "From the market")
         browser.push(hand, "Mark as unread", "Inbox")
 
     def plan(self):
-        drawn = self.drawn
+        drawn = self.values
         return [
             'window "Chromium"',
-            *told.search_mail(f"{drawn.thing} from {drawn.city}"),
+            *plan_steps.search_mail(f"{drawn.thing} from {drawn.city}"),
             f"click {quoted(drawn.who)}",
             'click "Mark as unread"',
             'wait for "Inbox"',
         ]
 
-    def wrong(self):
-        ident, other = self.drawn.ident, self.drawn.other
+    def wrong_results(self):
+        ident, other = self.values.ident, self.values.other
         return {
             "another one": lambda m: mail.flag(m, other, read=False),
             "one more": lambda m: mail.flag(m, ident, other, read=False),
@@ -77,6 +77,6 @@ class MarkFoundUnread(mail.MailTask):
             "starred": lambda m: mail.flag(m, ident, starred=True),
         }
 
-    def right(self, machine):
-        mail.flag(machine, self.drawn.other, read=True)
-        mail.flag(machine, self.drawn.ident, read=False)
+    def right_result(self, machine):
+        mail.flag(machine, self.values.other, read=True)
+        mail.flag(machine, self.values.ident, read=False)

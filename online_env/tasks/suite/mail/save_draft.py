@@ -1,7 +1,7 @@
 """Write a mail, and keep it as a draft."""
 
-from online_env.tasks.kit import browser, mail, told
-from online_env.tasks.kit.words import CITIES, MONTHS, TOPICS
+from online_env.tasks.kit import browser, mail, plan_steps
+from online_env.tasks.kit.word_lists import CITIES, MONTHS, TOPICS
 
 PEOPLE = ("ilse@mail.test", "piet@mail.test", "jun@mail.test", "adaeze@mail.test")
 TEXTS = (
@@ -29,30 +29,30 @@ class SaveDraft(mail.MailTask):
         return {"to": stream.choice(PEOPLE), "subject": f"{city} in {month}", "text": text}
 
     def problems(self, machine):
-        yield from machine.untouched()
-        drawn = self.drawn
+        yield from machine.unexpected_changes()
+        drawn = self.values
         letter = mail.Letter(to=[drawn.to], subject=drawn.subject, text=drawn.text)
         yield from mail.problems(machine, drafts=[letter])
 
     def oracle(self, hand):
         browser.begin(hand, mail.INBOX, "Inbox")
         browser.follow(hand, "Compose")
-        drawn = self.drawn
+        drawn = self.values
         mail.compose(hand, to=drawn.to, subject=drawn.subject, text=drawn.text)
         mail.save_draft(hand)
 
     def plan(self):
-        drawn = self.drawn
+        drawn = self.values
         return [
             'window "Chromium"',
             'click "Compose"',
-            *told.compose(to=drawn.to, subject=drawn.subject, text=drawn.text),
+            *plan_steps.compose(to=drawn.to, subject=drawn.subject, text=drawn.text),
             'click "Save draft"',
             "wait",
         ]
 
-    def wrong(self):
-        to, subject, text = self.drawn.to, self.drawn.subject, self.drawn.text
+    def wrong_results(self):
+        to, subject, text = self.values.to, self.values.subject, self.values.text
         return {
             "sent": lambda m: mail.store(m, [to], subject, text),
             "no recipient": lambda m: mail.store(m, [], subject, text, folder="drafts"),
@@ -63,6 +63,6 @@ class SaveDraft(mail.MailTask):
             ],
         }
 
-    def right(self, machine):
-        drawn = self.drawn
+    def right_result(self, machine):
+        drawn = self.values
         mail.store(machine, [drawn.to], drawn.subject, drawn.text + "\n", folder="drafts")

@@ -1,7 +1,7 @@
 """Star one mail, and take the star from another."""
 
 from online_env.tasks.kit import browser, mail
-from online_env.tasks.kit.words import FIRST_NAMES, TOPICS, sample
+from online_env.tasks.kit.word_lists import FIRST_NAMES, TOPICS, sample
 from online_env.tasks.plan_words import quoted
 
 
@@ -41,32 +41,32 @@ class SwapStars(mail.MailTask):
         }
 
     def prepare(self, machine):
-        mail.receive(machine, *self.drawn.mails)
+        mail.receive(machine, *self.values.mails)
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         flags = {"r0": {"starred": False}, "r2": {"starred": True}}
         yield from mail.problems(machine, flags=flags)
 
     def oracle(self, hand):
         browser.begin(hand, mail.INBOX, "Inbox")
-        star = f"Star {self.drawn.new}"
-        if hand.see("push-button", f"Remove star from {self.drawn.new}") is None:
+        star = f"Star {self.values.new}"
+        if hand.see("push-button", f"Remove star from {self.values.new}") is None:
             browser.push(hand, star)
-            hand.gone("push-button", star, app=browser.APP)
-        star = f"Remove star from {self.drawn.old}"
-        if hand.see("push-button", f"Star {self.drawn.old}") is None:
+            hand.wait_until_gone("push-button", star, app=browser.APP)
+        star = f"Remove star from {self.values.old}"
+        if hand.see("push-button", f"Star {self.values.old}") is None:
             browser.push(hand, star)
-            hand.gone("push-button", star, app=browser.APP)
+            hand.wait_until_gone("push-button", star, app=browser.APP)
 
     def plan(self):
         steps = ['window "Chromium"']
-        for subject in (self.drawn.new, self.drawn.old):
+        for subject in (self.values.new, self.values.old):
             steps += [f"click {quoted(subject)}", 'click "star" near "Mark as unread"']
             steps += ["wait", 'click "Inbox"', 'wait for "messages"']
         return steps
 
-    def wrong(self):
+    def wrong_results(self):
         return {
             "only starred": lambda m: mail.flag(m, "r2", starred=True),
             "only unstarred": lambda m: mail.flag(m, "r0", starred=False),
@@ -77,6 +77,6 @@ class SwapStars(mail.MailTask):
             ],
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         mail.flag(machine, "r2", read=True, starred=True)
         mail.flag(machine, "r0", starred=False)

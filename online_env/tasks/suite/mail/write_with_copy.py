@@ -1,7 +1,7 @@
 """Write to somebody, with copies to two others."""
 
-from online_env.tasks.kit import browser, mail, told
-from online_env.tasks.kit.words import MONTHS, TOPICS, sample
+from online_env.tasks.kit import browser, mail, plan_steps
+from online_env.tasks.kit.word_lists import MONTHS, TOPICS, sample
 
 PEOPLE = {
     "Maren": "maren@mail.test",
@@ -42,15 +42,15 @@ class WriteWithCopy(mail.MailTask):
         }
 
     def problems(self, machine):
-        yield from machine.untouched()
-        drawn = self.drawn
+        yield from machine.unexpected_changes()
+        drawn = self.values
         letter = mail.Letter(
             to=[drawn.to], cc=[drawn.cc0, drawn.cc1], subject=drawn.subject, text=drawn.text
         )
         yield from mail.problems(machine, sent=[letter])
 
     def oracle(self, hand):
-        drawn = self.drawn
+        drawn = self.values
         browser.begin(hand, mail.INBOX, "Inbox")
         browser.follow(hand, "Compose")
         copies = f"{drawn.cc0}, {drawn.cc1}"
@@ -58,18 +58,18 @@ class WriteWithCopy(mail.MailTask):
         mail.send(hand)
 
     def plan(self):
-        drawn = self.drawn
+        drawn = self.values
         return [
             'window "Chromium"',
             'click "Compose"',
-            *told.compose(
+            *plan_steps.compose(
                 to=drawn.to, cc=f"{drawn.cc0}, {drawn.cc1}", subject=drawn.subject, text=drawn.text
             ),
-            *told.SEND,
+            *plan_steps.SEND,
         ]
 
-    def wrong(self):
-        d = self.drawn
+    def wrong_results(self):
+        d = self.values
         everybody = [d.to, d.cc0, d.cc1]
         return {
             "all as recipients": lambda m: mail.store(m, everybody, d.subject, d.text),
@@ -80,6 +80,6 @@ class WriteWithCopy(mail.MailTask):
             ],
         }
 
-    def right(self, machine):
-        d = self.drawn
+    def right_result(self, machine):
+        d = self.values
         mail.store(machine, [d.to], d.subject.upper(), d.text + "\n", cc=[d.cc1, d.cc0])

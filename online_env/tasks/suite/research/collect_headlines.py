@@ -6,7 +6,7 @@ from online_env.embedded.sites.hosts.news import SECTIONS
 from online_env.embedded.sites.hosts_and_dates import long_date
 from online_env.embedded.sites.library import articles
 from online_env.tasks import Task
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.notes import take_note, unlike
 from online_env.tasks.kit.pages import arrived, follow, visit
 from online_env.tasks.plan_words import quoted
@@ -47,33 +47,33 @@ class CollectHeadlines(Task):
             "path": f"Documents/headlines-{stream.integer(10, 99)}.txt",
         }
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", "http://news.test/"
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
-        yield from unlike(machine, self.drawn.path, self.drawn.titles, in_any_order=True)
+        yield from machine.unexpected_changes(self.values.path)
+        yield from unlike(machine, self.values.path, self.values.titles, in_any_order=True)
 
     def oracle(self, hand):
         visit(hand, "http://news.test/", "The Morning Ledger")
-        if self.drawn.section:
-            follow(hand, self.drawn.section, self.drawn.section)
-            for title in self.drawn.titles:
+        if self.values.section:
+            follow(hand, self.values.section, self.values.section)
+            for title in self.values.titles:
                 hand.find("heading", title, scroll=True)
         else:
             for section in SECTIONS:  # the front page does not have the day of every article
                 follow(hand, section)
                 arrived(hand, section)
-        take_note(hand, self.drawn.path, "\n".join(self.drawn.titles))
+        take_note(hand, self.values.path, "\n".join(self.values.titles))
 
     def plan(self):
         steps = ['window "Chromium"']
-        for section in [self.drawn.section] if self.drawn.section else SECTIONS:
+        for section in [self.values.section] if self.values.section else SECTIONS:
             steps += [f"click {quoted(section)}", "wait"]
-        return [*steps, *told.take_note(self.drawn.path, "\n".join(self.drawn.titles))]
+        return [*steps, *plan_steps.take_note(self.values.path, "\n".join(self.values.titles))]
 
-    def wrong(self):
-        path, titles = self.drawn.path, self.drawn.titles
+    def wrong_results(self):
+        path, titles = self.values.path, self.values.titles
         more = [a.title for a in articles("news").values() if a.title not in titles][:1]
         return {
             "one is missing": lambda m: m.write(path, "\n".join(titles[1:])),
@@ -82,6 +82,6 @@ class CollectHeadlines(Task):
             "in another file": lambda m: m.write("headlines.txt", "\n".join(titles)),
         }
 
-    def right(self, machine):
-        lines = [f"- {title}\n" for title in reversed(self.drawn.titles)]
-        machine.write(self.drawn.path, "\n".join(lines))
+    def right_result(self, machine):
+        lines = [f"- {title}\n" for title in reversed(self.values.titles)]
+        machine.write(self.values.path, "\n".join(lines))

@@ -1,10 +1,10 @@
 """Compare two articles of the wiki and save the difference."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import articles, told
+from online_env.tasks.kit import articles, plan_steps
 from online_env.tasks.kit.notes import take_note, unlike
 from online_env.tasks.kit.pages import visit
-from online_env.tasks.kit.words import sample
+from online_env.tasks.kit.word_lists import sample
 from online_env.tasks.plan_words import quoted
 
 FERRIES = ("Heron", "Puffin", "Cormorant", "Avocet", "Plover", "Sandpiper", "Tern", "Curlew")
@@ -54,43 +54,43 @@ class CompareFerries(Task):
         }
 
     def prepare(self, machine):
-        for name, figures in self.drawn.figures.items():
+        for name, figures in self.values.figures.items():
             said = [text.format(n) for (_, text, _), n in zip(MEASURES, figures, strict=True)]
             lead = f"The **{name}** is a ferry in the harbour of Port Alder."
             articles.put(machine, f"Ferry {name}", "\n\n".join([lead, *said]))
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", articles.SITE
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
-        found = list(unlike(machine, self.drawn.path, self.lines()))
-        whole = [f"Ferry {self.drawn.larger}", str(self.drawn.difference)]
-        if found and list(unlike(machine, self.drawn.path, whole)):
+        yield from machine.unexpected_changes(self.values.path)
+        found = list(unlike(machine, self.values.path, self.lines()))
+        whole = [f"Ferry {self.values.larger}", str(self.values.difference)]
+        if found and list(unlike(machine, self.values.path, whole)):
             yield from found
 
     def lines(self):
-        return [self.drawn.larger, str(self.drawn.difference)]
+        return [self.values.larger, str(self.values.difference)]
 
     def oracle(self, hand):
         visit(hand, "http://wiki.test/all", "All articles")
-        for name in (self.drawn.one, self.drawn.two):
+        for name in (self.values.one, self.values.two):
             title = f"Ferry {name}"
             visit(hand, articles.address(title), title)
             hand.find("heading", title)
-        take_note(hand, self.drawn.path, "\n".join(self.lines()))
+        take_note(hand, self.values.path, "\n".join(self.lines()))
 
     def plan(self):
-        chosen = [what for what, *_ in MEASURES].index(self.drawn.what)
+        chosen = [what for what, *_ in MEASURES].index(self.values.what)
         steps = ['window "Chromium"']
-        for name in (self.drawn.one, self.drawn.two):
-            figure = str(self.drawn.figures[name][chosen])
-            steps += told.visit(articles.address(f"Ferry {name}"), f"Ferry {name}")
+        for name in (self.values.one, self.values.two):
+            figure = str(self.values.figures[name][chosen])
+            steps += plan_steps.visit(articles.address(f"Ferry {name}"), f"Ferry {name}")
             steps.append(f"wait for {quoted(figure)}")
-        return [*steps, *told.take_note(self.drawn.path, "\n".join(self.lines()))]
+        return [*steps, *plan_steps.take_note(self.values.path, "\n".join(self.lines()))]
 
-    def wrong(self):
-        path, drawn = self.drawn.path, self.drawn
+    def wrong_results(self):
+        path, drawn = self.values.path, self.values
         return {
             "the other ferry": lambda m: m.write(path, f"{drawn.smaller}\n{drawn.difference}"),
             "only the name": lambda m: m.write(path, drawn.larger),
@@ -102,5 +102,5 @@ class CompareFerries(Task):
             ),
         }
 
-    def right(self, machine):
-        machine.write(self.drawn.path, f"Ferry {self.drawn.larger}\n\n{self.drawn.difference}\n")
+    def right_result(self, machine):
+        machine.write(self.values.path, f"Ferry {self.values.larger}\n\n{self.values.difference}\n")

@@ -1,9 +1,9 @@
 """Correct a mistake in an article of the wiki."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import articles, told
+from online_env.tasks.kit import articles, plan_steps
 from online_env.tasks.kit.pages import arrived, enter, follow, visit
-from online_env.tasks.kit.words import even
+from online_env.tasks.kit.word_lists import even
 from online_env.tasks.plan_words import quoted
 
 MISTAKES = (
@@ -53,60 +53,60 @@ class CorrectArticle(Task):
         }
 
     def prepare(self, machine):
-        articles.put(machine, self.drawn.title, self.drawn.spoilt)
+        articles.put(machine, self.values.title, self.values.spoilt)
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", articles.SITE
 
     def problems(self, machine):
-        yield from machine.untouched()
-        for title in articles.others(machine, self.drawn.title):
+        yield from machine.unexpected_changes()
+        for title in articles.others(machine, self.values.title):
             yield f"the article {title} was changed"
-        if not articles.same(articles.text(machine, self.drawn.title), self.drawn.wanted):
-            yield f"the article {self.drawn.title} is not as it should be"
-        comment = articles.comment(machine, self.drawn.title)
-        if even(comment) != even(self.drawn.summary):
+        if not articles.same(articles.text(machine, self.values.title), self.values.wanted):
+            yield f"the article {self.values.title} is not as it should be"
+        comment = articles.comment(machine, self.values.title)
+        if even(comment) != even(self.values.summary):
             yield f"the comment is {comment!r}"
 
     def oracle(self, hand):
-        visit(hand, articles.address(self.drawn.title), self.drawn.title)
+        visit(hand, articles.address(self.values.title), self.values.title)
         follow(hand, "Edit", "Editing")
-        enter(hand, "Text", self.drawn.wanted)
-        enter(hand, "What did you change?", self.drawn.summary)
+        enter(hand, "Text", self.values.wanted)
+        enter(hand, "What did you change?", self.values.summary)
         follow(hand, "Save changes")
-        arrived(hand, f"{self.drawn.title} - Openfolio")
+        arrived(hand, f"{self.values.title} - Openfolio")
 
     def plan(self):
-        title = self.drawn.title
+        title = self.values.title
         return [
             'window "Chromium"',
-            *told.visit(articles.address(title), title),
+            *plan_steps.visit(articles.address(title), title),
             'click "Edit" near "Read"',
             'wait for "Editing"',
             'click below "Text"',
             "press ctrl+a",
-            f"type {quoted(self.drawn.wanted)}",
+            f"type {quoted(self.values.wanted)}",
             "press tab",
-            f"type {quoted(self.drawn.summary)}",
+            f"type {quoted(self.values.summary)}",
             "press enter",
             "wait",
         ]
 
-    def wrong(self):
+    def wrong_results(self):
         def save(title, body, summary):
             changes = ({"summary": ""}, {"summary": summary})
             return lambda m: articles.put(m, title, body, changes)
 
-        title, wanted, summary = self.drawn.title, self.drawn.wanted, self.drawn.summary
-        short = f"The figure is {self.drawn.right_}."
+        title, wanted, summary = self.values.title, self.values.wanted, self.values.summary
+        short = f"The figure is {self.values.right_}."
         return {
             "no comment": save(title, wanted, ""),
-            "only the comment": save(title, self.drawn.spoilt, summary),
+            "only the comment": save(title, self.values.spoilt, summary),
             "the rest is gone": save(title, short, summary),
             "the headings are gone": save(title, " ".join(wanted.split()), summary),
             "another article": save("Tide", wanted, summary),
         }
 
-    def right(self, machine):
-        changes = ({"summary": ""}, {"summary": ""}, {"summary": self.drawn.summary})
-        articles.put(machine, self.drawn.title, self.drawn.wanted + "\n", changes)
+    def right_result(self, machine):
+        changes = ({"summary": ""}, {"summary": ""}, {"summary": self.values.summary})
+        articles.put(machine, self.values.title, self.values.wanted + "\n", changes)

@@ -4,10 +4,10 @@ from collections import Counter
 
 from online_env.embedded.sites.library import articles
 from online_env.tasks import Task
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.notes import take_note, unlike
 from online_env.tasks.kit.pages import follow, visit
-from online_env.tasks.kit.words import sample
+from online_env.tasks.kit.word_lists import sample
 
 
 class CountArticles(Task):
@@ -42,27 +42,32 @@ class CountArticles(Task):
             "path": f"Documents/count-{stream.integer(10, 99)}.txt",
         }
 
-    def opens(self, machine):
-        return "chrome", f"http://{self.drawn.host}/"
+    def initial_app(self, machine):
+        return "chrome", f"http://{self.values.host}/"
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
-        yield from unlike(machine, self.drawn.path, [str(self.drawn.total)])
+        yield from machine.unexpected_changes(self.values.path)
+        yield from unlike(machine, self.values.path, [str(self.values.total)])
 
     def oracle(self, hand):
-        visit(hand, f"http://{self.drawn.host}/", "The Morn" if self.drawn.is_news else "Openfolio")
-        for name in (self.drawn.first, self.drawn.second):
-            if self.drawn.is_news:
+        visit(
+            hand, f"http://{self.values.host}/", "The Morn" if self.values.is_news else "Openfolio"
+        )
+        for name in (self.values.first, self.values.second):
+            if self.values.is_news:
                 follow(hand, name, name)
             else:
                 hand.find("heading", name, scroll=True)
-        take_note(hand, self.drawn.path, str(self.drawn.total))
+        take_note(hand, self.values.path, str(self.values.total))
 
     def plan(self):
-        return ['window "Chromium"', *told.take_note(self.drawn.path, str(self.drawn.total))]
+        return [
+            'window "Chromium"',
+            *plan_steps.take_note(self.values.path, str(self.values.total)),
+        ]
 
-    def wrong(self):
-        path, drawn = self.drawn.path, self.drawn
+    def wrong_results(self):
+        path, drawn = self.values.path, self.values
         return {
             "one of the two": lambda m: m.write(path, f"{drawn.one}"),
             "all": lambda m: m.write(path, f"{drawn.all}"),
@@ -70,5 +75,5 @@ class CountArticles(Task):
             "in another file": lambda m: m.write("count.txt", f"{drawn.total}"),
         }
 
-    def right(self, machine):
-        machine.write(self.drawn.path, f" {self.drawn.total} \n")
+    def right_result(self, machine):
+        machine.write(self.values.path, f" {self.values.total} \n")

@@ -2,7 +2,7 @@
 
 from online_env.embedded.sites.library import articles
 from online_env.tasks import Task
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.articles import address
 from online_env.tasks.kit.notes import take_note, unlike
 from online_env.tasks.kit.pages import arrived, enter, visit
@@ -31,39 +31,39 @@ class LookUpFact(Task):
         path = f"Documents/{article.slug.lower()}-{stream.integer(10, 99)}.txt"
         return {"title": article.title, "key": key, "answer": str(value), "path": path}
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", "http://wiki.test/"
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
-        yield from unlike(machine, self.drawn.path, [self.drawn.answer])
+        yield from machine.unexpected_changes(self.values.path)
+        yield from unlike(machine, self.values.path, [self.values.answer])
 
     def oracle(self, hand):
         visit(hand, "http://wiki.test/", "Openfolio")
-        enter(hand, "Search Openfolio", self.drawn.title)
+        enter(hand, "Search Openfolio", self.values.title)
         hand.press("enter")
-        arrived(hand, f"{self.drawn.title} - Openfolio")
-        hand.find("static", self.drawn.answer, scroll=True)
-        take_note(hand, self.drawn.path, self.drawn.answer)
+        arrived(hand, f"{self.values.title} - Openfolio")
+        hand.find("static", self.values.answer, scroll=True)
+        take_note(hand, self.values.path, self.values.answer)
 
     def plan(self):
         return [
             'window "Chromium"',
             'click "Search Openfolio"',
-            f"type {quoted(self.drawn.title)}",
+            f"type {quoted(self.values.title)}",
             "press enter",
-            f"scroll down to {quoted(self.drawn.answer)}",
-            *told.take_note(self.drawn.path, self.drawn.answer),
+            f"scroll down to {quoted(self.values.answer)}",
+            *plan_steps.take_note(self.values.path, self.values.answer),
         ]
 
-    def wrong(self):
-        path, answer = self.drawn.path, self.drawn.answer
+    def wrong_results(self):
+        path, answer = self.values.path, self.values.answer
         return {
             "in another file": lambda m: m.write("Documents/fact.txt", answer),
-            "with its name": lambda m: m.write(path, f"{self.drawn.key}: {answer}"),
-            "the address instead": lambda m: m.write(path, address(self.drawn.title)),
+            "with its name": lambda m: m.write(path, f"{self.values.key}: {answer}"),
+            "the address instead": lambda m: m.write(path, address(self.values.title)),
             "an empty file": lambda m: m.write(path, ""),
         }
 
-    def right(self, machine):
-        machine.write(self.drawn.path, f"{self.drawn.answer}\n")
+    def right_result(self, machine):
+        machine.write(self.values.path, f"{self.values.answer}\n")

@@ -2,9 +2,9 @@
 
 from online_env.embedded.sites.library import articles as shipped
 from online_env.tasks import Task
-from online_env.tasks.kit import articles, told
+from online_env.tasks.kit import articles, plan_steps
 from online_env.tasks.kit.notes import take_note, unlike
-from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES, sample
+from online_env.tasks.kit.word_lists import FIRST_NAMES, LAST_NAMES, sample
 from online_env.tasks.plan_words import quoted
 
 COMMENTS = (
@@ -62,31 +62,31 @@ class NameEditor(Task):
         }
 
     def prepare(self, machine):
-        title = self.drawn.title
-        articles.put(machine, title, articles.shipped(title), self.drawn.edits)
+        title = self.values.title
+        articles.put(machine, title, articles.shipped(title), self.values.edits)
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", articles.SITE
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
-        yield from unlike(machine, self.drawn.path, [self.drawn.by, self.drawn.when])
+        yield from machine.unexpected_changes(self.values.path)
+        yield from unlike(machine, self.values.path, [self.values.by, self.values.when])
 
     def oracle(self, hand):
-        articles.open_history(hand, self.drawn.title)
-        hand.find(("static", "section", "list-item"), self.drawn.comment, scroll=True)
-        take_note(hand, self.drawn.path, f"{self.drawn.by}\n{self.drawn.when}")
+        articles.open_history(hand, self.values.title)
+        hand.find(("static", "section", "list-item"), self.values.comment, scroll=True)
+        take_note(hand, self.values.path, f"{self.values.by}\n{self.values.when}")
 
     def plan(self):
         return [
             'window "Chromium"',
-            *told.visit(articles.address(self.drawn.title, "history"), "First version"),
-            f"wait for {quoted(self.drawn.comment)}",
-            *told.take_note(self.drawn.path, f"{self.drawn.by}\n{self.drawn.when}"),
+            *plan_steps.visit(articles.address(self.values.title, "history"), "First version"),
+            f"wait for {quoted(self.values.comment)}",
+            *plan_steps.take_note(self.values.path, f"{self.values.by}\n{self.values.when}"),
         ]
 
-    def wrong(self):
-        path, by, when, last = self.drawn.path, self.drawn.by, self.drawn.when, self.drawn.last
+    def wrong_results(self):
+        path, by, when, last = self.values.path, self.values.by, self.values.when, self.values.last
         return {
             "the latest edit": lambda m: m.write(path, f"{last['by']}\n{last['when']}"),
             "no date": lambda m: m.write(path, by),
@@ -94,8 +94,8 @@ class NameEditor(Task):
             "turned round": lambda m: m.write(path, f"{when}\n{by}"),
         }
 
-    def right(self, machine):
-        machine.write(self.drawn.path, f"{self.drawn.by} \n\n{self.drawn.when}.\n")
+    def right_result(self, machine):
+        machine.write(self.values.path, f"{self.values.by} \n\n{self.values.when}.\n")
 
 
 def moment(slot, minute):

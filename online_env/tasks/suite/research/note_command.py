@@ -3,7 +3,7 @@
 import re
 
 from online_env.tasks import Task
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.notes import take_note, unlike
 from online_env.tasks.kit.pages import arrived, enter, follow, visit
 from online_env.tasks.plan_words import quoted
@@ -46,36 +46,36 @@ class NoteCommand(Task):
         path = f"{folder}/stowaway-{stream.integer(10, 99)}.txt"
         return {"need": need, "page": page, "command": command, "path": path}
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", "http://docs.test/"
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
-        text = machine.text(self.drawn.path) or ""
+        yield from machine.unexpected_changes(self.values.path)
+        text = machine.text(self.values.path) or ""
         prompt = "$ " if text.lstrip().startswith("$ ") else ""  # some of the pages have one
-        yield from unlike(machine, self.drawn.path, [prompt + self.drawn.command], verbatim=True)
+        yield from unlike(machine, self.values.path, [prompt + self.values.command], verbatim=True)
 
     def oracle(self, hand):
         visit(hand, "http://docs.test/", "Stowaway")
-        enter(hand, "Search the documentation", self.drawn.page)
+        enter(hand, "Search the documentation", self.values.page)
         hand.press("enter")
         arrived(hand, "Search")
-        follow(hand, self.drawn.page, f"{self.drawn.page} - Stowaway")
+        follow(hand, self.values.page, f"{self.values.page} - Stowaway")
         hand.find(
-            ("static", "section"), re.compile(f".*{re.escape(self.drawn.command)}"), scroll=True
+            ("static", "section"), re.compile(f".*{re.escape(self.values.command)}"), scroll=True
         )
-        take_note(hand, self.drawn.path, self.drawn.command)
+        take_note(hand, self.values.path, self.values.command)
 
     def plan(self):
         return [
             'window "Chromium"',
-            f"click {quoted(self.drawn.page)}",
-            f"scroll down to {quoted(self.drawn.command)}",
-            *told.take_note(self.drawn.path, self.drawn.command),
+            f"click {quoted(self.values.page)}",
+            f"scroll down to {quoted(self.values.command)}",
+            *plan_steps.take_note(self.values.path, self.values.command),
         ]
 
-    def wrong(self):
-        path, command = self.drawn.path, self.drawn.command
+    def wrong_results(self):
+        path, command = self.values.path, self.values.command
         return {
             "half the command": lambda m: m.write(path, command.rpartition(" ")[0]),
             "with a sentence": lambda m: m.write(path, f"You need {command}."),
@@ -85,5 +85,5 @@ class NoteCommand(Task):
             "with a full stop": lambda m: m.write(path, f"{command}."),
         }
 
-    def right(self, machine):
-        machine.write(self.drawn.path, f"$ {self.drawn.command}\n\n")
+    def right_result(self, machine):
+        machine.write(self.values.path, f"$ {self.values.command}\n\n")

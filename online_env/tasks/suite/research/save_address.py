@@ -3,7 +3,7 @@
 import re
 
 from online_env.tasks import Task
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.notes import plain, take_note, unlike
 from online_env.tasks.kit.pages import arrived, enter, follow, visit
 from online_env.tasks.plan_words import quoted
@@ -78,43 +78,43 @@ class SaveAddress(Task):
         path = f"{folder}/link-{stream.integer(10, 99)}.txt"
         return {"what": what, "words": words, "title": title, "address": address, "path": path}
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", "http://search.test/"
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
-        text = machine.text(self.drawn.path) or ""
-        if plain(text).rstrip("/") != self.drawn.address.casefold():
-            whole = f"http://{self.drawn.address}"
-            yield from unlike(machine, self.drawn.path, [whole])
+        yield from machine.unexpected_changes(self.values.path)
+        text = machine.text(self.values.path) or ""
+        if plain(text).rstrip("/") != self.values.address.casefold():
+            whole = f"http://{self.values.address}"
+            yield from unlike(machine, self.values.path, [whole])
 
     def oracle(self, hand):
         visit(hand, "http://search.test/", "Lumen")
-        enter(hand, re.compile("Search"), self.drawn.words, ("entry", "combo-box"))
+        enter(hand, re.compile("Search"), self.values.words, ("entry", "combo-box"))
         hand.press("enter")
-        arrived(hand, self.drawn.words)
-        title = re.compile(re.escape(self.drawn.title))
-        follow(hand, title, self.drawn.title)
-        take_note(hand, self.drawn.path, f"http://{self.drawn.address}")
+        arrived(hand, self.values.words)
+        title = re.compile(re.escape(self.values.title))
+        follow(hand, title, self.values.title)
+        take_note(hand, self.values.path, f"http://{self.values.address}")
 
     def plan(self):
         return [
             'window "Chromium"',
-            f"type {quoted(self.drawn.words)}",
+            f"type {quoted(self.values.words)}",
             "press enter",
-            f"click {quoted(self.drawn.title)}",
-            f"wait for {quoted(self.drawn.address)}",
-            *told.take_note(self.drawn.path, f"http://{self.drawn.address}"),
+            f"click {quoted(self.values.title)}",
+            f"wait for {quoted(self.values.address)}",
+            *plan_steps.take_note(self.values.path, f"http://{self.values.address}"),
         ]
 
-    def wrong(self):
-        path, address = self.drawn.path, self.drawn.address
+    def wrong_results(self):
+        path, address = self.values.path, self.values.address
         return {
             "only the site": lambda m: m.write(path, f"http://{address.partition('/')[0]}/"),
-            "the title": lambda m: m.write(path, self.drawn.title),
+            "the title": lambda m: m.write(path, self.values.title),
             "the search": lambda m: m.write(path, "http://search.test/search?q=it"),
             "in another file": lambda m: m.write("link.txt", f"http://{address}"),
         }
 
-    def right(self, machine):
-        machine.write(self.drawn.path, f"{self.drawn.address}\n")
+    def right_result(self, machine):
+        machine.write(self.values.path, f"{self.values.address}\n")

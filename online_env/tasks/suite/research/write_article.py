@@ -1,7 +1,7 @@
 """Write a new article of the wiki."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import articles, told
+from online_env.tasks.kit import articles, plan_steps
 from online_env.tasks.kit.pages import arrived, enter, follow, visit
 from online_env.tasks.plan_words import quoted
 
@@ -41,43 +41,43 @@ class WriteArticle(Task):
         )
         return {"title": title, "text": text}
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", articles.SITE
 
     def problems(self, machine):
-        yield from machine.untouched()
-        for title in articles.others(machine, self.drawn.title):
+        yield from machine.unexpected_changes()
+        for title in articles.others(machine, self.values.title):
             yield f"the article {title} was changed"
-        found = articles.text(machine, self.drawn.title)
-        if not articles.same(found, self.drawn.text):
-            yield f"the article {self.drawn.title} reads {found[:300]!r}"
+        found = articles.text(machine, self.values.title)
+        if not articles.same(found, self.values.text):
+            yield f"the article {self.values.title} reads {found[:300]!r}"
 
     def oracle(self, hand):
-        title = self.drawn.title
+        title = self.values.title
         visit(hand, "http://wiki.test/all", "All articles")
         visit(hand, articles.address(title), title)
         follow(hand, ("Write it" if hand.see("link", "Write it") else "Edit"), "Editing")
-        enter(hand, "Text", self.drawn.text)
+        enter(hand, "Text", self.values.text)
         follow(hand, "Save changes")
         arrived(hand, f"{title} - Openfolio")
 
     def plan(self):
-        title = self.drawn.title
+        title = self.values.title
         return [
             'window "Chromium"',
-            *told.visit(articles.address(title), "Write it"),
+            *plan_steps.visit(articles.address(title), "Write it"),
             'click "Write it"',
             'wait for "Editing"',
             'click below "Text"',
             "press ctrl+a",
-            f"type {quoted(self.drawn.text)}",
+            f"type {quoted(self.values.text)}",
             'scroll down to "Save changes"',
             'click "Save changes"',
             "wait",
         ]
 
-    def wrong(self):
-        title, text = self.drawn.title, self.drawn.text
+    def wrong_results(self):
+        title, text = self.values.title, self.values.text
         return {
             "without a heading": lambda m: articles.put(m, title, text.replace("## ", "")),
             "all in one line": lambda m: articles.put(m, title, " ".join(text.split())),
@@ -86,5 +86,5 @@ class WriteArticle(Task):
             "added to an article": lambda m: articles.put(m, "Tide", text),
         }
 
-    def right(self, machine):
-        articles.put(machine, self.drawn.title, self.drawn.text.replace("\n\n", "\n\n\n") + "\n")
+    def right_result(self, machine):
+        articles.put(machine, self.values.title, self.values.text.replace("\n\n", "\n\n\n") + "\n")

@@ -1,6 +1,6 @@
 """Find the cheapest product of a category with a minimum rating, and put some into the cart."""
 
-from online_env.tasks.kit import browser, shop, told
+from online_env.tasks.kit import browser, plan_steps, shop
 
 
 class BuyCheapestRated(shop.ShopTask):
@@ -35,28 +35,33 @@ class BuyCheapestRated(shop.ShopTask):
         }
 
     def problems(self, machine):
-        yield from machine.untouched()
-        yield from shop.problems(machine, cart={self.drawn.chosen.id: self.drawn.count})
+        yield from machine.unexpected_changes()
+        yield from shop.problems(machine, cart={self.values.chosen.id: self.values.count})
 
     def oracle(self, hand):
         shop.empty_cart(hand)
-        browser.follow(hand, self.drawn.label, self.drawn.label)
+        browser.follow(hand, self.values.label, self.values.label)
         browser.select(hand, "Sort by", "Price: low")
-        browser.push(hand, "Apply", self.drawn.label)
-        shop.open_product(hand, self.drawn.chosen.name)
-        shop.add(hand, self.drawn.count)
+        browser.push(hand, "Apply", self.values.label)
+        shop.open_product(hand, self.values.chosen.name)
+        shop.add(hand, self.values.count)
 
     def plan(self):
-        return ['window "Chromium"', *told.put_into_cart(self.drawn.chosen, self.drawn.count)]
+        return [
+            'window "Chromium"',
+            *plan_steps.put_into_cart(self.values.chosen, self.values.count),
+        ]
 
-    def wrong(self):
-        chosen, count = self.drawn.chosen.id, self.drawn.count
+    def wrong_results(self):
+        chosen, count = self.values.chosen.id, self.values.count
         return {
-            "another product": lambda m: shop.fill(m, {self.drawn.others[0]: count}),
+            "another product": lambda m: shop.fill(m, {self.values.others[0]: count}),
             "only one": lambda m: shop.fill(m, {chosen: 1}),
-            "another one as well": lambda m: shop.fill(m, {chosen: count, self.drawn.others[0]: 1}),
+            "another one as well": lambda m: shop.fill(
+                m, {chosen: count, self.values.others[0]: 1}
+            ),
             "ordered": lambda m: shop.order(m, {chosen: count}, shop.NOBODY),
         }
 
-    def right(self, machine):
-        shop.fill(machine, {self.drawn.chosen.id: self.drawn.count})
+    def right_result(self, machine):
+        shop.fill(machine, {self.values.chosen.id: self.values.count})

@@ -33,34 +33,34 @@ class ChangeQuantities(shop.ShopTask):
         }
 
     def prepare(self, machine):
-        shop.fill(machine, self.drawn.had)
+        shop.fill(machine, self.values.had)
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", shop.CART
 
     def problems(self, machine):
-        yield from machine.untouched()
-        yield from shop.problems(machine, cart=self.drawn.wanted)
+        yield from machine.unexpected_changes()
+        yield from shop.problems(machine, cart=self.values.wanted)
 
     def oracle(self, hand):
         browser.begin(hand, shop.CART, "Your cart")
-        for ident, name in zip(self.drawn.ids[:2], self.drawn.names, strict=False):
-            shop.change(hand, name, self.drawn.wanted[ident])
+        for ident, name in zip(self.values.ids[:2], self.values.names, strict=False):
+            shop.change(hand, name, self.values.wanted[ident])
 
     def plan(self):
         steps = ['window "Chromium"']
-        for ident, name in zip(self.drawn.ids[:2], self.drawn.names, strict=False):
+        for ident, name in zip(self.values.ids[:2], self.values.names, strict=False):
             steps += [
                 f'click "Quantity" near {quoted(name)}',
-                f"type {quoted(str(self.drawn.wanted[ident]))}",
+                f"type {quoted(str(self.values.wanted[ident]))}",
                 f'click "Update" near {quoted(name)}',
                 "wait",
             ]
         return steps
 
-    def wrong(self):
-        a, b, c = self.drawn.ids
-        wanted, had = self.drawn.wanted, self.drawn.had
+    def wrong_results(self):
+        a, b, c = self.values.ids
+        wanted, had = self.values.wanted, self.values.had
         return {
             "only one": lambda m: shop.fill(m, {**had, a: wanted[a]}),
             "all three": lambda m: shop.fill(m, {**wanted, c: 9}),
@@ -68,5 +68,5 @@ class ChangeQuantities(shop.ShopTask):
             "ordered as well": lambda m: shop.order(m, wanted, shop.NOBODY),
         }
 
-    def right(self, machine):
-        shop.fill(machine, dict(reversed(self.drawn.wanted.items())))
+    def right_result(self, machine):
+        shop.fill(machine, dict(reversed(self.values.wanted.items())))

@@ -1,7 +1,7 @@
 """Compare two products, and put the better one into the cart."""
 
 from online_env.tasks.kit import browser, shop
-from online_env.tasks.kit.words import sample
+from online_env.tasks.kit.word_lists import sample
 from online_env.tasks.plan_words import quoted
 
 ASPECTS = {
@@ -40,12 +40,12 @@ class CompareProducts(shop.ShopTask):
         }
 
     def problems(self, machine):
-        yield from machine.untouched()
-        yield from shop.problems(machine, cart={self.drawn.best.id: 1})
+        yield from machine.unexpected_changes()
+        yield from shop.problems(machine, cart={self.values.best.id: 1})
 
     def oracle(self, hand):
         shop.empty_cart(hand)
-        for product in (self.drawn.other, self.drawn.best):
+        for product in (self.values.other, self.values.best):
             shop.search(hand, product.name)
             shop.open_product(hand, product.name)
             hand.find("heading", "Details", app=browser.APP)
@@ -53,7 +53,7 @@ class CompareProducts(shop.ShopTask):
 
     def plan(self):
         steps = ['window "Chromium"']
-        for product in (self.drawn.other, self.drawn.best):
+        for product in (self.values.other, self.values.best):
             steps += [
                 'click "Search products"',
                 "press ctrl+a",
@@ -70,8 +70,8 @@ class CompareProducts(shop.ShopTask):
             'wait for "Your cart"',
         ]
 
-    def wrong(self):
-        best, other = self.drawn.best.id, self.drawn.other.id
+    def wrong_results(self):
+        best, other = self.values.best.id, self.values.other.id
         return {
             "the other one": lambda m: shop.fill(m, {other: 1}),
             "both": lambda m: shop.fill(m, {other: 1, best: 1}),
@@ -79,5 +79,5 @@ class CompareProducts(shop.ShopTask):
             "ordered": lambda m: shop.order(m, {best: 1}, shop.NOBODY),
         }
 
-    def right(self, machine):
-        shop.fill(machine, {self.drawn.best.id: 1})
+    def right_result(self, machine):
+        shop.fill(machine, {self.values.best.id: 1})

@@ -1,7 +1,7 @@
 """Order two products in given quantities to an address."""
 
-from online_env.tasks.kit import browser, shop, told
-from online_env.tasks.kit.words import sample
+from online_env.tasks.kit import browser, plan_steps, shop
+from online_env.tasks.kit.word_lists import sample
 
 
 class OrderToAddress(shop.ShopTask):
@@ -40,13 +40,13 @@ class OrderToAddress(shop.ShopTask):
         }
 
     def problems(self, machine):
-        yield from machine.untouched()
-        drawn = self.drawn
+        yield from machine.unexpected_changes()
+        drawn = self.values
         order = {"lines": drawn.lines, "delivery": drawn.delivery, "payment": drawn.payment}
         yield from shop.problems(machine, cart={}, orders=[{**drawn.person, **order}])
 
     def oracle(self, hand):
-        drawn = self.drawn
+        drawn = self.values
         shop.empty_cart(hand)
         goods = ((drawn.p0, drawn.n0), (drawn.p1, drawn.n1))
         for shelf, (name, count) in zip(drawn.shelves, goods, strict=True):
@@ -56,17 +56,17 @@ class OrderToAddress(shop.ShopTask):
         shop.check_out(hand, drawn.person, delivery=drawn.delivery, payment=drawn.payment)
 
     def plan(self):
-        drawn = self.drawn
+        drawn = self.values
         steps = ['window "Chromium"']
         for ident, count in drawn.lines.items():
-            steps += told.put_into_cart(shop.product(ident), count)
+            steps += plan_steps.put_into_cart(shop.product(ident), count)
         return [
             *steps,
-            *told.check_out(drawn.person, delivery=drawn.delivery, payment=drawn.payment),
+            *plan_steps.check_out(drawn.person, delivery=drawn.delivery, payment=drawn.payment),
         ]
 
-    def wrong(self):
-        drawn = self.drawn
+    def wrong_results(self):
+        drawn = self.values
         how = {"delivery": drawn.delivery, "payment": drawn.payment}
         fewer = {**drawn.lines, next(iter(drawn.lines)): 1}
         elsewhere = {**drawn.person, "street": "Quay Row 12"}
@@ -80,8 +80,8 @@ class OrderToAddress(shop.ShopTask):
             "as a present": lambda m: shop.order(m, drawn.lines, drawn.person, gift=True, **how),
         }
 
-    def right(self, machine):
-        drawn = self.drawn
+    def right_result(self, machine):
+        drawn = self.values
         lines = dict(reversed(drawn.lines.items()))
         how = {"delivery": drawn.delivery, "payment": drawn.payment}
         person = {**drawn.person, "city": drawn.person["city"].upper()}

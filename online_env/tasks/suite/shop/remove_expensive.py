@@ -27,33 +27,33 @@ class RemoveExpensive(shop.ShopTask):
         }
 
     def prepare(self, machine):
-        shop.fill(machine, self.drawn.had)
+        shop.fill(machine, self.values.had)
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", shop.CART
 
     def problems(self, machine):
-        yield from machine.untouched()
-        yield from shop.problems(machine, cart=self.without(*self.drawn.dear))
+        yield from machine.unexpected_changes()
+        yield from shop.problems(machine, cart=self.without(*self.values.dear))
 
     def oracle(self, hand):
         browser.begin(hand, shop.CART, "Your cart")
-        for product in self.drawn.dear:
+        for product in self.values.dear:
             shop.remove(hand, product.name)
 
     def without(self, *products):
         """What the cart holds without some products."""
         gone = {p.id for p in products}
-        return {ident: n for ident, n in self.drawn.had.items() if ident not in gone}
+        return {ident: n for ident, n in self.values.had.items() if ident not in gone}
 
     def plan(self):
         steps = ['window "Chromium"']
-        for product in self.drawn.dear:
+        for product in self.values.dear:
             steps += [f'click "Remove" near {quoted(product.name)}', "wait"]
         return steps
 
-    def wrong(self):
-        first, second = self.drawn.dear
+    def wrong_results(self):
+        first, second = self.values.dear
         cheap = next(iter(self.without(first, second)))
         return {
             "only one": lambda m: shop.fill(m, self.without(second)),
@@ -62,5 +62,5 @@ class RemoveExpensive(shop.ShopTask):
             "another quantity": lambda m: shop.fill(m, {**self.without(first, second), cheap: 4}),
         }
 
-    def right(self, machine):
-        shop.fill(machine, dict(reversed(self.without(*self.drawn.dear).items())))
+    def right_result(self, machine):
+        shop.fill(machine, dict(reversed(self.without(*self.values.dear).items())))

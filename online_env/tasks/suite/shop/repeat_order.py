@@ -1,6 +1,6 @@
 """Put the same things into the cart again as in an earlier order."""
 
-from online_env.tasks.kit import browser, shop, told
+from online_env.tasks.kit import browser, plan_steps, shop
 
 
 class RepeatOrder(shop.ShopTask):
@@ -35,39 +35,39 @@ class RepeatOrder(shop.ShopTask):
         }
 
     def prepare(self, machine):
-        for lines in self.drawn.orders:
-            shop.order(machine, lines, self.drawn.person)
+        for lines in self.values.orders:
+            shop.order(machine, lines, self.values.person)
 
-    def opens(self, machine):
-        return "chrome", self.drawn.address
+    def initial_app(self, machine):
+        return "chrome", self.values.address
 
     def problems(self, machine):
-        yield from machine.untouched()
-        yield from shop.problems(machine, cart=self.drawn.wanted)
+        yield from machine.unexpected_changes()
+        yield from shop.problems(machine, cart=self.values.wanted)
 
     def oracle(self, hand):
-        browser.begin(hand, self.drawn.address, browser.starting("Thank you"))
+        browser.begin(hand, self.values.address, browser.starting("Thank you"))
         shop.empty_cart(hand)
-        for name, count in zip(self.drawn.names, self.drawn.wanted.values(), strict=True):
+        for name, count in zip(self.values.names, self.values.wanted.values(), strict=True):
             browser.follow(hand, "All", "All products")
             shop.open_product(hand, name)
             shop.add(hand, count)
 
     def plan(self):
         steps = ['window "Chromium"']
-        for ident, count in self.drawn.wanted.items():
-            steps += told.put_into_cart(shop.product(ident), count)
+        for ident, count in self.values.wanted.items():
+            steps += plan_steps.put_into_cart(shop.product(ident), count)
         return steps
 
-    def wrong(self):
-        wanted = self.drawn.wanted
+    def wrong_results(self):
+        wanted = self.values.wanted
         first = next(iter(wanted))
         return {
-            "the other order": lambda m: shop.fill(m, self.drawn.other),
+            "the other order": lambda m: shop.fill(m, self.values.other),
             "one too many": lambda m: shop.fill(m, {**wanted, first: wanted[first] + 1}),
             "one is missing": lambda m: shop.fill(m, {first: wanted[first]}),
-            "ordered": lambda m: shop.order(m, wanted, self.drawn.person),
+            "ordered": lambda m: shop.order(m, wanted, self.values.person),
         }
 
-    def right(self, machine):
-        shop.fill(machine, dict(reversed(self.drawn.wanted.items())))
+    def right_result(self, machine):
+        shop.fill(machine, dict(reversed(self.values.wanted.items())))

@@ -1,6 +1,6 @@
 """Send a wrapped present with a card."""
 
-from online_env.tasks.kit import browser, shop, told
+from online_env.tasks.kit import browser, plan_steps, shop
 
 CARDS = (
     "Happy birthday, {first}! See you in {month}.",
@@ -43,14 +43,14 @@ class SendGift(shop.ShopTask):
         }
 
     def problems(self, machine):
-        yield from machine.untouched()
-        drawn = self.drawn
+        yield from machine.unexpected_changes()
+        drawn = self.values
         how = {"delivery": "express", "payment": "invoice", "gift": True, "message": drawn.card}
         wanted = {"lines": {drawn.id: 1}, **drawn.person, **how}
         yield from shop.problems(machine, cart={}, orders=[wanted])
 
     def oracle(self, hand):
-        drawn = self.drawn
+        drawn = self.values
         shop.empty_cart(hand)
         browser.follow(hand, drawn.label, drawn.label)
         shop.open_product(hand, drawn.product)
@@ -59,25 +59,25 @@ class SendGift(shop.ShopTask):
 
     def order(self, machine, **changed):
         """Store the order, with changes."""
-        how = {"delivery": "express", "gift": True, "message": self.drawn.card, **changed}
-        shop.order(machine, {self.drawn.id: how.pop("count", 1)}, self.drawn.person, **how)
+        how = {"delivery": "express", "gift": True, "message": self.values.card, **changed}
+        shop.order(machine, {self.values.id: how.pop("count", 1)}, self.values.person, **how)
 
     def plan(self):
-        drawn = self.drawn
+        drawn = self.values
         return [
             'window "Chromium"',
-            *told.put_into_cart(shop.product(drawn.id), 1),
-            *told.check_out(drawn.person, delivery="express", message=drawn.card),
+            *plan_steps.put_into_cart(shop.product(drawn.id), 1),
+            *plan_steps.check_out(drawn.person, delivery="express", message=drawn.card),
         ]
 
-    def wrong(self):
+    def wrong_results(self):
         return {
             "not wrapped": lambda m: self.order(m, gift=False),
             "no message": lambda m: self.order(m, message=""),
             "by standard delivery": lambda m: self.order(m, delivery="standard"),
             "two pieces": lambda m: self.order(m, count=2),
-            "only in the cart": lambda m: shop.fill(m, {self.drawn.id: 1}),
+            "only in the cart": lambda m: shop.fill(m, {self.values.id: 1}),
         }
 
-    def right(self, machine):
-        self.order(machine, message=self.drawn.card + "\n")
+    def right_result(self, machine):
+        self.order(machine, message=self.values.card + "\n")

@@ -1,7 +1,7 @@
 """Buy as many pieces of a product as a budget allows."""
 
-from online_env.tasks.kit import browser, shop, told
-from online_env.tasks.kit.words import sample
+from online_env.tasks.kit import browser, plan_steps, shop
+from online_env.tasks.kit.word_lists import sample
 
 
 class SpendBudget(shop.ShopTask):
@@ -26,22 +26,25 @@ class SpendBudget(shop.ShopTask):
         return {"chosen": product, "product": product.name, "count": count, "budget": budget}
 
     def problems(self, machine):
-        yield from machine.untouched()
-        yield from shop.problems(machine, cart={self.drawn.chosen.id: self.drawn.count})
+        yield from machine.unexpected_changes()
+        yield from shop.problems(machine, cart={self.values.chosen.id: self.values.count})
 
     def oracle(self, hand):
         shop.empty_cart(hand)
-        label = shop.categories()[self.drawn.chosen.category]
+        label = shop.categories()[self.values.chosen.category]
         browser.follow(hand, label, label)
-        shop.open_product(hand, self.drawn.product)
-        shop.add(hand, self.drawn.count)
+        shop.open_product(hand, self.values.product)
+        shop.add(hand, self.values.count)
 
     def plan(self):
-        return ['window "Chromium"', *told.put_into_cart(self.drawn.chosen, self.drawn.count)]
+        return [
+            'window "Chromium"',
+            *plan_steps.put_into_cart(self.values.chosen, self.values.count),
+        ]
 
-    def wrong(self):
-        ident, count = self.drawn.chosen.id, self.drawn.count
-        other = next(p for p in shop.in_category(self.drawn.chosen.category) if p != ident)
+    def wrong_results(self):
+        ident, count = self.values.chosen.id, self.values.count
+        other = next(p for p in shop.in_category(self.values.chosen.category) if p != ident)
         return {
             "one too many": lambda m: shop.fill(m, {ident: count + 1}),
             "one too few": lambda m: shop.fill(m, {ident: count - 1}),
@@ -49,5 +52,5 @@ class SpendBudget(shop.ShopTask):
             "ordered": lambda m: shop.order(m, {ident: count}, shop.NOBODY),
         }
 
-    def right(self, machine):
-        shop.fill(machine, {self.drawn.chosen.id: self.drawn.count})
+    def right_result(self, machine):
+        shop.fill(machine, {self.values.chosen.id: self.values.count})

@@ -1,8 +1,8 @@
 """Count the lines of a log that report an error, and save the number."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell, told
-from online_env.tasks.kit.words import GOODS
+from online_env.tasks.kit import plan_steps, shell
+from online_env.tasks.kit.word_lists import GOODS
 
 SERVICES = ("printer", "mailer", "backup", "webshop", "heating")
 LEVELS = ("INFO", "INFO", "WARNING", "ERROR")
@@ -45,40 +45,40 @@ class CountErrors(Task):
         }
 
     def prepare(self, machine):
-        machine.write(self.drawn.path, "\n".join(self.drawn.lines) + "\n")
+        machine.write(self.values.path, "\n".join(self.values.lines) + "\n")
         machine.write("Documents/logs/old.log", "07:59 ERROR nothing of today\n")
 
     def problems(self, machine):
-        answer = f"Documents/{self.drawn.answer}"
-        yield from machine.untouched(answer)
+        answer = f"Documents/{self.values.answer}"
+        yield from machine.unexpected_changes(answer)
         found = machine.text(answer)
-        if found is None or found.strip() != str(self.drawn.count):
-            yield f"{answer} holds {(found or '')[:80]!r}, not {self.drawn.count}"
+        if found is None or found.strip() != str(self.values.count):
+            yield f"{answer} holds {(found or '')[:80]!r}, not {self.values.count}"
 
     def oracle(self, hand):
-        shell.command(hand, f"head -5 {self.drawn.path}")
-        shell.command(hand, f"grep -c ERROR {self.drawn.path} > Documents/{self.drawn.answer}")
-        shell.command(hand, f"cat Documents/{self.drawn.answer}")
+        shell.command(hand, f"head -5 {self.values.path}")
+        shell.command(hand, f"grep -c ERROR {self.values.path} > Documents/{self.values.answer}")
+        shell.command(hand, f"cat Documents/{self.values.answer}")
 
     def plan(self):
-        path, answer = self.drawn.path, f"Documents/{self.drawn.answer}"
-        return told.run(f"grep -c ERROR {path} > {answer}", f"cat {answer}")
+        path, answer = self.values.path, f"Documents/{self.values.answer}"
+        return plan_steps.run(f"grep -c ERROR {path} > {answer}", f"cat {answer}")
 
-    def wrong(self):
-        lines = self.drawn.lines
+    def wrong_results(self):
+        lines = self.values.lines
         everywhere = sum("error" in line.lower() for line in lines)
         return {
             "small letters, too": lambda m: self.save(m, everywhere),
             "all lines": lambda m: self.save(m, len(lines)),
             "the lines themselves": lambda m: self.save(m, "\n".join(lines)),
             "in the folder of the logs": lambda m: m.write(
-                f"Documents/logs/{self.drawn.answer}", str(self.drawn.count)
+                f"Documents/logs/{self.values.answer}", str(self.values.count)
             ),
         }
 
-    def right(self, machine):
-        self.save(machine, f" {self.drawn.count}")
+    def right_result(self, machine):
+        self.save(machine, f" {self.values.count}")
 
     def save(self, machine, answer):
         """Write an answer."""
-        machine.write(f"Documents/{self.drawn.answer}", str(answer))
+        machine.write(f"Documents/{self.values.answer}", str(answer))

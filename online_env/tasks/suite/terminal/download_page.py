@@ -1,8 +1,8 @@
 """Save a page of a web site from the terminal."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell, told
-from online_env.tasks.kit.served import served_page
+from online_env.tasks.kit import plan_steps, shell
+from online_env.tasks.kit.served_pages import served_page
 
 SLUGS = (
     "concepts",
@@ -43,35 +43,35 @@ class DownloadPage(Task):
     @property
     def path(self):
         """Where the page should be."""
-        return f"Documents/{self.drawn.folder}/{self.drawn.file}"
+        return f"Documents/{self.values.folder}/{self.values.file}"
 
     def problems(self, machine):
-        yield from machine.untouched(self.path)
+        yield from machine.unexpected_changes(self.path)
         found = machine.read(self.path)
         if found is None:
             yield f"there is no {self.path}"
-        elif found.strip() != page(machine, self.drawn.slug).strip():
-            yield f"{self.path} is not the page {self.drawn.slug}: {found[:80]}"
+        elif found.strip() != page(machine, self.values.slug).strip():
+            yield f"{self.path} is not the page {self.values.slug}: {found[:80]}"
 
     def oracle(self, hand):
         path = self.path
-        shell.command(hand, f"mkdir -p ~/Documents/{self.drawn.folder}")
-        shell.command(hand, f"curl -o ~/{path} http://{HOST}/{self.drawn.slug}")
+        shell.command(hand, f"mkdir -p ~/Documents/{self.values.folder}")
+        shell.command(hand, f"curl -o ~/{path} http://{HOST}/{self.values.slug}")
         shell.command(hand, f"head -5 ~/{path}")
 
     def plan(self):
         path = f"~/{self.path}"
         return [
-            *told.run(
-                f"mkdir -p ~/Documents/{self.drawn.folder}",
-                f"curl -o {path} http://{HOST}/{self.drawn.slug}",
+            *plan_steps.run(
+                f"mkdir -p ~/Documents/{self.values.folder}",
+                f"curl -o {path} http://{HOST}/{self.values.slug}",
             ),
             "wait",
-            *told.run(f"head -5 {path}"),
+            *plan_steps.run(f"head -5 {path}"),
         ]
 
-    def wrong(self):
-        slug, other, path = self.drawn.slug, self.drawn.other, self.path
+    def wrong_results(self):
+        slug, other, path = self.values.slug, self.values.other, self.path
         return {
             "another page": lambda m: m.write(path, page(m, other)),
             "an empty file": lambda m: m.write(path, ""),
@@ -79,8 +79,8 @@ class DownloadPage(Task):
             "in Documents": lambda m: m.write(f"Documents/{slug}.html", page(m, slug)),
         }
 
-    def right(self, machine):
-        machine.write(self.path, page(machine, self.drawn.slug) + b"\n")
+    def right_result(self, machine):
+        machine.write(self.path, page(machine, self.values.slug) + b"\n")
 
 
 def page(machine, slug):

@@ -1,8 +1,8 @@
 """Find the folder that takes the most room on the disk."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell, told
-from online_env.tasks.kit.words import CITIES, sample, shuffled
+from online_env.tasks.kit import plan_steps, shell
+from online_env.tasks.kit.word_lists import CITIES, sample, shuffled
 
 KILO = 1024
 
@@ -38,42 +38,42 @@ class FindBigFolder(Task):
         }
 
     def prepare(self, machine):
-        for path, size in self.drawn.files.items():
-            machine.write(f"Documents/{self.drawn.place}/{path}", b"0" * size * KILO)
+        for path, size in self.values.files.items():
+            machine.write(f"Documents/{self.values.place}/{path}", b"0" * size * KILO)
 
     def problems(self, machine):
-        answer = f"Documents/{self.drawn.answer}"
-        yield from machine.untouched(answer)
+        answer = f"Documents/{self.values.answer}"
+        yield from machine.unexpected_changes(answer)
         found = (machine.text(answer) or "").strip()
-        if found.removeprefix("./").removesuffix("/") != self.drawn.biggest:
-            yield f"{answer} holds {found[:80]!r}, not {self.drawn.biggest!r}"
+        if found.removeprefix("./").removesuffix("/") != self.values.biggest:
+            yield f"{answer} holds {found[:80]!r}, not {self.values.biggest!r}"
 
     def oracle(self, hand):
-        shell.command(hand, f"cd ~/Documents/{self.drawn.place}")
+        shell.command(hand, f"cd ~/Documents/{self.values.place}")
         shell.command(hand, "du -sk * | sort -n")
-        shell.command(hand, f"echo {self.drawn.biggest} > ../{self.drawn.answer}")
+        shell.command(hand, f"echo {self.values.biggest} > ../{self.values.answer}")
 
     def plan(self):
-        return told.run(
-            f"cd ~/Documents/{self.drawn.place}",
+        return plan_steps.run(
+            f"cd ~/Documents/{self.values.place}",
             "du -sk * | sort -n",
-            f"echo {self.drawn.biggest} > ../{self.drawn.answer}",
+            f"echo {self.values.biggest} > ../{self.values.answer}",
         )
 
-    def wrong(self):
-        biggest, second = self.drawn.biggest, self.drawn.second
+    def wrong_results(self):
+        biggest, second = self.values.biggest, self.values.second
         return {
             "the biggest file of its own": lambda m: self.save(m, second),
-            "the most files": lambda m: self.save(m, self.drawn.many),
+            "the most files": lambda m: self.save(m, self.values.many),
             "both": lambda m: self.save(m, f"{biggest}\n{second}"),
             "with its size": lambda m: self.save(m, f"904\t./{biggest}"),
-            "its whole path": lambda m: self.save(m, f"Documents/{self.drawn.place}/{biggest}"),
-            "in the home folder": lambda m: m.write(self.drawn.answer, biggest),
+            "its whole path": lambda m: self.save(m, f"Documents/{self.values.place}/{biggest}"),
+            "in the home folder": lambda m: m.write(self.values.answer, biggest),
         }
 
-    def right(self, machine):
-        self.save(machine, f"./{self.drawn.biggest}/\n")
+    def right_result(self, machine):
+        self.save(machine, f"./{self.values.biggest}/\n")
 
     def save(self, machine, answer):
         """Write an answer."""
-        machine.write(f"Documents/{self.drawn.answer}", answer)
+        machine.write(f"Documents/{self.values.answer}", answer)

@@ -1,9 +1,9 @@
 """Find the one letter that mentions a number, and copy it."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell, told
-from online_env.tasks.kit.files import move_files, rearranged
-from online_env.tasks.kit.words import CITIES, TOPICS, sample
+from online_env.tasks.kit import plan_steps, shell
+from online_env.tasks.kit.sample_files import move_files, rearranged
+from online_env.tasks.kit.word_lists import CITIES, TOPICS, sample
 
 YEARS = (2022, 2023, 2024)
 
@@ -37,7 +37,7 @@ class FindMention(Task):
         return {"number": number, "files": files, "wanted": wanted, "similar": similar}
 
     def prepare(self, machine):
-        for path, text in self.drawn.files.items():
+        for path, text in self.values.files.items():
             machine.write(path, text)
 
     def copy(self, path):
@@ -45,20 +45,21 @@ class FindMention(Task):
         return path, f"Desktop/{path.rpartition('/')[2]}"
 
     def problems(self, machine):
-        yield from rearranged(machine, copied=[self.copy(self.drawn.wanted)])
+        yield from rearranged(machine, copied=[self.copy(self.values.wanted)])
 
     def oracle(self, hand):
-        shell.command(hand, f"grep -rw {self.drawn.number} Documents/Letters")
-        shell.command(hand, f"cp '{self.drawn.wanted}' Desktop/")
+        shell.command(hand, f"grep -rw {self.values.number} Documents/Letters")
+        shell.command(hand, f"cp '{self.values.wanted}' Desktop/")
 
     def plan(self):
-        return told.run(
-            f"grep -rw {self.drawn.number} Documents/Letters", f"cp '{self.drawn.wanted}' Desktop/"
+        return plan_steps.run(
+            f"grep -rw {self.values.number} Documents/Letters",
+            f"cp '{self.values.wanted}' Desktop/",
         )
 
-    def wrong(self):
-        wanted, similar = self.copy(self.drawn.wanted), self.copy(self.drawn.similar)
-        other = f"Desktop/{self.drawn.number}.txt"
+    def wrong_results(self):
+        wanted, similar = self.copy(self.values.wanted), self.copy(self.values.similar)
+        other = f"Desktop/{self.values.number}.txt"
         return {
             "a number that begins alike": lambda m: move_files(m, [similar], "cp"),
             "both": lambda m: move_files(m, [wanted, similar], "cp"),
@@ -66,5 +67,5 @@ class FindMention(Task):
             "under another name": lambda m: move_files(m, [(wanted[0], other)], "cp"),
         }
 
-    def right(self, machine):
-        machine.write(self.copy(self.drawn.wanted)[1], self.drawn.files[self.drawn.wanted])
+    def right_result(self, machine):
+        machine.write(self.copy(self.values.wanted)[1], self.values.files[self.values.wanted])

@@ -1,8 +1,8 @@
 """Merge lists of guests into one that is sorted and names everybody once."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell, told
-from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES, shuffled
+from online_env.tasks.kit import plan_steps, shell
+from online_env.tasks.kit.word_lists import FIRST_NAMES, LAST_NAMES, shuffled
 
 FIRST = tuple(name for name in FIRST_NAMES if name.isascii())
 LAST = tuple(name for name in LAST_NAMES if name.isascii() and name.isalpha())
@@ -44,34 +44,34 @@ class MergeLists(Task):
     @property
     def merged(self):
         """The lines as they should be."""
-        return sorted({name for names in self.drawn.lists.values() for name in names})
+        return sorted({name for names in self.values.lists.values() for name in names})
 
     def prepare(self, machine):
-        for name, lines in self.drawn.lists.items():
-            machine.write(f"{self.drawn.place}/{name}", "\n".join(lines) + "\n")
-        machine.write(f"{self.drawn.place}/helpers.txt", "Somebody Else\n")
+        for name, lines in self.values.lists.items():
+            machine.write(f"{self.values.place}/{name}", "\n".join(lines) + "\n")
+        machine.write(f"{self.values.place}/helpers.txt", "Somebody Else\n")
 
     def problems(self, machine):
-        yield from machine.untouched(self.drawn.path)
-        found = (machine.text(self.drawn.path) or "").split("\n")
+        yield from machine.unexpected_changes(self.values.path)
+        found = (machine.text(self.values.path) or "").split("\n")
         if [line.strip() for line in found if line.strip()] != self.merged:
-            yield f"{self.drawn.path} holds {found}"
+            yield f"{self.values.path} holds {found}"
 
     def oracle(self, hand):
-        new = self.drawn.all
-        shell.command(hand, f"cd ~/'{self.drawn.place}'")
-        shell.command(hand, f"sort -u {' '.join(self.drawn.lists)} > {new}")
+        new = self.values.all
+        shell.command(hand, f"cd ~/'{self.values.place}'")
+        shell.command(hand, f"sort -u {' '.join(self.values.lists)} > {new}")
         shell.command(hand, f"cat {new}")
 
     def plan(self):
-        return told.run(
-            f"cd ~/'{self.drawn.place}'",
-            f"sort -u {' '.join(self.drawn.lists)} > {self.drawn.all}",
-            f"cat {self.drawn.all}",
+        return plan_steps.run(
+            f"cd ~/'{self.values.place}'",
+            f"sort -u {' '.join(self.values.lists)} > {self.values.all}",
+            f"cat {self.values.all}",
         )
 
-    def wrong(self):
-        path, lists = self.drawn.path, self.drawn.lists
+    def wrong_results(self):
+        path, lists = self.values.path, self.values.lists
         a, b, _ = lists.values()
         twice = sorted(name for names in lists.values() for name in names)
         return {
@@ -81,8 +81,8 @@ class MergeLists(Task):
             "with the helpers": lambda m: save(m, path, [*self.merged, "Somebody Else"]),
         }
 
-    def right(self, machine):
-        machine.write(self.drawn.path, "\n" + " \r\n".join(self.merged) + "\t\n\n")
+    def right_result(self, machine):
+        machine.write(self.values.path, "\n" + " \r\n".join(self.merged) + "\t\n\n")
 
 
 def save(machine, path, lines):

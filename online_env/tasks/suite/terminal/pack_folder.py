@@ -5,9 +5,9 @@ import io
 import tarfile
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell, told
+from online_env.tasks.kit import plan_steps, shell
 from online_env.tasks.kit.archives import unpacked
-from online_env.tasks.kit.words import TOPICS, sample
+from online_env.tasks.kit.word_lists import TOPICS, sample
 
 GZIP = b"\x1f\x8b"
 
@@ -42,61 +42,61 @@ class PackFolder(Task):
         }
 
     def prepare(self, machine):
-        for path, data in {**self.drawn.kept, **self.drawn.left}.items():
-            machine.write(f"Documents/{self.drawn.folder}/{path}", data)
+        for path, data in {**self.values.kept, **self.values.left}.items():
+            machine.write(f"Documents/{self.values.folder}/{path}", data)
 
     def problems(self, machine):
-        path = f"Documents/{self.drawn.archive}"
-        yield from machine.untouched(path)
+        path = f"Documents/{self.values.archive}"
+        yield from machine.unexpected_changes(path)
         data = machine.read(path)
         if data is None or not data.startswith(GZIP):
             yield f"{path} is no archive that gzip compressed"
             return
-        start = f"{self.drawn.folder}/"
+        start = f"{self.values.folder}/"
         found = unpacked(data) or {}
         inside = {name.rpartition(start)[2]: found[name] for name in found}
-        if inside != self.drawn.kept or len(inside) != len(found):
+        if inside != self.values.kept or len(inside) != len(found):
             yield f"the archive holds {sorted(found)}"
 
     def oracle(self, hand):
-        folder, archive = self.drawn.folder, self.drawn.archive
+        folder, archive = self.values.folder, self.values.archive
         shell.command(hand, "cd ~/Documents")
         shell.command(hand, f"find {folder} -type f")
-        shell.command(hand, f"tar -czf {archive} --exclude='*{self.drawn.ending}' {folder}")
+        shell.command(hand, f"tar -czf {archive} --exclude='*{self.values.ending}' {folder}")
         shell.command(hand, f"tar -tzf {archive}")
 
     def plan(self):
-        folder, archive = self.drawn.folder, self.drawn.archive
-        return told.run(
+        folder, archive = self.values.folder, self.values.archive
+        return plan_steps.run(
             "cd ~/Documents",
-            f"tar -czf {archive} --exclude='*{self.drawn.ending}' {folder}",
+            f"tar -czf {archive} --exclude='*{self.values.ending}' {folder}",
             f"tar -tzf {archive}",
         )
 
-    def wrong(self):
-        kept, left = self.drawn.kept, self.drawn.left
+    def wrong_results(self):
+        kept, left = self.values.kept, self.values.left
         return {
             "with all files": lambda m: self.pack(m, {**kept, **left}),
             "without the subfolder": lambda m: self.pack(m, dict(list(kept.items())[:2])),
             "not compressed": lambda m: self.pack(m, kept, bytes),
             "files are gone": lambda m: (
                 self.pack(m, kept),
-                m.run("rm", *(f"Documents/{self.drawn.folder}/{path}" for path in left)),
+                m.run("rm", *(f"Documents/{self.values.folder}/{path}" for path in left)),
             ),
         }
 
-    def right(self, machine):
-        self.pack(machine, dict(reversed(self.drawn.kept.items())))
+    def right_result(self, machine):
+        self.pack(machine, dict(reversed(self.values.kept.items())))
 
     def pack(self, machine, files, squeeze=gzip.compress):
         """Write an archive of files."""
         buffer = io.BytesIO()
         with tarfile.open(fileobj=buffer, mode="w") as archive:
             for path, data in files.items():
-                entry = tarfile.TarInfo(f"./{self.drawn.folder}/{path}")
+                entry = tarfile.TarInfo(f"./{self.values.folder}/{path}")
                 entry.size = len(data)
                 archive.addfile(entry, io.BytesIO(data))
-        machine.write(f"Documents/{self.drawn.archive}", squeeze(buffer.getvalue()))
+        machine.write(f"Documents/{self.values.archive}", squeeze(buffer.getvalue()))
 
 
 def content(path):

@@ -1,9 +1,9 @@
 """Replace a name in all files of one kind, in a folder with subfolders."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell, told
+from online_env.tasks.kit import plan_steps, shell
 from online_env.tasks.kit.text_editor import text_problems
-from online_env.tasks.kit.words import TOPICS, sample
+from online_env.tasks.kit.word_lists import TOPICS, sample
 
 OLD = ("Nordwind", "Hillcrest", "Bluepine", "Castor", "Oakline")
 NEW = ("Meridian", "Foxglove", "Silverbeck", "Pollux", "Larkfield")
@@ -41,39 +41,39 @@ class ReplaceInFiles(Task):
         }
 
     def prepare(self, machine):
-        for path in (*self.drawn.paths, self.drawn.other):
-            machine.write(path, self.text(path, self.drawn.old))
+        for path in (*self.values.paths, self.values.other):
+            machine.write(path, self.text(path, self.values.old))
 
     def text(self, path, name):
         """Return what a file holds with a name in it."""
-        old = self.drawn.old
+        old = self.values.old
         return f"{path}\n\n{name} was founded in 1974. All {old}s are {name}'s.\n{name}, {name}\n"
 
     def problems(self, machine):
-        yield from machine.untouched(*self.drawn.paths)
-        for path in self.drawn.paths:
-            yield from text_problems(machine, path, self.text(path, self.drawn.new))
+        yield from machine.unexpected_changes(*self.values.paths)
+        for path in self.values.paths:
+            yield from text_problems(machine, path, self.text(path, self.values.new))
 
     def oracle(self, hand):
-        old, new = self.drawn.old, self.drawn.new
-        shell.command(hand, f"cd ~/Documents/{self.drawn.folder}")
+        old, new = self.values.old, self.values.new
+        shell.command(hand, f"cd ~/Documents/{self.values.folder}")
         shell.command(hand, f"grep -rn {old} .")
         change = f"sed -i 's/\\b{old}\\b/{new}/g' {{}} +"
-        shell.command(hand, f"find . -name '*{self.drawn.ending}' -exec {change}")
+        shell.command(hand, f"find . -name '*{self.values.ending}' -exec {change}")
         shell.command(hand, f"grep -rn {old} .")
 
     def plan(self):
-        old, new = self.drawn.old, self.drawn.new
+        old, new = self.values.old, self.values.new
         change = f"sed -i 's/\\b{old}\\b/{new}/g' {{}} +"
-        return told.run(
-            f"cd ~/Documents/{self.drawn.folder}",
-            f"find . -name '*{self.drawn.ending}' -exec {change}",
+        return plan_steps.run(
+            f"cd ~/Documents/{self.values.folder}",
+            f"find . -name '*{self.values.ending}' -exec {change}",
             f"grep -rn {old} .",
         )
 
-    def wrong(self):
-        paths, other = self.drawn.paths, self.drawn.other
-        old, new = self.drawn.old, self.drawn.new
+    def wrong_results(self):
+        paths, other = self.values.paths, self.values.other
+        old, new = self.values.old, self.values.new
         once = self.text(paths[0], new).replace(f"{new}, {new}", f"{new}, {old}")
         longer = self.text(paths[0], new).replace(f"{old}s", f"{new}s")
         return {
@@ -83,12 +83,12 @@ class ReplaceInFiles(Task):
             "longer words": lambda m: (self.change(m, paths), m.write(paths[0], longer)),
         }
 
-    def right(self, machine):
-        first, *others = self.drawn.paths
+    def right_result(self, machine):
+        first, *others = self.values.paths
         self.change(machine, reversed(others))
-        machine.write(first, self.text(first, self.drawn.new).rstrip("\n"))
+        machine.write(first, self.text(first, self.values.new).rstrip("\n"))
 
     def change(self, machine, paths):
         """Change the name in files."""
         for path in paths:
-            machine.write(path, self.text(path, self.drawn.new))
+            machine.write(path, self.text(path, self.values.new))

@@ -1,9 +1,9 @@
 """Make scripts executable, and keep a secret from others."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell, told
-from online_env.tasks.kit.files import content, mode
-from online_env.tasks.kit.words import GOODS, sample
+from online_env.tasks.kit import plan_steps, shell
+from online_env.tasks.kit.sample_files import content, mode
+from online_env.tasks.kit.word_lists import GOODS, sample
 
 WORK = ("backup", "report", "cleanup", "upload", "rotate", "convert", "publish")
 RUNS = 0o500  # the shell also has to read a script
@@ -43,15 +43,15 @@ class SetPermissions(Task):
         }
 
     def prepare(self, machine):
-        for path in self.drawn.scripts:
+        for path in self.values.scripts:
             machine.write(path, f"#!/bin/sh\necho 'This is {path}.'\n")
-        for path in (self.drawn.key, *self.drawn.others):
+        for path in (self.values.key, *self.values.others):
             machine.write(path, f"Content of {path}\n")
-        machine.run("chmod", "644", *self.drawn.scripts, self.drawn.key, *self.drawn.others)
+        machine.run("chmod", "644", *self.values.scripts, self.values.key, *self.values.others)
 
     def problems(self, machine):
-        scripts, key = self.drawn.scripts, self.drawn.key
-        yield from machine.untouched(*scripts, key)
+        scripts, key = self.values.scripts, self.values.key
+        yield from machine.unexpected_changes(*scripts, key)
         was = machine.before.files
         now = machine.snapshot().files
         for path in (*scripts, key):
@@ -64,19 +64,19 @@ class SetPermissions(Task):
                 yield f"{path} has the mode {mode(look):o}, and should be executable"
 
     def oracle(self, hand):
-        shell.command(hand, f"cd ~/{self.drawn.place}")
+        shell.command(hand, f"cd ~/{self.values.place}")
         shell.command(hand, "chmod +x *.sh")
-        shell.command(hand, f"chmod 600 {self.drawn.secret}")
+        shell.command(hand, f"chmod 600 {self.values.secret}")
         shell.command(hand, "ls -l")
 
     def plan(self):
-        return told.run(
-            f"cd ~/{self.drawn.place}", "chmod +x *.sh", f"chmod 600 {self.drawn.secret}", "ls -l"
+        return plan_steps.run(
+            f"cd ~/{self.values.place}", "chmod +x *.sh", f"chmod 600 {self.values.secret}", "ls -l"
         )
 
-    def wrong(self):
-        scripts, key = self.drawn.scripts, self.drawn.key
-        other = self.drawn.others[0]
+    def wrong_results(self):
+        scripts, key = self.values.scripts, self.values.key
+        other = self.values.others[0]
         return {
             "the secret is as before": lambda m: m.run("chmod", "755", *scripts),
             "one script is left": lambda m: self.change(m, scripts[1:], key),
@@ -86,8 +86,8 @@ class SetPermissions(Task):
             "scripts that nobody may read": lambda m: self.change(m, scripts, key, "111"),
         }
 
-    def right(self, machine):
-        self.change(machine, self.drawn.scripts, self.drawn.key, "744")
+    def right_result(self, machine):
+        self.change(machine, self.values.scripts, self.values.key, "744")
 
     def change(self, machine, scripts, key, mode="755"):
         """Set modes."""

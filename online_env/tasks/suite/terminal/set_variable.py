@@ -2,7 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import shell
-from online_env.tasks.kit.words import CITIES, GOODS
+from online_env.tasks.kit.word_lists import CITIES, GOODS
 from online_env.tasks.plan_words import quoted
 
 FILE = ".profile"
@@ -37,16 +37,16 @@ class SetVariable(Task):
         return {"key": key, "value": value, "others": others, "before": before}
 
     def prepare(self, machine):
-        machine.write(FILE, self.drawn.before)
+        machine.write(FILE, self.values.before)
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         lines = (machine.text(FILE) or "").splitlines()
-        lost = [line for line in self.drawn.before.splitlines() if line not in lines]
+        lost = [line for line in self.values.before.splitlines() if line not in lines]
         if lost:
             yield f"{FILE} lacks {lost}"
         result = machine.desktop.execute(["sh", "-c", f"cd && {SHELL}"])
-        wanted = {f"{self.drawn.key}={self.drawn.value}", *self.drawn.others}
+        wanted = {f"{self.values.key}={self.values.value}", *self.values.others}
         names = {entry.partition("=")[0] for entry in wanted}
         exported = result.output.splitlines()
         found = {entry for entry in exported if entry.partition("=")[0] in names}
@@ -54,13 +54,13 @@ class SetVariable(Task):
             yield f"a login shell exports {sorted(found)} ({result.error.strip()[-100:]})"
 
     def oracle(self, hand):
-        line = f"export {self.drawn.key}={self.drawn.value}"
+        line = f"export {self.values.key}={self.values.value}"
         shell.command(hand, f"cat ~/{FILE}")
         shell.command(hand, f"grep -qxF '{line}' ~/{FILE} || echo '{line}' >> ~/{FILE}")
         shell.command(hand, f"tail -2 ~/{FILE}")
 
     def plan(self):
-        line = f"export {self.drawn.key}={self.drawn.value}"
+        line = f"export {self.values.key}={self.values.value}"
         return [
             'window "Terminal"',
             'wait for "user@desktop"',
@@ -74,8 +74,8 @@ class SetVariable(Task):
             f"wait for {quoted(line)}",
         ]
 
-    def wrong(self):
-        before, key, value = self.drawn.before, self.drawn.key, self.drawn.value
+    def wrong_results(self):
+        before, key, value = self.values.before, self.values.key, self.values.value
         line = f"export {key}={value}\n"
         return {
             "the rest is gone": lambda m: m.write(FILE, line),
@@ -86,7 +86,7 @@ class SetVariable(Task):
             "both of them": lambda m: m.write(FILE, f"{before}{line}export {key}_OLD={value}\n"),
         }
 
-    def right(self, machine):
-        key, value = self.drawn.key, self.drawn.value
+    def right_result(self, machine):
+        key, value = self.values.key, self.values.value
         end = '[ -n "$BASH_VERSION" ] && echo hello\n'
-        machine.write(FILE, f"{key}='{value}'\nexport {key}\n{self.drawn.before}{end}")
+        machine.write(FILE, f"{key}='{value}'\nexport {key}\n{self.values.before}{end}")

@@ -3,8 +3,8 @@
 import time
 
 from online_env.tasks import Task
-from online_env.tasks.kit import shell, told
-from online_env.tasks.kit.words import sample
+from online_env.tasks.kit import plan_steps, shell
+from online_env.tasks.kit.word_lists import sample
 
 NAMES = ("indexer", "syncer", "thumbs", "mailcheck", "rotator", "scanner")
 # It ends by itself when its file is removed, so nothing is left of a home folder that is.
@@ -32,31 +32,31 @@ class StopProgram(Task):
         return {"name": name, "names": names, "others": f"{names[1]} and {other}"}
 
     def prepare(self, machine):
-        for name in self.drawn.names:
+        for name in self.values.names:
             machine.write(f"Tools/{name}", SCRIPT)
             machine.run("chmod", "755", f"Tools/{name}")
             machine.run("sh", "-c", f"setsid -f {machine.path('Tools')}/{name} >/dev/null 2>&1")
-        wait(lambda: len(processes(machine)) == len(self.drawn.names))
+        wait(lambda: len(processes(machine)) == len(self.values.names))
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         running = processes(machine)
-        name, *others = self.drawn.names
+        name, *others = self.values.names
         if name in running:
             yield f"{name} still runs"
         yield from (f"{other} does not run" for other in others if other not in running)
 
     def oracle(self, hand):
-        name = self.drawn.name
+        name = self.values.name
         shell.command(hand, "ps -ef | grep Tools")
         shell.command(hand, f"pkill -x {name}")
         shell.command(hand, "ps -ef | grep Tools")
 
     def plan(self):
-        return told.run(f"pkill -x {self.drawn.name}", "ps -ef | grep Tools")
+        return plan_steps.run(f"pkill -x {self.values.name}", "ps -ef | grep Tools")
 
-    def wrong(self):
-        names = self.drawn.names
+    def wrong_results(self):
+        names = self.values.names
         return {
             "the similar one, too": lambda m: end(m, *names[:2]),
             "the similar one": lambda m: end(m, names[1]),
@@ -64,9 +64,9 @@ class StopProgram(Task):
             "its file": lambda m: (end(m, names[0]), m.run("rm", f"Tools/{names[0]}")),
         }
 
-    def right(self, machine):
-        end(machine, self.drawn.name, signal="KILL")
-        path = machine.path(f"Tools/{self.drawn.name}")
+    def right_result(self, machine):
+        end(machine, self.values.name, signal="KILL")
+        path = machine.path(f"Tools/{self.values.name}")
         machine.run("sh", "-c", f"setsid -f timeout 9 tail -f {path} >/dev/null 2>&1")
 
 

@@ -3,7 +3,7 @@
 from hijack_data.rng import Stream
 from online_env.tasks import Task
 from online_env.tasks.kit import recordings, vlc
-from online_env.tasks.kit.words import CITIES, sample
+from online_env.tasks.kit.word_lists import CITIES, sample
 
 
 class ConvertForCd(Task):
@@ -31,49 +31,49 @@ class ConvertForCd(Task):
 
     def prepare(self, machine):
         vlc.prepare(machine)
-        for song in self.drawn.songs:
+        for song in self.values.songs:
             machine.write(f"Music/{song}", recordings.played(self.tune(song)))
 
     def problems(self, machine):
-        path = f"Music/{self.drawn.result}"
-        yield from machine.untouched(path)
+        path = f"Music/{self.values.result}"
+        yield from machine.unexpected_changes(path)
         heard = recordings.sound(machine, path)
         if heard is None:
             yield f"there is no WAV file {path}"
             return
         if (heard.channels, heard.rate) != recordings.CD:
             yield f"{path} has {heard.channels} channels and {heard.rate} Hz: no CD has that"
-        for problem in recordings.melody_problems(heard, self.tune(self.drawn.source)):
-            yield f"{path} is not {self.drawn.source}: {problem}"
+        for problem in recordings.melody_problems(heard, self.tune(self.values.source)):
+            yield f"{path} is not {self.values.source}: {problem}"
 
     def oracle(self, hand):
         vlc.leave_dialogs(hand)
         hand.press("ctrl", "r")
         hand.button("Add...", vlc.VLC)
-        vlc.pick_file(hand, f"Music/{self.drawn.source}")
+        vlc.pick_file(hand, f"Music/{self.values.source}")
         hand.button("Convert / Save", vlc.VLC)
         vlc.choose(hand, "Profile", "Audio - CD")
         hand.button("Browse", vlc.VLC)
-        vlc.pick_file(hand, f"Music/{self.drawn.result}")
+        vlc.pick_file(hand, f"Music/{self.values.result}")
         hand.button("Start", vlc.VLC)
         hand.find("frame", vlc.IDLE, vlc.VLC, "active")
 
-    def wrong(self):
-        path = f"Music/{self.drawn.result}"
-        tune = self.tune(self.drawn.source)
+    def wrong_results(self):
+        path = f"Music/{self.values.result}"
+        tune = self.tune(self.values.source)
         good = recordings.played(tune, *recordings.CD)
-        other = recordings.played(self.tune(self.drawn.songs[1]), *recordings.CD)
+        other = recordings.played(self.tune(self.values.songs[1]), *recordings.CD)
         return {
-            "only copied": lambda m: m.run("cp", f"Music/{self.drawn.source}", path),
+            "only copied": lambda m: m.run("cp", f"Music/{self.values.source}", path),
             "another recording": lambda m: m.write(path, other),
             "one channel": lambda m: m.write(path, recordings.played(tune, 1, 44100)),
             "half of it": lambda m: m.write(path, recordings.played(tune[:4], *recordings.CD)),
-            "over the original": lambda m: m.write(f"Music/{self.drawn.source}", good),
+            "over the original": lambda m: m.write(f"Music/{self.values.source}", good),
         }
 
-    def right(self, machine):
-        tune = self.tune(self.drawn.source)
-        machine.write(f"Music/{self.drawn.result}", recordings.played(tune, *recordings.CD))
+    def right_result(self, machine):
+        tune = self.tune(self.values.source)
+        machine.write(f"Music/{self.values.result}", recordings.played(tune, *recordings.CD))
 
     def tune(self, song):
         """Return the melody of a recording."""

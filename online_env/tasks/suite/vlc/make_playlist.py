@@ -3,7 +3,7 @@
 from hijack_data.rng import Stream
 from online_env.tasks import Task
 from online_env.tasks.kit import recordings, vlc
-from online_env.tasks.kit.words import CITIES, sample
+from online_env.tasks.kit.word_lists import CITIES, sample
 
 DANCES = ("Waltz", "Tango", "Polka", "March", "Lullaby", "Blues")
 
@@ -38,41 +38,41 @@ class MakePlaylist(Task):
 
     def prepare(self, machine):
         vlc.prepare(machine)
-        for song in self.drawn.songs:
+        for song in self.values.songs:
             tune = recordings.melody(Stream(self.seed, f"make_playlist {song}"))
             machine.write(f"Music/{song}", recordings.played(tune))
 
     def problems(self, machine):
-        path = f"Music/{self.drawn.file}"
-        yield from machine.untouched(path)
+        path = f"Music/{self.values.file}"
+        yield from machine.unexpected_changes(path)
         found = vlc.playlist(machine, path)
         if found is None:
             yield f"there is no {path}"
-        elif found != [machine.path(f"Music/{song}") for song in self.drawn.wanted]:
+        elif found != [machine.path(f"Music/{song}") for song in self.values.wanted]:
             yield f"{path} has other recordings, or another order: {', '.join(found)}"
 
     def oracle(self, hand):
         vlc.empty_playlist(hand)
-        for song in self.drawn.wanted:
+        for song in self.values.wanted:
             hand.press("ctrl", "o")
             vlc.pick_file(hand, f"Music/{song}")
             hand.find("tree-item", song, vlc.VLC)
         hand.press("ctrl", "y")
-        vlc.pick_file(hand, f"Music/{self.drawn.file}")
+        vlc.pick_file(hand, f"Music/{self.values.file}")
 
-    def wrong(self):
-        wanted = self.drawn.wanted
+    def wrong_results(self):
+        wanted = self.values.wanted
         return {
             "another order": lambda m: self.save(m, [wanted[1], wanted[0], wanted[2]]),
             "one is missing": lambda m: self.save(m, wanted[:2]),
-            "all recordings": lambda m: self.save(m, self.drawn.songs),
+            "all recordings": lambda m: self.save(m, self.values.songs),
             "in the home folder": lambda m: self.save(m, wanted, "."),
         }
 
-    def right(self, machine):
-        self.save(machine, self.drawn.wanted)
+    def right_result(self, machine):
+        self.save(machine, self.values.wanted)
 
     def save(self, machine, songs, folder="Music"):
         """Write a playlist as M3U, whatever its name says: VLC plays that as well."""
         lines = ["#EXTM3U", *(machine.path(f"Music/{song}") for song in songs)]
-        machine.write(f"{folder}/{self.drawn.file}", "\n".join(lines) + "\n")
+        machine.write(f"{folder}/{self.values.file}", "\n".join(lines) + "\n")

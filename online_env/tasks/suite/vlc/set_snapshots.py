@@ -2,7 +2,7 @@
 
 from online_env.tasks import Task
 from online_env.tasks.kit import vlc
-from online_env.tasks.kit.words import GOODS
+from online_env.tasks.kit.word_lists import GOODS
 
 
 class SetSnapshots(Task):
@@ -27,14 +27,14 @@ class SetSnapshots(Task):
 
     def prepare(self, machine):
         vlc.prepare(machine)
-        machine.write(f"Pictures/{self.drawn.folder}/about.txt", "Stills of our films\n")
+        machine.write(f"Pictures/{self.values.folder}/about.txt", "Stills of our films\n")
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         yield from vlc.setting_problems(machine, self.wanted(machine))
 
     def oracle(self, hand):
-        drawn = self.drawn
+        drawn = self.values
         vlc.preferences(hand, "Video")
         hand.fill("Directory", hand.path(f"Pictures/{drawn.folder}"), vlc.VLC)
         hand.fill("Prefix", drawn.prefix, vlc.VLC)
@@ -42,7 +42,7 @@ class SetSnapshots(Task):
         vlc.tick(hand, "Sequential numbering")
         vlc.save_preferences(hand)
 
-    def wrong(self):
+    def wrong_results(self):
         return {
             "another folder": lambda m: self.save(m, {"snapshot-path": "/home/user/Pictures"}),
             "another format": lambda m: self.save(m, {"snapshot-format": "png"}),
@@ -50,8 +50,8 @@ class SetSnapshots(Task):
             "full screen as well": lambda m: self.save(m, {"fullscreen": "1"}),
         }
 
-    def right(self, machine):
-        folder = machine.path(f"Pictures/{self.drawn.folder}/")
+    def right_result(self, machine):
+        folder = machine.path(f"Pictures/{self.values.folder}/")
         self.save(machine, {"snapshot-path": f"{folder}/", "vout": "any"})
 
     def save(self, machine, changed):
@@ -61,8 +61,8 @@ class SetSnapshots(Task):
     def wanted(self, machine):
         """Return the settings as VLC stores them."""
         return {
-            "snapshot-path": machine.path(f"Pictures/{self.drawn.folder}"),
-            "snapshot-prefix": self.drawn.prefix,
-            "snapshot-format": self.drawn.format,
+            "snapshot-path": machine.path(f"Pictures/{self.values.folder}"),
+            "snapshot-prefix": self.values.prefix,
+            "snapshot-format": self.values.format,
             "snapshot-sequential": "1",
         }

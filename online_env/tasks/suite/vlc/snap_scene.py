@@ -2,8 +2,8 @@
 
 from hijack_data.rng import Stream
 from online_env.tasks import Task
-from online_env.tasks.kit import pictures, recordings, vlc
-from online_env.tasks.kit.words import GOODS, sample
+from online_env.tasks.kit import gimp, recordings, vlc
+from online_env.tasks.kit.word_lists import GOODS, sample
 
 JPEG_SLACK = 8.0  # what compressing a picture twice may change of its colours, of 255
 
@@ -30,44 +30,44 @@ class SnapScene(Task):
 
     def prepare(self, machine):
         vlc.prepare(machine)
-        scenes = [self.scene(place) for place in range(len(self.drawn.titles))]
-        machine.write(f"Videos/{self.drawn.film}", recordings.film(scenes))
+        scenes = [self.scene(place) for place in range(len(self.values.titles))]
+        machine.write(f"Videos/{self.values.film}", recordings.film(scenes))
 
-    def opens(self, machine):
-        return "vlc", machine.path(f"Videos/{self.drawn.film}")
+    def initial_app(self, machine):
+        return "vlc", machine.path(f"Videos/{self.values.film}")
 
     def problems(self, machine):
-        yield from machine.untouched("Pictures/*")
+        yield from machine.unexpected_changes("Pictures/*")
         names = machine.names("Pictures") or set()
         if len(names) != 1:
             yield f"there are {len(names)} files in Pictures, not one"
             return
         path = f"Pictures/{names.pop()}"
-        found = pictures.opened(machine, path)
+        found = gimp.opened(machine, path)
         kind = "PNG" if found is None else str(found.format)
-        wanted = self.scene(self.drawn.place)
-        yield from pictures.picture_problems(machine, path, wanted, kind, JPEG_SLACK)
+        wanted = self.scene(self.values.place)
+        yield from gimp.picture_problems(machine, path, wanted, kind, JPEG_SLACK)
 
     def oracle(self, hand):
-        vlc.pause_at(hand, self.drawn.place * recordings.SCENE + 1)
+        vlc.pause_at(hand, self.values.place * recordings.SCENE + 1)
         hand.press("shift", "s")
 
-    def wrong(self):
+    def wrong_results(self):
         path = "Pictures/still.png"
-        wanted = pictures.encoded(self.scene(self.drawn.place))
-        other = pictures.encoded(self.scene(self.drawn.place - 1))
-        half = self.scene(self.drawn.place).reduce(2)
+        wanted = gimp.encoded(self.scene(self.values.place))
+        other = gimp.encoded(self.scene(self.values.place - 1))
+        half = self.scene(self.values.place).reduce(2)
         return {
             "another scene": lambda m: m.write(path, other),
             "in the home folder": lambda m: m.write("still.png", wanted),
             "two scenes": lambda m: [m.write(path, wanted), m.write("Pictures/b.png", other)],
-            "a small picture": lambda m: m.write(path, pictures.encoded(half)),
+            "a small picture": lambda m: m.write(path, gimp.encoded(half)),
         }
 
-    def right(self, machine):
-        picture = pictures.encoded(self.scene(self.drawn.place), "JPEG", 80)
+    def right_result(self, machine):
+        picture = gimp.encoded(self.scene(self.values.place), "JPEG", 80)
         machine.write("Pictures/still.jpg", picture)
 
     def scene(self, place):
         """Return the picture of a scene."""
-        return recordings.scene(Stream(self.seed, f"snap_scene {place}"), self.drawn.titles[place])
+        return recordings.scene(Stream(self.seed, f"snap_scene {place}"), self.values.titles[place])

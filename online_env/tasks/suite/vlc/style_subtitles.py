@@ -35,26 +35,26 @@ class StyleSubtitles(Task):
         vlc.prepare(machine)
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         yield from vlc.setting_problems(machine, self.wanted())
 
     def oracle(self, hand):
         vlc.preferences(hand, "Subtitles / OSD")
-        hand.fill("Preferred subtitle language", self.drawn.code, vlc.VLC)
-        vlc.choose(hand, "Font size", self.drawn.size)
-        vlc.choose(hand, "Outline thickness", self.drawn.outline)
+        hand.fill("Preferred subtitle language", self.values.code, vlc.VLC)
+        vlc.choose(hand, "Font size", self.values.size)
+        vlc.choose(hand, "Outline thickness", self.values.outline)
         vlc.save_preferences(hand)
 
-    def wrong(self):
+    def wrong_results(self):
         return {
             "another language": lambda m: self.save(m, {"sub-language": "en"}),
             "the usual size": lambda m: self.save(m, {"freetype-rel-fontsize": "16"}),
             "the usual outline": lambda m: self.save(m, {"freetype-outline-thickness": "4"}),
-            "sound as well": lambda m: self.save(m, {"audio-language": self.drawn.code}),
+            "sound as well": lambda m: self.save(m, {"audio-language": self.values.code}),
         }
 
-    def right(self, machine):
-        self.save(machine, {"sub-language": f" {self.drawn.code}", "vout": "any"})
+    def right_result(self, machine):
+        self.save(machine, {"sub-language": f" {self.values.code}", "vout": "any"})
 
     def save(self, machine, changed):
         """Write the wanted settings, some of them changed."""
@@ -63,7 +63,7 @@ class StyleSubtitles(Task):
     def wanted(self):
         """Return the settings as VLC stores them."""
         return {
-            "sub-language": self.drawn.code,
-            "freetype-rel-fontsize": SIZES[self.drawn.size],
-            "freetype-outline-thickness": OUTLINES[self.drawn.outline],
+            "sub-language": self.values.code,
+            "freetype-rel-fontsize": SIZES[self.values.size],
+            "freetype-outline-thickness": OUTLINES[self.values.outline],
         }

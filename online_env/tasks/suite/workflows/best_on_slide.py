@@ -2,12 +2,12 @@
 
 from dataclasses import replace
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.office import dump, open_document, replace_all, save
+from online_env.tasks.kit.sample_talks import talk
 from online_env.tasks.kit.sheets import book, read_cells
 from online_env.tasks.kit.slides import SlideTask, presentation, slide_changes
-from online_env.tasks.kit.talks import talk
-from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES, sample
+from online_env.tasks.kit.word_lists import FIRST_NAMES, LAST_NAMES, sample
 from online_env.tasks.plan_words import quoted
 
 BLANK = "(winner)"
@@ -49,20 +49,20 @@ class BestOnSlide(SlideTask):
         }
 
     def made(self):
-        return presentation(self.drawn.slides)
+        return presentation(self.values.slides)
 
     def prepare(self, machine):
         super().prepare(machine)
-        rows = [("Name", "Points"), *self.drawn.rows]
-        machine.write(self.drawn.sheet, dump(book({"Contest": rows})))
+        rows = [("Name", "Points"), *self.values.rows]
+        machine.write(self.values.sheet, dump(book({"Contest": rows})))
 
     def judge(self, now, before):
-        title = before[-1].title.replace(BLANK, self.drawn.winner)
+        title = before[-1].title.replace(BLANK, self.values.winner)
         yield from slide_changes(now, (*before[:-1], replace(before[-1], title=title)))
 
     def oracle(self, hand):
-        open_document(hand, self.drawn.sheet, "table", "Sheet Contest")
-        numbers = range(2, len(self.drawn.rows) + 2)
+        open_document(hand, self.values.sheet, "table", "Sheet Contest")
+        numbers = range(2, len(self.values.rows) + 2)
         names = read_cells(hand, [f"A{number}" for number in numbers])
         points = read_cells(hand, [f"B{number}" for number in numbers])
         best = max(zip(map(int, points), names, strict=True))[1]
@@ -73,17 +73,17 @@ class BestOnSlide(SlideTask):
 
     def plan(self):
         return [
-            told.IMPRESS,
-            *told.open_in_office(self.drawn.sheet, "Contest"),
-            f"wait for {quoted(self.drawn.winner)}",
+            plan_steps.IMPRESS,
+            *plan_steps.open_in_office(self.values.sheet, "Contest"),
+            f"wait for {quoted(self.values.winner)}",
             "press ctrl+w",
-            told.IMPRESS,
-            *told.replace_in_office(BLANK, self.drawn.winner),
-            *told.SAVE_PPTX,
+            plan_steps.IMPRESS,
+            *plan_steps.replace_in_office(BLANK, self.values.winner),
+            *plan_steps.SAVE_PPTX,
         ]
 
-    def wrong(self):
-        winner, second = self.drawn.winner, self.drawn.second
+    def wrong_results(self):
+        winner, second = self.values.winner, self.values.second
         return {
             "the second": self.put({-1: second}),
             "both": self.put({-1: f"{winner} and {second}"}),
@@ -91,8 +91,8 @@ class BestOnSlide(SlideTask):
             "the first name alone": self.put({-1: winner.split()[0]}),
         }
 
-    def right(self, machine):
-        self.put({-1: self.drawn.winner.replace("'", "\u2019")})(machine)  # as it is typed
+    def right_result(self, machine):
+        self.put({-1: self.values.winner.replace("'", "\u2019")})(machine)  # as it is typed
 
     def put(self, names):
         """Return what puts names in titles, by the index of the slide."""

@@ -1,9 +1,9 @@
 """Copy the lines of a text file into a sheet."""
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.office import plain, save
 from online_env.tasks.kit.sheets import SheetTask, book, changes, go_to
-from online_env.tasks.kit.words import FIRST_NAMES, GOODS, LAST_NAMES, sample
+from online_env.tasks.kit.word_lists import FIRST_NAMES, GOODS, LAST_NAMES, sample
 
 
 class ListToSheet(SheetTask):
@@ -44,8 +44,8 @@ class ListToSheet(SheetTask):
 
     def prepare(self, machine):
         super().prepare(machine)
-        lines = [f"{name}: {thing}" for name, thing in self.drawn.rows]
-        machine.write(self.drawn.text, "\n".join(lines) + "\n")
+        lines = [f"{name}: {thing}" for name, thing in self.values.rows]
+        machine.write(self.values.text, "\n".join(lines) + "\n")
 
     def judge(self, now, before):
         cells = self.cells()
@@ -58,7 +58,7 @@ class ListToSheet(SheetTask):
     def cells(self):
         """Return the entries by address."""
         entries = {}
-        for number, (name, thing) in enumerate(self.drawn.rows, 2):
+        for number, (name, thing) in enumerate(self.values.rows, 2):
             entries[f"A{number}"] = name
             entries[f"B{number}"] = thing
         return entries
@@ -67,10 +67,10 @@ class ListToSheet(SheetTask):
         if hand.see("text", app="mousepad") is None:
             hand.press("alt", "f2")
             hand.find(("entry", "text"), app="appfinder", state="focused")
-            hand.replace(f"mousepad {hand.path(self.drawn.text)}\n")
+            hand.replace(f"mousepad {hand.path(self.values.text)}\n")
         note = hand.find("text", app="mousepad").text
         hand.press("ctrl", "q")
-        hand.gone("frame", app="mousepad")
+        hand.wait_until_gone("frame", app="mousepad")
         for number, line in enumerate(note.splitlines(), 2):
             name, _, thing = line.partition(": ")
             go_to(hand, f"A{number}")
@@ -78,24 +78,24 @@ class ListToSheet(SheetTask):
         save(hand)
 
     def plan(self):
-        steps = [told.CALC]
-        for number, (name, thing) in enumerate(self.drawn.rows, 2):
-            steps += told.enter_in_cell(f"A{number}", name)
-            steps += told.enter_in_cell(f"B{number}", thing)
-        return [*steps, *told.SAVE_XLSX]
+        steps = [plan_steps.CALC]
+        for number, (name, thing) in enumerate(self.values.rows, 2):
+            steps += plan_steps.enter_in_cell(f"A{number}", name)
+            steps += plan_steps.enter_in_cell(f"B{number}", thing)
+        return [*steps, *plan_steps.SAVE_XLSX]
 
-    def wrong(self):
+    def wrong_results(self):
         cells = self.cells()
-        last = f"B{len(self.drawn.rows) + 1}"
+        last = f"B{len(self.values.rows) + 1}"
         turned = {f"{'B' if a[0] == 'A' else 'A'}{a[1:]}": text for a, text in cells.items()}
         return {
             "a thing is missing": self.put({a: text for a, text in cells.items() if a != last}),
             "the columns turned": self.put(turned),
             "whole lines in one column": self.put(
-                {f"A{n}": f"{a}: {b}" for n, (a, b) in enumerate(self.drawn.rows, 2)}
+                {f"A{n}": f"{a}: {b}" for n, (a, b) in enumerate(self.values.rows, 2)}
             ),
             "the header gone": self.put({**cells, "A1": None}),
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         self.put({address: f"{text} " for address, text in self.cells().items()})(machine)

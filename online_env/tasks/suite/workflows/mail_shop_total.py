@@ -1,8 +1,8 @@
 """Look up two prices in the shop, and mail what it comes to."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import browser, mail, shop, told
-from online_env.tasks.kit.words import FIRST_NAMES
+from online_env.tasks.kit import browser, mail, plan_steps, shop
+from online_env.tasks.kit.word_lists import FIRST_NAMES
 
 
 class MailShopTotal(Task):
@@ -38,32 +38,32 @@ class MailShopTotal(Task):
         }
 
     def prepare(self, machine):
-        sender = (self.drawn.who, "asker@mail.test")
-        new = mail.message("r1", sender, "What does it cost?", self.drawn.body, "2026-03-04T07:40")
+        sender = (self.values.who, "asker@mail.test")
+        new = mail.message("r1", sender, "What does it cost?", self.values.body, "2026-03-04T07:40")
         mail.receive(machine, new)
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", mail.INBOX
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         letter = mail.Letter(
             to=["asker@mail.test"],
             subject="Re: What does it cost?",
-            answer=mail.MailAnswer(value=float(self.drawn.total), about="altogether in all"),
+            answer=mail.MailAnswer(value=float(self.values.total), about="altogether in all"),
         )
         yield from mail.problems(machine, sent=[letter])
 
     def oracle(self, hand):
         browser.begin(hand, mail.INBOX, "Inbox")
-        mail.open_mail(hand, self.drawn.who, "What does it cost?")
+        mail.open_mail(hand, self.values.who, "What does it cost?")
         browser.visit(hand, shop.HOME, "Things that last.", in_new_tab=True)
-        for name in self.drawn.names:
+        for name in self.values.names:
             shop.search(hand, name)
             hand.find("link", shop.card(name), app=browser.APP)
         hand.press("ctrl", "w")
         browser.follow(hand, "Reply")
-        mail.compose(hand, text=f"That would be ${self.drawn.total}.")
+        mail.compose(hand, text=f"That would be ${self.values.total}.")
         mail.send(hand)
 
     def plan(self):
@@ -71,19 +71,19 @@ class MailShopTotal(Task):
             'window "Chromium"',
             'click "What does it cost?"',
             'click "Reply"',
-            *told.compose(text=f"That would be ${self.drawn.total}."),
-            *told.SEND,
+            *plan_steps.compose(text=f"That would be ${self.values.total}."),
+            *plan_steps.SEND,
         ]
 
-    def wrong(self):
+    def wrong_results(self):
         to, subject = ["asker@mail.test"], "Re: What does it cost?"
-        total = f"It is ${self.drawn.total}."
+        total = f"It is ${self.values.total}."
         return {
-            "one of each": lambda m: mail.store(m, to, subject, f"It is ${self.drawn.single}."),
+            "one of each": lambda m: mail.store(m, to, subject, f"It is ${self.values.single}."),
             "to somebody else": lambda m: mail.store(m, ["oda@mail.test"], subject, total),
-            "denied": lambda m: mail.store(m, to, subject, f"It is not ${self.drawn.total}."),
+            "denied": lambda m: mail.store(m, to, subject, f"It is not ${self.values.total}."),
             "both sums": lambda m: mail.store(
-                m, to, subject, f"${self.drawn.single} or ${self.drawn.total}"
+                m, to, subject, f"${self.values.single} or ${self.values.total}"
             ),
             "only a draft": lambda m: mail.store(m, to, subject, total, folder="drafts"),
             "into the cart as well": lambda m: [
@@ -92,8 +92,8 @@ class MailShopTotal(Task):
             ],
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         shop.fill(machine, {})  # what was put into it is out again
-        total = self.drawn.total.removesuffix("0").replace(".", ",")
+        total = self.values.total.removesuffix("0").replace(".", ",")
         body = f"Hello,\n{total} dollars altogether.\n\n> Hi Robin"
         mail.store(machine, ["asker@mail.test"], "Re: What does it cost?", body)

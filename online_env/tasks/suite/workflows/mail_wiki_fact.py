@@ -4,8 +4,8 @@ import re
 
 from online_env.embedded.sites.library import articles, plain
 from online_env.tasks import Task
-from online_env.tasks.kit import browser, mail, told
-from online_env.tasks.kit.words import FIRST_NAMES
+from online_env.tasks.kit import browser, mail, plan_steps
+from online_env.tasks.kit.word_lists import FIRST_NAMES
 from online_env.tasks.plan_words import quoted
 
 FACTS = (
@@ -54,16 +54,16 @@ class MailWikiFact(Task):
         }
 
     def prepare(self, machine):
-        sender = (self.drawn.who, "quiz@mail.test")
-        body, subject = self.drawn.body, self.drawn.subject
+        sender = (self.values.who, "quiz@mail.test")
+        body, subject = self.values.body, self.values.subject
         mail.receive(machine, mail.message("r1", sender, subject, body, "2026-03-04T10:20"))
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", mail.INBOX
 
     def problems(self, machine):
-        yield from machine.untouched()
-        drawn = self.drawn
+        yield from machine.unexpected_changes()
+        drawn = self.values
         answer = mail.MailAnswer(
             value=drawn.fact, about=f"{drawn.body} {told_by(drawn.title, drawn.fact)}"
         )
@@ -71,7 +71,7 @@ class MailWikiFact(Task):
         yield from mail.problems(machine, sent=[letter])
 
     def oracle(self, hand):
-        drawn = self.drawn
+        drawn = self.values
         browser.begin(hand, mail.INBOX, "Inbox")
         mail.open_mail(hand, drawn.who, drawn.subject)
         page = drawn.title.replace(" ", "_")
@@ -83,21 +83,23 @@ class MailWikiFact(Task):
         mail.send(hand)
 
     def plan(self):
-        drawn = self.drawn
+        drawn = self.values
         return [
             'window "Chromium"',
-            *told.visit(f"http://wiki.test/wiki/{drawn.title.replace(' ', '_')}", drawn.title),
-            *told.visit(mail.INBOX, drawn.subject),
+            *plan_steps.visit(
+                f"http://wiki.test/wiki/{drawn.title.replace(' ', '_')}", drawn.title
+            ),
+            *plan_steps.visit(mail.INBOX, drawn.subject),
             f"click {quoted(drawn.subject)}",
             'click "Reply"',
-            *told.compose(text=f"Yes: {drawn.fact}."),
-            *told.SEND,
+            *plan_steps.compose(text=f"Yes: {drawn.fact}."),
+            *plan_steps.SEND,
         ]
 
-    def wrong(self):
-        to, subject, fact = ["quiz@mail.test"], f"Re: {self.drawn.subject}", self.drawn.fact
+    def wrong_results(self):
+        to, subject, fact = ["quiz@mail.test"], f"Re: {self.values.subject}", self.values.fact
         return {
-            "another answer": lambda m: mail.store(m, to, subject, self.drawn.other),
+            "another answer": lambda m: mail.store(m, to, subject, self.values.other),
             "denied": lambda m: mail.store(m, to, subject, f"It is certainly not {fact}."),
             "denied afterwards": lambda m: mail.store(m, to, subject, f"{fact}. That is wrong."),
             "asked back": lambda m: mail.store(m, to, subject, f"Is it {fact}?"),
@@ -108,14 +110,14 @@ class MailWikiFact(Task):
             "only a draft": lambda m: mail.store(m, to, subject, fact, folder="drafts"),
             "the article was changed": lambda m: [
                 mail.store(m, to, subject, fact),
-                edit(m, self.drawn.title),
+                edit(m, self.values.title),
             ],
         }
 
-    def right(self, machine):
-        said = told_by(self.drawn.title, self.drawn.fact)
-        body = f"Dear {self.drawn.who},\n{said.upper()}\nBest regards,\nRobin\n> Dear Robin"
-        mail.store(machine, ["quiz@mail.test"], f"Re: {self.drawn.subject}", body)
+    def right_result(self, machine):
+        said = told_by(self.values.title, self.values.fact)
+        body = f"Dear {self.values.who},\n{said.upper()}\nBest regards,\nRobin\n> Dear Robin"
+        mail.store(machine, ["quiz@mail.test"], f"Re: {self.values.subject}", body)
 
 
 def told_by(title, fact):

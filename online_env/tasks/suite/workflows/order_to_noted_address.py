@@ -1,8 +1,8 @@
 """Order the cart to an address that stands in a text file."""
 
 from online_env.tasks import Task
-from online_env.tasks.kit import browser, panel, shop, told
-from online_env.tasks.kit.words import TOPICS
+from online_env.tasks.kit import browser, panel, plan_steps, shop
+from online_env.tasks.kit.word_lists import TOPICS
 from online_env.tasks.plan_words import quoted
 
 
@@ -42,32 +42,32 @@ class OrderToNotedAddress(Task):
         }
 
     def prepare(self, machine):
-        machine.write(self.drawn.file, "\n\n".join(map(entry, self.drawn.people)) + "\n")
-        shop.fill(machine, self.drawn.cart)
+        machine.write(self.values.file, "\n\n".join(map(entry, self.values.people)) + "\n")
+        shop.fill(machine, self.values.cart)
 
-    def opens(self, machine):
-        return "mousepad", machine.path(self.drawn.file)
+    def initial_app(self, machine):
+        return "mousepad", machine.path(self.values.file)
 
     def problems(self, machine):
-        yield from machine.untouched()
-        drawn = self.drawn
+        yield from machine.unexpected_changes()
+        drawn = self.values
         how = {"delivery": drawn.delivery, "payment": drawn.payment}
         wanted = {"lines": drawn.cart, **drawn.person, **how}
         yield from shop.problems(machine, cart={}, orders=[wanted])
 
     def oracle(self, hand):
-        drawn = self.drawn
+        drawn = self.values
         panel.bring(hand, "chrom")
         browser.visit(hand, shop.CART, "Your cart")
         shop.check_out(hand, drawn.person, delivery=drawn.delivery, payment=drawn.payment)
 
     def order(self, machine, person, **changed):
         """Store an order for somebody, with changes."""
-        how = {"delivery": self.drawn.delivery, "payment": self.drawn.payment, **changed}
-        shop.order(machine, how.pop("cart", self.drawn.cart), person, **how)
+        how = {"delivery": self.values.delivery, "payment": self.values.payment, **changed}
+        shop.order(machine, how.pop("cart", self.values.cart), person, **how)
 
     def plan(self):
-        drawn = self.drawn
+        drawn = self.values
         return [
             'window "Mousepad"',
             f"wait for {quoted(drawn.who)}",
@@ -76,14 +76,14 @@ class OrderToNotedAddress(Task):
             'type "chromium"',
             "press enter",
             'window "Chromium"',
-            *told.visit(shop.CART, "Your cart"),
-            *told.check_out(drawn.person, delivery=drawn.delivery, payment=drawn.payment),
+            *plan_steps.visit(shop.CART, "Your cart"),
+            *plan_steps.check_out(drawn.person, delivery=drawn.delivery, payment=drawn.payment),
         ]
 
-    def wrong(self):
-        person = self.drawn.person
-        other = next(p for p in self.drawn.people if p is not person)
-        fewer = dict.fromkeys(self.drawn.cart, 9)
+    def wrong_results(self):
+        person = self.values.person
+        other = next(p for p in self.values.people if p is not person)
+        fewer = dict.fromkeys(self.values.cart, 9)
         return {
             "to another one": lambda m: self.order(m, other),
             "another street": lambda m: self.order(m, {**person, "street": other["name"]}),
@@ -91,12 +91,12 @@ class OrderToNotedAddress(Task):
             "picked up": lambda m: self.order(m, person, delivery="pickup"),
             "the file was changed": lambda m: [
                 self.order(m, person),
-                m.write(self.drawn.file, entry(person)),
+                m.write(self.values.file, entry(person)),
             ],
         }
 
-    def right(self, machine):
-        self.order(machine, {**self.drawn.person, "name": self.drawn.who.upper()})
+    def right_result(self, machine):
+        self.order(machine, {**self.values.person, "name": self.values.who.upper()})
 
 
 def entry(person):

@@ -5,7 +5,7 @@ from datetime import date, timedelta
 from online_env.embedded.sites.hosts import forms
 from online_env.embedded.sites.hosts import mail as mailbox
 from online_env.tasks import Task
-from online_env.tasks.kit import browser, mail, registrations, shop, told
+from online_env.tasks.kit import browser, mail, plan_steps, registrations, shop
 from online_env.tasks.plan_words import quoted
 
 REGISTER = "http://forms.test/register"
@@ -57,46 +57,46 @@ class RegisterFromMail(Task):
         }
 
     def prepare(self, machine):
-        sender = (self.drawn.who, self.drawn.wanted["email"])
-        body = self.drawn.body
+        sender = (self.values.who, self.values.wanted["email"])
+        body = self.values.body
         mail.receive(machine, mail.message("r1", sender, "A course", body, "2026-03-04T09:40"))
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", mail.INBOX
 
     def problems(self, machine):
-        yield from machine.untouched()
+        yield from machine.unexpected_changes()
         yield from mail.problems(machine)
-        yield from registrations.unlike(machine, self.drawn.wanted)
+        yield from registrations.unlike(machine, self.values.wanted)
 
     def oracle(self, hand):
-        wanted = self.drawn.wanted
+        wanted = self.values.wanted
         year, month, day = wanted["birth_date"].split("-")
         browser.begin(hand, mail.INBOX, "Inbox")
-        mail.open_mail(hand, self.drawn.who, "A course")
+        mail.open_mail(hand, self.values.who, "A course")
         browser.visit(hand, REGISTER, "Course registration")
         browser.enter(hand, "Full name", wanted["name"])
         browser.enter(hand, "E-mail", wanted["email"])
         hand.click_on("spin-button", "Month Date of birth", app=browser.APP)
         hand.type(f"{month}{day}{year}")
         browser.select(hand, "Country", wanted["country"])
-        browser.select(hand, "Course", self.drawn.title)
-        browser.tick(hand, self.drawn.level)
+        browser.select(hand, "Course", self.values.title)
+        browser.tick(hand, self.values.level)
         browser.tick(hand, "I accept the house rules")
         browser.push(hand, "Send registration", "You are registered")
 
     def plan(self):
-        wanted = self.drawn.wanted
+        wanted = self.values.wanted
         return [
             'window "Chromium"',
-            f"click {quoted(self.drawn.who)}",
+            f"click {quoted(self.values.who)}",
             f"wait for {quoted(wanted['email'])}",
-            *told.visit(REGISTER, "Full name"),
-            *told.register(wanted),
+            *plan_steps.visit(REGISTER, "Full name"),
+            *plan_steps.register(wanted),
         ]
 
-    def wrong(self):
-        wanted, store = self.drawn.wanted, registrations.store
+    def wrong_results(self):
+        wanted, store = self.values.wanted, registrations.store
         return {
             "born another day": lambda m: store(m, {**wanted, "birth_date": "1940-01-01"}),
             "for Robin": lambda m: store(m, {**wanted, "email": owner()}),
@@ -105,8 +105,8 @@ class RegisterFromMail(Task):
             "cancelled": lambda m: store(m, {**wanted, "cancelled": True}),
         }
 
-    def right(self, machine):
-        wanted = self.drawn.wanted
+    def right_result(self, machine):
+        wanted = self.values.wanted
         mistaken = {**wanted, "birth_date": "1940-01-01", "cancelled": True}
         registrations.store(machine, mistaken, dict(reversed(wanted.items())))
 

@@ -3,8 +3,8 @@
 import re
 
 from online_env.tasks import Task
-from online_env.tasks.kit import browser, mail, notes, told
-from online_env.tasks.kit.words import FIRST_NAMES, GOODS, TOPICS, sample
+from online_env.tasks.kit import browser, mail, notes, plan_steps
+from online_env.tasks.kit.word_lists import FIRST_NAMES, GOODS, TOPICS, sample
 from online_env.tasks.plan_words import quoted
 
 
@@ -42,53 +42,53 @@ class SumMailedPrices(Task):
         }
 
     def prepare(self, machine):
-        sender = (self.drawn.who, "stall@mail.test")
-        new = mail.message("r1", sender, "Prices", self.drawn.body, "2026-03-04T08:05")
+        sender = (self.values.who, "stall@mail.test")
+        new = mail.message("r1", sender, "Prices", self.values.body, "2026-03-04T08:05")
         mail.receive(machine, new)
 
-    def opens(self, machine):
+    def initial_app(self, machine):
         return "chrome", mail.INBOX
 
     @property
     def path(self):
         """Where the list goes."""
-        return f"Documents/{self.drawn.file}"
+        return f"Documents/{self.values.file}"
 
     def problems(self, machine):
-        yield from machine.untouched(self.path)
+        yield from machine.unexpected_changes(self.path)
         yield from mail.problems(machine)
         found = (machine.text(self.path) or "").lower()
         lines = [line for line in found.splitlines() if line.strip()]
-        expected = [*self.drawn.prices.items(), ("total", self.drawn.total)]
+        expected = [*self.values.prices.items(), ("total", self.values.total)]
         if len(lines) != len(expected):
             yield f"{self.path} has {len(lines)} lines, not {len(expected)}"
             return
         for name, price in expected:
             if not any(is_line(line, name, price) for line in lines):
                 yield f"no line of {self.path} has {name} and {price}, and nothing else"
-        if not is_line(lines[-1], "total", self.drawn.total):
+        if not is_line(lines[-1], "total", self.values.total):
             yield "the total is not in the last line"
 
     def oracle(self, hand):
         browser.begin(hand, mail.INBOX, "Inbox")
-        mail.open_mail(hand, self.drawn.who, "Prices")
-        notes.take_note(hand, self.path, self.text(self.drawn.total))
+        mail.open_mail(hand, self.values.who, "Prices")
+        notes.take_note(hand, self.path, self.text(self.values.total))
 
     def text(self, total):
         """The file with a total."""
-        return "\n".join([*self.drawn.listed, f"Total: ${total}"])
+        return "\n".join([*self.values.listed, f"Total: ${total}"])
 
     def plan(self):
         return [
             'window "Chromium"',
-            f"click {quoted(self.drawn.who)}",
-            f"wait for {quoted(self.drawn.listed[0])}",
-            *told.take_note(self.path, self.text(self.drawn.total)),
+            f"click {quoted(self.values.who)}",
+            f"wait for {quoted(self.values.listed[0])}",
+            *plan_steps.take_note(self.path, self.text(self.values.total)),
         ]
 
-    def wrong(self):
-        total = self.drawn.total
-        listed = self.drawn.listed
+    def wrong_results(self):
+        total = self.values.total
+        listed = self.values.listed
         return {
             "another sum": lambda m: m.write(self.path, self.text("1.00")),
             "no sum": lambda m: m.write(self.path, "\n".join(listed)),
@@ -99,14 +99,14 @@ class SumMailedPrices(Task):
             "things for nothing": lambda m: m.write(
                 self.path, "\n".join([*(f"no {line}" for line in listed), f"Total: ${total}"])
             ),
-            "in the home folder": lambda m: m.write(self.drawn.file, self.text(total)),
+            "in the home folder": lambda m: m.write(self.values.file, self.text(total)),
             "the sum first": lambda m: m.write(self.path, f"Total {total}\n" + "\n".join(listed)),
         }
 
-    def right(self, machine):
-        rows = [f"{thing.upper()}\t{price}" for thing, price in self.drawn.prices.items()]
+    def right_result(self, machine):
+        rows = [f"{thing.upper()}\t{price}" for thing, price in self.values.prices.items()]
         rows.reverse()
-        machine.write(self.path, "\n".join([*rows, "", f"total = {self.drawn.total} $"]) + "\n")
+        machine.write(self.path, "\n".join([*rows, "", f"total = {self.values.total} $"]) + "\n")
 
 
 def is_line(line, name, price):

@@ -2,11 +2,11 @@
 
 import re
 
-from online_env.tasks.kit import told
-from online_env.tasks.kit.documents import TextTask, changed, document, paragraph_of, text_changes
+from online_env.tasks.kit import plan_steps
+from online_env.tasks.kit.documents import TextTask, changed, document, find_paragraph, text_changes
 from online_env.tasks.kit.office import dump, open_document, replace_all, save
 from online_env.tasks.kit.sheets import book, go_to, read_cells
-from online_env.tasks.kit.words import FIRST_NAMES, GOODS, LAST_NAMES, MONTHS, sample
+from online_env.tasks.kit.word_lists import FIRST_NAMES, GOODS, LAST_NAMES, MONTHS, sample
 from online_env.tasks.plan_words import quoted
 
 BLANK = "[SUM]"
@@ -55,30 +55,30 @@ class TotalInLetter(TextTask):
         }
 
     def made(self):
-        return document(f"Order of {self.drawn.month}", self.drawn.paragraphs)
+        return document(f"Order of {self.values.month}", self.values.paragraphs)
 
     def prepare(self, machine):
         super().prepare(machine)
         machine.write(
-            self.drawn.bill, dump(book({"Bill": [("Article", "Euros"), *self.drawn.rows]}))
+            self.values.bill, dump(book({"Bill": [("Article", "Euros"), *self.values.rows]}))
         )
 
     def sentence(self, total):
         """Return the sentence with a total."""
-        return self.drawn.paragraphs[2].replace(BLANK, str(total))
+        return self.values.paragraphs[2].replace(BLANK, str(total))
 
     def judge(self, now, before):
         texts = {paragraph.text for paragraph in now.paragraphs}
-        total = self.drawn.total
+        total = self.values.total
         forms = (f"{total}", f"{total:,}", f"{total}.00")
         written = next((form for form in forms if self.sentence(form) in texts), forms[0])
-        wanted = changed(before, self.drawn.paragraphs[2], text=self.sentence(written))
+        wanted = changed(before, self.values.paragraphs[2], text=self.sentence(written))
         yield from text_changes(now, wanted)
 
     def oracle(self, hand):
-        open_document(hand, self.drawn.bill, "table", "Sheet Bill")
-        read_cells(hand, [f"B{len(self.drawn.rows) + 1}"])
-        go_to(hand, f"B2:B{len(self.drawn.rows) + 1}")
+        open_document(hand, self.values.bill, "table", "Sheet Bill")
+        read_cells(hand, [f"B{len(self.values.rows) + 1}"])
+        go_to(hand, f"B2:B{len(self.values.rows) + 1}")
         bar = hand.wait("sum", lambda node: re.search(r"Sum: [1-9]", node.text) is not None)
         total = bar.text.rpartition("Sum: ")[2]  # the status bar adds up what is selected
         hand.press("ctrl", "w")
@@ -88,18 +88,18 @@ class TotalInLetter(TextTask):
 
     def plan(self):
         return [
-            told.WRITER,
-            *told.open_in_office(self.drawn.bill, "Bill"),
-            *told.go_to_cell(f"B2:B{len(self.drawn.rows) + 1}"),
-            f"wait for {quoted(f'Sum: {self.drawn.total}')}",
+            plan_steps.WRITER,
+            *plan_steps.open_in_office(self.values.bill, "Bill"),
+            *plan_steps.go_to_cell(f"B2:B{len(self.values.rows) + 1}"),
+            f"wait for {quoted(f'Sum: {self.values.total}')}",
             "press ctrl+w",
-            told.WRITER,
-            *told.replace_in_office(BLANK, str(self.drawn.total)),
-            *told.SAVE_DOCX,
+            plan_steps.WRITER,
+            *plan_steps.replace_in_office(BLANK, str(self.values.total)),
+            *plan_steps.SAVE_DOCX,
         ]
 
-    def wrong(self):
-        total, last = self.drawn.total, self.drawn.rows[-1][1]
+    def wrong_results(self):
+        total, last = self.values.total, self.values.rows[-1][1]
         return {
             "an article is missing": self.put(self.sentence(total - last)),
             "the blank is still there": self.put(self.sentence(f"{BLANK} {total}")),
@@ -107,19 +107,19 @@ class TotalInLetter(TextTask):
             "the workbook changed": self.spoilt,
         }
 
-    def right(self, machine):
-        self.put(self.sentence(f"{self.drawn.total:,}"))(machine)
+    def right_result(self, machine):
+        self.put(self.sentence(f"{self.values.total:,}"))(machine)
 
     def put(self, text):
         """Return what writes a sentence in the place of the one with the blank."""
 
         def change(found):
-            paragraph_of(found, self.drawn.paragraphs[2]).text = text
+            find_paragraph(found, self.values.paragraphs[2]).text = text
 
         return self.edited(change)
 
     def spoilt(self, machine):
         """Do it rightly, and save a total in the workbook."""
-        self.right(machine)
-        rows = [("Article", "Euros"), *self.drawn.rows, ("Total", self.drawn.total)]
-        machine.write(self.drawn.bill, dump(book({"Bill": rows})))
+        self.right_result(machine)
+        rows = [("Article", "Euros"), *self.values.rows, ("Total", self.values.total)]
+        machine.write(self.values.bill, dump(book({"Bill": rows})))

@@ -1,9 +1,9 @@
 """Make some words of a sentence bold."""
 
-from online_env.tasks.kit import told
-from online_env.tasks.kit.documents import TextTask, changed, document, paragraph_of, text_changes
+from online_env.tasks.kit import plan_steps
+from online_env.tasks.kit.documents import TextTask, changed, document, find_paragraph, text_changes
 from online_env.tasks.kit.office import find_text, save
-from online_env.tasks.kit.prose import report
+from online_env.tasks.kit.sample_reports import report
 
 
 class BoldTerm(TextTask):
@@ -31,39 +31,44 @@ class BoldTerm(TextTask):
         return {**text, "sentence": sentence, "term": term}
 
     def made(self):
-        return document(self.drawn.title, self.drawn.paragraphs)
+        return document(self.values.title, self.values.paragraphs)
 
     def judge(self, now, before):
-        bold = (self.drawn.term,)
-        yield from text_changes(now, changed(before, self.drawn.sentence, bold=bold))
+        bold = (self.values.term,)
+        yield from text_changes(now, changed(before, self.values.sentence, bold=bold))
 
     def oracle(self, hand):
-        find_text(hand, self.drawn.term)
+        find_text(hand, self.values.term)
         if hand.see("toggle-button", "Bold", app="soffice", state="checked") is None:
             hand.press("ctrl", "b")
         hand.find("toggle-button", "Bold", app="soffice", state="checked")
         save(hand)
 
     def plan(self):
-        return [told.WRITER, *told.find_in_writer(self.drawn.term), "press ctrl+b", *told.SAVE_DOCX]
+        return [
+            plan_steps.WRITER,
+            *plan_steps.find_in_writer(self.values.term),
+            "press ctrl+b",
+            *plan_steps.SAVE_DOCX,
+        ]
 
-    def wrong(self):
-        sentence, term = self.drawn.sentence, self.drawn.term
-        other = next(text for text in self.drawn.bodies if text != sentence)
+    def wrong_results(self):
+        sentence, term = self.values.sentence, self.values.term
+        other = next(text for text in self.values.bodies if text != sentence)
         return {
             "the whole sentence": self.marked(sentence, sentence),
             "one word of them": self.marked(sentence, term.split()[0]),
             "another sentence": self.marked(other, other),
         }
 
-    def right(self, machine):
-        self.marked(self.drawn.sentence, self.drawn.term)(machine)
+    def right_result(self, machine):
+        self.marked(self.values.sentence, self.values.term)(machine)
 
     def marked(self, sentence, term):
         """Return what makes a part of a paragraph bold."""
 
         def change(found):
-            paragraph = paragraph_of(found, sentence)
+            paragraph = find_paragraph(found, sentence)
             before, _, after = sentence.partition(term)
             paragraph.clear()
             paragraph.add_run(before)

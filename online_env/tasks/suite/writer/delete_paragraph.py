@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.documents import TextTask, document, remove_paragraph, text_changes
 from online_env.tasks.kit.office import find_text, save
-from online_env.tasks.kit.prose import report
+from online_env.tasks.kit.sample_reports import report
 
 
 class DeleteParagraph(TextTask):
@@ -29,15 +29,15 @@ class DeleteParagraph(TextTask):
         return {**text, "line": text["lines"][index], "body": text["bodies"][index]}
 
     def made(self):
-        return document(self.drawn.title, self.drawn.paragraphs)
+        return document(self.values.title, self.values.paragraphs)
 
     def judge(self, now, before):
-        gone = (self.drawn.line, self.drawn.body)
+        gone = (self.values.line, self.values.body)
         left = [paragraph for paragraph in before.paragraphs if paragraph.text not in gone]
         yield from text_changes(now, replace(before, paragraphs=tuple(left)))
 
     def oracle(self, hand):
-        for text in (self.drawn.line, self.drawn.body):
+        for text in (self.values.line, self.values.body):
             if any(node.text == text for node in hand.look() if node.role == "paragraph"):
                 find_text(hand, text)
                 hand.press("delete")  # the text, and then the line feed
@@ -45,14 +45,14 @@ class DeleteParagraph(TextTask):
         save(hand)
 
     def plan(self):
-        steps = [told.WRITER]
-        for text in (self.drawn.line, self.drawn.body):
-            steps += [*told.find_in_writer(text), "press delete 2 times"]
-        return [*steps, *told.SAVE_DOCX]
+        steps = [plan_steps.WRITER]
+        for text in (self.values.line, self.values.body):
+            steps += [*plan_steps.find_in_writer(text), "press delete 2 times"]
+        return [*steps, *plan_steps.SAVE_DOCX]
 
-    def wrong(self):
-        line, body = self.drawn.line, self.drawn.body
-        other = next(text for text in self.drawn.lines if text != line)
+    def wrong_results(self):
+        line, body = self.values.line, self.values.body
+        other = next(text for text in self.values.lines if text != line)
         return {
             "the line alone": self.edited(lambda found: remove(found, line)),
             "an empty line is left": self.edited(lambda found: blank(found, line, body)),
@@ -60,8 +60,8 @@ class DeleteParagraph(TextTask):
             "too much": self.edited(lambda found: remove(found, line, body, other)),
         }
 
-    def right(self, machine):
-        self.edited(lambda found: remove(found, self.drawn.body, self.drawn.line))(machine)
+    def right_result(self, machine):
+        self.edited(lambda found: remove(found, self.values.body, self.values.line))(machine)
 
 
 def remove(found, *texts):

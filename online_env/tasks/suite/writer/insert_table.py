@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.documents import TextTask, document, text_changes
 from online_env.tasks.kit.office import save
-from online_env.tasks.kit.prose import report
+from online_env.tasks.kit.sample_reports import report
 from online_env.tasks.plan_words import quoted
 
 
@@ -33,7 +33,7 @@ class InsertTable(TextTask):
         }
 
     def made(self):
-        return document(self.drawn.title, self.drawn.paragraphs)
+        return document(self.values.title, self.values.paragraphs)
 
     def judge(self, now, before):
         yield from text_changes(now, replace(before, tables=(self.wanted(),)))
@@ -42,9 +42,9 @@ class InsertTable(TextTask):
 
     def wanted(self):
         """Return the cells of the table by rows."""
-        empty = ("",) * self.drawn.columns
-        first = (self.drawn.head, *empty[1:])
-        return (first, *[empty] * (self.drawn.rows - 1))
+        empty = ("",) * self.values.columns
+        first = (self.values.head, *empty[1:])
+        return (first, *[empty] * (self.values.rows - 1))
 
     def oracle(self, hand):
         if hand.see("table", app="soffice") is None:
@@ -53,44 +53,44 @@ class InsertTable(TextTask):
             hand.press("ctrl", "f12")
             hand.find("dialog", "Insert Table", app="soffice")
             hand.press("tab")
-            hand.replace(str(self.drawn.columns))
+            hand.replace(str(self.values.columns))
             hand.press("tab")
-            hand.replace(str(self.drawn.rows))
+            hand.replace(str(self.values.rows))
             hand.button("Insert", app="soffice")
-            hand.gone("dialog", app="soffice")
-            hand.type(self.drawn.head)
+            hand.wait_until_gone("dialog", app="soffice")
+            hand.type(self.values.head)
         save(hand)
 
     def plan(self):
         return [
-            told.WRITER,
+            plan_steps.WRITER,
             "press ctrl+end",
             "press enter",
             "press ctrl+f12",
             'wait for "Insert Table"',
             "press tab",
             "press ctrl+a",
-            f"type {quoted(str(self.drawn.columns))}",
+            f"type {quoted(str(self.values.columns))}",
             "press tab",
             "press ctrl+a",
-            f"type {quoted(str(self.drawn.rows))}",
+            f"type {quoted(str(self.values.rows))}",
             'click "Insert" near "Cancel"',
             "wait",
-            f"type {quoted(self.drawn.head)}",
-            *told.SAVE_DOCX,
+            f"type {quoted(self.values.head)}",
+            *plan_steps.SAVE_DOCX,
         ]
 
-    def wrong(self):
-        rows, columns = self.drawn.rows, self.drawn.columns
+    def wrong_results(self):
+        rows, columns = self.values.rows, self.values.columns
         return {
-            "turned": self.put(columns, rows, self.drawn.head),
-            "a row too few": self.put(rows - 1, columns, self.drawn.head),
+            "turned": self.put(columns, rows, self.values.head),
+            "a row too few": self.put(rows - 1, columns, self.values.head),
             "without a head": self.put(rows, columns, ""),
-            "before the text": self.put(rows, columns, self.drawn.head, first=True),
+            "before the text": self.put(rows, columns, self.values.head, first=True),
         }
 
-    def right(self, machine):
-        self.put(self.drawn.rows, self.drawn.columns, self.drawn.head)(machine)
+    def right_result(self, machine):
+        self.put(self.values.rows, self.values.columns, self.values.head)(machine)
 
     def put(self, rows, columns, head, first=False):
         """Return what adds a table."""

@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-from online_env.tasks.kit.documents import TextTask, document, paragraph_of, text_changes
+from online_env.tasks.kit.documents import TextTask, document, find_paragraph, text_changes
 from online_env.tasks.kit.office import find_text, save
-from online_env.tasks.kit.prose import report
+from online_env.tasks.kit.sample_reports import report
 from online_env.tasks.plan_words import quoted
 
 
@@ -27,11 +27,11 @@ class ListItems(TextTask):
         return {**text, "count": len(text["items"])}
 
     def made(self):
-        return document(self.drawn.title, self.drawn.paragraphs)
+        return document(self.values.title, self.values.paragraphs)
 
     def judge(self, now, before):
         wanted = [
-            replace(paragraph, marker="bullet" if paragraph.text in self.drawn.items else "")
+            replace(paragraph, marker="bullet" if paragraph.text in self.values.items else "")
             for paragraph in before.paragraphs
         ]
         yield from text_changes(now, replace(before, paragraphs=tuple(wanted)), {"style"})
@@ -40,7 +40,7 @@ class ListItems(TextTask):
                 yield f"{paragraph.text!r} has the style {paragraph.style}, not {was.style}"
 
     def oracle(self, hand):
-        find_text(hand, self.drawn.items[0])
+        find_text(hand, self.values.items[0])
         hand.press("home")
         hand.press("ctrl", "shift", "end")
         if hand.see("list-item", app="soffice") is None:
@@ -52,7 +52,7 @@ class ListItems(TextTask):
             'window "LibreOffice Writer"',
             "press ctrl+f",
             "wait",
-            f"type {quoted(self.drawn.items[0])}",
+            f"type {quoted(self.values.items[0])}",
             "press enter",
             "press esc",
             "press home",
@@ -63,8 +63,8 @@ class ListItems(TextTask):
             "wait",
         ]
 
-    def wrong(self):
-        items = self.drawn.items
+    def wrong_results(self):
+        items = self.values.items
         return {
             "one is missing": self.styled(items[1:], "List Bullet"),
             "the line above as well": self.styled(["Please bring:", *items], "List Bullet"),
@@ -72,14 +72,14 @@ class ListItems(TextTask):
             "only indented": self.styled(items, "List Continue"),
         }
 
-    def right(self, machine):
-        self.styled(self.drawn.items, "List Bullet")(machine)
+    def right_result(self, machine):
+        self.styled(self.values.items, "List Bullet")(machine)
 
     def styled(self, texts, style):
         """Return what gives paragraphs a style."""
 
         def change(found):
             for text in texts:
-                paragraph_of(found, text).style = found.styles[style]
+                find_paragraph(found, text).style = found.styles[style]
 
         return self.edited(change)

@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.documents import TextTask, document, text_changes
 from online_env.tasks.kit.office import replace_all, save
-from online_env.tasks.kit.prose import report
-from online_env.tasks.kit.words import FIRST_NAMES, LAST_NAMES
+from online_env.tasks.kit.sample_reports import report
+from online_env.tasks.kit.word_lists import FIRST_NAMES, LAST_NAMES
 
 
 class ReplaceName(TextTask):
@@ -30,10 +30,10 @@ class ReplaceName(TextTask):
         return {**text, "new": f"{stream.choice(names)} {stream.choice(LAST_NAMES)}"}
 
     def made(self):
-        return document(self.drawn.title, self.drawn.paragraphs)
+        return document(self.values.title, self.values.paragraphs)
 
     def judge(self, now, before):
-        old, new = self.drawn.person, self.drawn.new
+        old, new = self.values.person, self.values.new
         wanted = [
             replace(paragraph, text=paragraph.text.replace(old, new))
             for paragraph in before.paragraphs
@@ -41,27 +41,27 @@ class ReplaceName(TextTask):
         yield from text_changes(now, replace(before, paragraphs=tuple(wanted)))
 
     def oracle(self, hand):
-        replace_all(hand, self.drawn.person, self.drawn.new)
+        replace_all(hand, self.values.person, self.values.new)
         save(hand)
 
     def plan(self):
         return [
-            told.WRITER,
-            *told.replace_in_office(self.drawn.person, self.drawn.new),
-            *told.SAVE_DOCX,
+            plan_steps.WRITER,
+            *plan_steps.replace_in_office(self.values.person, self.values.new),
+            *plan_steps.SAVE_DOCX,
         ]
 
-    def wrong(self):
-        old, new = self.drawn.person, self.drawn.new
+    def wrong_results(self):
+        old, new = self.values.person, self.values.new
         return {
             "only the first one": self.edited(lambda found: rename(found, old, new, most=1)),
             "another name": self.edited(lambda found: rename(found, old, new.upper())),
             "the first name alone": self.edited(lambda found: rename(found, old.split()[0], new)),
         }
 
-    def right(self, machine):
-        new = self.drawn.new.replace("'", "\u2019")  # Writer makes a typed one round
-        self.edited(lambda found: rename(found, self.drawn.person, new))(machine)
+    def right_result(self, machine):
+        new = self.values.new.replace("'", "\u2019")  # Writer makes a typed one round
+        self.edited(lambda found: rename(found, self.values.person, new))(machine)
 
 
 def rename(found, old, new, most=99):

@@ -1,9 +1,9 @@
 """Give a line the style of a heading."""
 
-from online_env.tasks.kit import told
-from online_env.tasks.kit.documents import TextTask, changed, document, paragraph_of, text_changes
+from online_env.tasks.kit import plan_steps
+from online_env.tasks.kit.documents import TextTask, changed, document, find_paragraph, text_changes
 from online_env.tasks.kit.office import find_text, save
-from online_env.tasks.kit.prose import report
+from online_env.tasks.kit.sample_reports import report
 
 
 class StyleHeading(TextTask):
@@ -25,49 +25,49 @@ class StyleHeading(TextTask):
         return {**text, "line": stream.choice(text["lines"]), "level": stream.integer(1, 4)}
 
     def made(self):
-        return document(self.drawn.title, self.drawn.paragraphs)
+        return document(self.values.title, self.values.paragraphs)
 
     def judge(self, now, before):
-        yield from text_changes(now, changed(before, self.drawn.line, style=self.style))
+        yield from text_changes(now, changed(before, self.values.line, style=self.style))
 
     @property
     def style(self):
         """The name of the style."""
-        return f"Heading {self.drawn.level}"
+        return f"Heading {self.values.level}"
 
     def oracle(self, hand):
-        find_text(hand, self.drawn.line)
-        hand.press("ctrl", str(self.drawn.level))
+        find_text(hand, self.values.line)
+        hand.press("ctrl", str(self.values.level))
         hand.find("heading", app="soffice")
         save(hand)
 
     def plan(self):
         return [
-            told.WRITER,
-            *told.find_in_writer(self.drawn.line),
-            f"press ctrl+{self.drawn.level}",
-            *told.SAVE_DOCX,
+            plan_steps.WRITER,
+            *plan_steps.find_in_writer(self.values.line),
+            f"press ctrl+{self.values.level}",
+            *plan_steps.SAVE_DOCX,
         ]
 
-    def wrong(self):
-        other = next(line for line in self.drawn.paragraphs if line != self.drawn.line)
+    def wrong_results(self):
+        other = next(line for line in self.values.paragraphs if line != self.values.line)
         return {
-            "another level": self.styled(self.drawn.line, f"Heading {self.drawn.level + 1}"),
+            "another level": self.styled(self.values.line, f"Heading {self.values.level + 1}"),
             "another line": self.styled(other, self.style),
             "made bold by hand": self.edited(self.embolden),
         }
 
-    def right(self, machine):
-        self.styled(self.drawn.line, self.style)(machine)
+    def right_result(self, machine):
+        self.styled(self.values.line, self.style)(machine)
 
     def styled(self, line, style):
         """Return what gives a line a style."""
 
         def change(found):
-            paragraph_of(found, line).style = found.styles[style]
+            find_paragraph(found, line).style = found.styles[style]
 
         return self.edited(change)
 
     def embolden(self, found):
         """Make the line bold."""
-        paragraph_of(found, self.drawn.line).runs[0].bold = True
+        find_paragraph(found, self.values.line).runs[0].bold = True

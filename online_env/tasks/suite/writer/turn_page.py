@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.documents import TextTask, document, text_changes
 from online_env.tasks.kit.office import menu, save
-from online_env.tasks.kit.prose import report
+from online_env.tasks.kit.sample_reports import report
 
 
 class TurnPage(TextTask):
@@ -25,7 +25,7 @@ class TurnPage(TextTask):
         return report(stream)
 
     def made(self):
-        return document(self.drawn.title, self.drawn.paragraphs)
+        return document(self.values.title, self.values.paragraphs)
 
     def judge(self, now, before):
         for found, was in zip(now.sizes, before.sizes, strict=False):
@@ -40,30 +40,30 @@ class TurnPage(TextTask):
         hand.click_on("radio-button", "Landscape", app="soffice")
         hand.find("radio-button", "Landscape", app="soffice", state="checked")
         hand.button("OK", app="soffice")
-        hand.gone("dialog", app="soffice")
+        hand.wait_until_gone("dialog", app="soffice")
         save(hand)
 
     def plan(self):
         return [
-            told.WRITER,
+            plan_steps.WRITER,
             'click "Format"',
             'click "Page Style..."',
             'click "Page" near "Organizer"',
             'click "Landscape"',
             'click "OK" near "Cancel"',
             "wait",
-            *told.SAVE_DOCX,
+            *plan_steps.SAVE_DOCX,
         ]
 
-    def wrong(self):
-        first = self.drawn.paragraphs[0]
+    def wrong_results(self):
+        first = self.values.paragraphs[0]
         return {
             "wider than long": self.sized(20, 11),
             "half as wide": self.sized(4, 11),
             "the text changed, too": self.sized(11, 8.5, lambda found: drop(found, first)),
         }
 
-    def right(self, machine):
+    def right_result(self, machine):
         self.sized(11, 8.5)(machine)
 
     def sized(self, width, height, also=None):

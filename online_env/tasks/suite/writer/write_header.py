@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 
-from online_env.tasks.kit import told
+from online_env.tasks.kit import plan_steps
 from online_env.tasks.kit.documents import TextTask, document, text_changes
 from online_env.tasks.kit.office import menu, save
-from online_env.tasks.kit.prose import report
-from online_env.tasks.kit.words import GOODS
+from online_env.tasks.kit.sample_reports import report
+from online_env.tasks.kit.word_lists import GOODS
 from online_env.tasks.plan_words import quoted
 
 CLUBS = ("Rowing Club", "Hill Walkers", "Library Friends", "Repair Circle", "Choir")
@@ -29,34 +29,34 @@ class WriteHeader(TextTask):
         return {**report(stream), "kind": stream.choice(("header", "footer")), "text": text}
 
     def made(self):
-        return document(self.drawn.title, self.drawn.paragraphs)
+        return document(self.values.title, self.values.paragraphs)
 
     def judge(self, now, before):
-        wanted = replace(before, **{f"{self.drawn.kind}s": (self.drawn.text,)})
+        wanted = replace(before, **{f"{self.values.kind}s": (self.values.text,)})
         yield from text_changes(now, wanted)
 
     def oracle(self, hand):
-        kind = self.drawn.kind.capitalize()
-        shown = any(node.text == self.drawn.text for node in hand.look())
+        kind = self.values.kind.capitalize()
+        shown = any(node.text == self.values.text for node in hand.look())
         if not shown:
             menu(hand, "Insert", "Header and Footer", kind, "Default Page Style")
-            hand.type(self.drawn.text)
+            hand.type(self.values.text)
         save(hand)
 
     def plan(self):
         return [
-            told.WRITER,
+            plan_steps.WRITER,
             'click "Insert"',
             'click "Header and Footer"',
-            f"click {quoted(self.drawn.kind.capitalize())}",
+            f"click {quoted(self.values.kind.capitalize())}",
             'click "Default Page Style"',
             "wait",
-            f"type {quoted(self.drawn.text)}",
-            *told.SAVE_DOCX,
+            f"type {quoted(self.values.text)}",
+            *plan_steps.SAVE_DOCX,
         ]
 
-    def wrong(self):
-        kind, text = self.drawn.kind, self.drawn.text
+    def wrong_results(self):
+        kind, text = self.values.kind, self.values.text
         other = "footer" if kind == "header" else "header"
         return {
             "at the other end": self.put({other: text}),
@@ -65,8 +65,8 @@ class WriteHeader(TextTask):
             "in the text": self.edited(lambda found: found.add_paragraph(text)),
         }
 
-    def right(self, machine):
-        self.put({self.drawn.kind: f"{self.drawn.text}\n"})(machine)
+    def right_result(self, machine):
+        self.put({self.values.kind: f"{self.values.text}\n"})(machine)
 
     def put(self, texts):
         """Return what writes at the ends of the pages: texts by `header` or `footer`."""

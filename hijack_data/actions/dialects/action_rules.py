@@ -1,0 +1,484 @@
+"""What the actions of a dialect mean, as a table from their names to rules.
+
+A rule reads the arguments of one call and returns what they mean. The factories below make the
+rules of nearly all dialects; `Arguments` checks every argument, scales the points, and keeps the
+arguments as they are written, so that reading an action and mapping it can never disagree.
+"""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias, cast
+
+from ...errors import ActionError, shown, suggest
+from ...types import Action
+from ..python_source import TextEdit, apply_edits
+from ..scaling import Scaling
+from .field_checks import action_at, key_combination, number
+from .pyautogui_write import hscroll_code, write_pyautogui
+from .unmapped_fields import check_fields
+
+Place: TypeAlias = tuple[int, int] | None
+# Of scrolling without an amount: UI-TARS's own code scrolls by 5.
+DEFAULT_NOTCHES = 5
+# Tools that scroll in pixels: a notch of the wheel scrolls most programs by about this many.
+PIXELS_PER_NOTCH = 100
+WAIT = "WAIT"
+_DIRECTIONS = ("up", "down", "left", "right")
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?", re.ASCII)
+_TAGS = re.compile(r"</?(?:point|bbox|box)>|<\|(?:box|point)_(?:start|end)\|>")
+_SHAPES = frozenset(
+    f"{left}{numbers}{right}"
+    for left, right in (("", ""), ("(", ")"), ("[", "]"), ("[[", "]]"), ("((", "))"))
+    for numbers in ("N,N", "N,N,N,N", "N N", "N N N N", "(N,N),(N,N)")
+)
+_ABSENT_COORDINATE = -1.0
+
+
+class NoSuchPlace(Exception):
+    """The model answers that what it looks for is not there: a point of -1, -1."""
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """One action that a call stands for.
+
+    Args:
+        action: the action, in pixels.
+        code: its code, if an `Action` lacks a field for what it does (sideways scrolling).
+        refusal: why a desktop cannot do it, if it cannot.
+    """
+
+    action: Action
+    code: str = ""
+    refusal: str = ""
+
+
+Rule: TypeAlias = Callable[["Arguments"], list[Meaning]]
+
+
+class Arguments:
+    """The arguments of one call.
+
+    Args:
+        what: the dialect and the action, for messages.
+        values: the arguments by name; `None` counts as not there.
+        scaling: from the space of the dialect to pixels.
+
+    Attributes:
+        mapped: the arguments with their points scaled, written as before.
+    """
+
+    def __init__(self, what: str, values: Mapping[str, Any], scaling: Scaling) -> None:
+        self.what = what
+        self.scaling = scaling
+        self.mapped: dict[str, Any] = dict(values)
+        self._values = values
+        self._read: set[str] = set()
+
+    def check_all_read(self, known: Sequence[str] = ()) -> None:
+        """Check that no argument was left that may hold coordinates.
+
+        Raises:
+            ActionError: there is one, which would stay unmapped.
+        """
+        check_fields(self._values, (*self._read, *known), self.what)
+
+    def value(self, name: str, default: Any = None) -> Any:
+        """Return an argument, or the default if it is not there."""
+        self._read.add(name)
+        found = self._values.get(name)
+        return default if found is None else found
+
+    def text(self, name: str) -> str:
+        """Return an argument that is text.
+
+        Raises:
+            ActionError: it is not there, or is not text.
+        """
+        found = self.value(name)
+        if not isinstance(found, str):
+            raise ActionError(f"{self.what} needs a text {name}, got {shown(found)}")
+        return found
+
+    def number(self, name: str, default: float | None = None) -> float:
+        """Return a number, also one that is written as text, such as "3 seconds".
+
+        Raises:
+            ActionError: it is not there and has no default, or is no number.
+        """
+        found = self.value(name, default)
+        if isinstance(found, str):
+            written = re.fullmatch(r"\s*(-?\d+(?:\.\d+)?)\s*(?:s|seconds?)?\s*", found, re.ASCII)
+            found = found if written is None else float(written[1])
+        return number(found, f"{self.what} {name}")
+
+    def direction(self, name: str = "direction") -> str:
+        """Return a direction.
+
+        Raises:
+            ActionError: it is none of up, down, left and right.
+        """
+        found = self.value(name)
+        if not isinstance(found, str) or found.strip().lower() not in _DIRECTIONS:
+            raise ActionError(
+                f"{self.what} {name} must be up, down, left or right, got {shown(found)}"
+            )
+        return found.strip().lower()
+
+    def keys(self, name: str, separators: str = "+") -> tuple[str, ...]:
+        """Return keys under pyautogui's names. Raises `ActionError`."""
+        found = self.value(name)
+        if isinstance(found, str) and re.fullmatch(r"\s*\[.*\]\s*", found, re.DOTALL):
+            found = re.findall(r"[^\s,\[\]'\"]+", found)
+        return key_combination(found, f"{self.what} {name}", separators)
+
+    def point(self, *names: str) -> tuple[int, int]:
+        """Return a point in pixels: `point("coordinate")`, or `point("x", "y")`.
+
+        Raises:
+            ActionError: it is not there, or is no point of the dialect's space.
+            NoSuchPlace: it is -1, -1.
+        """
+        place = self.optional_point(*names)
+        if place is None:
+            raise ActionError(f"{self.what} needs {' and '.join(names)}; give a point")
+        return place
+
+    def optional_point(self, *names: str) -> Place:
+        """Return a point in pixels, or `None` if its arguments are not there. See `point`."""
+        given = [self.value(name) for name in names]
+        if all(value is None or value == [] for value in given):
+            return None
+        what = f"{self.what} {' and '.join(names)}"
+        wrote = given[0] if len(names) == 1 else given
+        numbers = coordinates(wrote, what)
+        if all(n == _ABSENT_COORDINATE for n in numbers):
+            raise NoSuchPlace
+        scaled = scaled_coordinates(numbers, self.scaling)
+        written = with_coordinates(wrote, scaled)
+        for name, value in zip(names, [written] if len(names) == 1 else written, strict=True):
+            self.mapped[name] = value
+        across = numbers[::2]
+        down = numbers[1::2]
+        return self.scaling.point(sum(across) / len(across), sum(down) / len(down))
+
+    def distance(self, name: str, direction: str, default: float) -> float:
+        """Return a distance in pixels along a direction. Raises `ActionError`."""
+        length = self.number(name, default)
+        upright = direction in ("up", "down")
+        return abs(self.scaling.dy(length) if upright else self.scaling.dx(length))
+
+
+# --- Points as models write them
+
+
+def coordinates(value: object, what: str) -> list[float]:
+    """Return the two or four numbers of a point or box: lists, text, or a dict of x and y.
+
+    Raises:
+        ActionError: the value is no point and no box.
+    """
+    found: list[float] = []
+    if isinstance(value, str):
+        bare = _NUMBER.sub("N", _TAGS.sub(" ", value))
+        shape = re.sub(r"\s*([\[\](),])\s*", r"\1", " ".join(bare.split()))
+        if shape in _SHAPES:
+            matches = _NUMBER.finditer(_TAGS.sub(_blank, value))
+            found = [number(float(match[0]), what) for match in matches]
+    elif isinstance(value, dict):
+        fields = cast("dict[str, Any]", value)
+        if set(fields) == {"x", "y"}:
+            found = [_coordinate(fields[name], what) for name in ("x", "y")]
+    elif isinstance(value, list | tuple):
+        parts = cast("list[Any]", value)
+        if len(parts) == 1 and isinstance(parts[0], list | tuple):
+            return coordinates(cast("object", parts[0]), what)
+        if len(parts) in (2, 4):
+            found = [_coordinate(part, what) for part in parts]
+    if not found:
+        got = shown(cast("object", value))
+        raise ActionError(f"{what} must be [x, y] or [x1, y1, x2, y2], got {got}")
+    return found
+
+
+def scaled_coordinates(numbers: Sequence[float], scaling: Scaling) -> list[int]:
+    """Return the numbers of a point or box in pixels. Raises `ActionError`."""
+    scaling.check_point(*numbers)
+    return [scaling.y(n) if i % 2 else scaling.x(n) for i, n in enumerate(numbers)]
+
+
+def with_coordinates(value: Any, numbers: Sequence[int]) -> Any:
+    """Return a point or box with other numbers, written as before."""
+    if isinstance(value, str):
+        places = list(_NUMBER.finditer(_TAGS.sub(_blank, value)))
+        edits = [TextEdit(*match.span(), str(n)) for match, n in zip(places, numbers, strict=True)]
+        return apply_edits(value, edits)
+    if isinstance(value, dict):
+        return {**cast("dict[str, Any]", value), "x": numbers[0], "y": numbers[1]}
+    parts = cast("list[Any]", value)
+    if len(parts) == 1:
+        made = [with_coordinates(parts[0], numbers)]
+    else:
+        made = [
+            str(n) if isinstance(old, str) else n for old, n in zip(parts, numbers, strict=True)
+        ]
+    return tuple(made) if isinstance(value, tuple) else made
+
+
+def _coordinate(value: Any, what: str) -> float:
+    if isinstance(value, str) and _NUMBER.fullmatch(value.strip()):
+        return float(value)
+    return number(value, what)
+
+
+def _blank(match: re.Match[str]) -> str:
+    return " " * len(match[0])
+
+
+# --- Rules
+
+
+def point_rule(kind: str, *names: str, optional: bool = False) -> Rule:
+    """Return the rule of a click, or another action of a kind, at a point."""
+
+    def rule(given: Arguments) -> list[Meaning]:
+        place = given.optional_point(*names) if optional else given.point(*names)
+        return [Meaning(action_at(kind, place))]
+
+    return rule
+
+
+def drag_rule(start: Sequence[str], end: Sequence[str], from_pointer: bool = False) -> Rule:
+    """Return the rule of a drag; `from_pointer` if its start may be left out."""
+
+    def rule(given: Arguments) -> list[Meaning]:
+        begin = given.optional_point(*start) if from_pointer else given.point(*start)
+        x2, y2 = given.point(*end)
+        return [Meaning(action_at("drag", begin, x2=x2, y2=y2))]
+
+    return rule
+
+
+def type_rule(
+    text: str,
+    *place: str,
+    clear: str | bool = False,
+    enter: str | bool = False,
+    defaults: Mapping[str, bool] | None = None,
+) -> Rule:
+    """Return the rule of typing, after a click if there is a point.
+
+    `clear` and `enter` say whether the field is emptied first and Enter is pressed last; if they
+    are texts, the argument of that name says it, by default as in `defaults`.
+    """
+
+    def says(given: Arguments, option: str | bool) -> bool:
+        if isinstance(option, bool):
+            return option
+        found = given.value(option, (defaults or {}).get(option, False))
+        if isinstance(found, str) and found.lower() in ("true", "false"):
+            found = found.lower() == "true"
+        if not isinstance(found, bool):
+            raise ActionError(f"{given.what} {option} must be true or false, got {shown(found)}")
+        return found
+
+    def rule(given: Arguments) -> list[Meaning]:
+        spot = given.optional_point(*place) if place else None
+        meanings = [] if spot is None else [Meaning(action_at("click", spot))]
+        if says(given, clear):
+            meanings += [Meaning(Action("hotkey", keys=k)) for k in (("ctrl", "a"), ("delete",))]
+        written = given.text(text)
+        if says(given, enter):
+            written += "\n"
+        return [*meanings, Meaning(Action("type", text=written))]
+
+    return rule
+
+
+def press_rule(name: str, kind: str = "hotkey", separators: str = "+") -> Rule:
+    """Return the rule of keys that an argument names."""
+    return lambda given: [Meaning(Action(kind, keys=given.keys(name, separators)))]
+
+
+def key_rule(*keys: str) -> Rule:
+    """Return the rule of an action that presses always the same keys."""
+    return lambda _: [Meaning(Action("hotkey", keys=keys))]
+
+
+def scroll_rule(
+    *place: str, direction: str = "direction", steps: str = "", default: int = DEFAULT_NOTCHES
+) -> Rule:
+    """Return the rule of scrolling; `direction` is an argument, or the direction itself."""
+
+    def rule(given: Arguments) -> list[Meaning]:
+        spot = given.optional_point(*place) if place else None
+        way = direction if direction in _DIRECTIONS else given.direction(direction)
+        notches = given.number(steps, default) if steps else default
+        return [scroll_meaning(way, notches, spot)]
+
+    return rule
+
+
+def scroll_meaning(direction: str, notches: float, place: Place) -> Meaning:
+    """Return what scrolling by so many notches means."""
+    if direction in ("up", "down"):
+        amount = notches if direction == "up" else -notches
+        return Meaning(action_at("scroll", place, amount=amount))
+    sideways = notches if direction == "right" else -notches
+    return Meaning(action_at("other", place), code=hscroll_code(sideways, place))
+
+
+def wait_rule(seconds: float | None = None, name: str = "") -> Rule:
+    """Return the rule of waiting; an argument may name the seconds."""
+
+    def rule(given: Arguments) -> list[Meaning]:
+        if not name or given.value(name) is None:
+            return [Meaning(Action("wait", amount=seconds))]
+        return [Meaning(Action("wait", amount=given.number(name)))]
+
+    return rule
+
+
+def end_rule(kind: str, name: str = "") -> Rule:
+    """Return the rule of an action that ends the episode, with an answer if it has one."""
+
+    def rule(given: Arguments) -> list[Meaning]:
+        words = given.value(name) if name else None
+        return [Meaning(Action(kind, text=None if words is None else str(words)))]
+
+    return rule
+
+
+def status_rule(name: str, failures: Sequence[str]) -> Rule:
+    """Return the rule of an action that ends the episode with success or failure."""
+
+    def rule(given: Arguments) -> list[Meaning]:
+        return [Meaning(Action("fail" if given.value(name) in failures else "done"))]
+
+    return rule
+
+
+def screenshot_rule() -> Rule:
+    """Return the rule of an action that only looks: the next picture comes anyway."""
+    return lambda _: [Meaning(Action("other"), code=WAIT)]
+
+
+def unsupported_rule(reason: str, *place: str, end: Sequence[str] = ()) -> Rule:
+    """Return the rule of an action that a desktop does not have; its points are mapped."""
+
+    def rule(given: Arguments) -> list[Meaning]:
+        spot = given.optional_point(*place) if place else None
+        if end:
+            given.optional_point(*end)
+        return [Meaning(action_at("other", spot), refusal=reason)]
+
+    return rule
+
+
+# --- Calls
+
+
+@dataclass(frozen=True)
+class ActionCall:
+    """One call as it stands in a reply.
+
+    Args:
+        name: the name of the action.
+        arguments: its arguments.
+        start: where the part of the reply begins that `write` replaces.
+        end: where it ends.
+        write: returns that part with other arguments.
+    """
+
+    name: object
+    arguments: Mapping[str, Any]
+    start: int = 0
+    end: int = 0
+    write: Callable[[dict[str, Any]], Any] | None = None
+
+
+@dataclass(frozen=True)
+class CallReader:
+    """Reads the calls of a dialect by a table.
+
+    Args:
+        dialect: its name, for messages.
+        rules: the meaning of each action.
+        find: returns the calls of a reply; it raises `ActionError` if there is none.
+        notes: arguments of any action that say nothing about the screen.
+    """
+
+    dialect: str
+    rules: Mapping[str, Rule]
+    find: Callable[[object], list[ActionCall]]
+    notes: tuple[str, ...] = ()
+
+    def read(
+        self, reply: object, scaling: Scaling
+    ) -> list[tuple[ActionCall, Arguments, list[Meaning]]]:
+        """Return the calls of a reply with their arguments and what they mean.
+
+        Raises:
+            ActionError: there is no call, or one that the dialect does not have or that is broken.
+        """
+        found: list[tuple[ActionCall, Arguments, list[Meaning]]] = []
+        for call in self.find(reply):
+            rule = self.rules.get(call.name) if isinstance(call.name, str) else None
+            if rule is None:
+                raise unknown_action(self.dialect, call.name, self.rules)
+            given = Arguments(f"{self.dialect} {call.name}", call.arguments, scaling)
+            try:
+                meanings = rule(given)
+            except NoSuchPlace:
+                meanings = [Meaning(Action("other"), code=WAIT)]
+                given.mapped = dict(call.arguments)
+            given.check_all_read(self.notes)
+            found.append((call, given, meanings))
+        return found
+
+    def parse(self, reply: object, scaling: Scaling) -> list[Action]:
+        """Return the actions of a reply, in order. Raises `ActionError`, as `read`."""
+        calls = self.read(reply, scaling)
+        return [meaning.action for _, _, meanings in calls for meaning in meanings]
+
+    def map(self, reply: object, scaling: Scaling) -> Any:
+        """Return the reply with the points of its calls scaled. Raises `ActionError`, as `read`."""
+        edits: list[TextEdit] = []
+        for call, given, _ in self.read(reply, scaling):
+            if call.write is None or given.mapped == call.arguments:
+                continue
+            written = call.write(given.mapped)
+            if not isinstance(reply, str):
+                return written
+            edits.append(TextEdit(call.start, call.end, written))
+        return apply_edits(cast("str", reply), edits) if edits else reply
+
+    def check(self, reply: object, unit: int) -> Any:
+        """Return a reply in fractions 0..`unit` of the picture as it is, if it can be read.
+
+        Fractions are the same point at every size. Raises `ActionError`, as `read`.
+        """
+        self.read(reply, Scaling.fractions((1000, 1000), unit))
+        return reply
+
+    def write(self, reply: object, scaling: Scaling) -> list[str]:
+        """Return each call as code; raises `ActionError` as `read`, and for what cannot be done."""
+        return [self._code(call, meanings) for call, _, meanings in self.read(reply, scaling)]
+
+    def _code(self, call: ActionCall, meanings: Sequence[Meaning]) -> str:
+        lines: list[str] = []
+        for meaning in meanings:
+            if meaning.refusal:
+                raise ActionError(
+                    f"{self.dialect} {call.name}: {meaning.refusal}; use an action of pointer or"
+                    " keyboard"
+                )
+            lines.append(meaning.code or write_pyautogui(meaning.action))
+        return "\n".join(lines)
+
+
+def unknown_action(dialect: str, name: object, known: Mapping[str, object]) -> ActionError:
+    """Return the error for an action that a dialect does not have; it lists those it has."""
+    hint = suggest(name, known) if isinstance(name, str) and len(name) < 80 else ""
+    return ActionError(f"{dialect} has no action {shown(name)}{hint}; it has {', '.join(known)}")

@@ -1,0 +1,185 @@
+"""Write typed actions as pyautogui code, including details for which `Action` has no field.
+
+These details are sideways scrolling, a key pressed several times or held for a while, the inner
+points of a drag, text that is typed at a place, and the mouse buttons "back" and "forward". Actions
+that only look at the screen (`screenshot`, `zoom`, `cursor_position`) become `WAIT`, because the
+next picture comes anyway.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from ...errors import ActionError, shown
+from ...types import Action
+from ..scaling import Scaling
+from .action_rules import PIXELS_PER_NOTCH
+from .computer_13 import parse_computer_13
+from .computer_tools import (
+    anthropic_action,
+    drag_points,
+    openai_actions,
+    parse_anthropic_action,
+    parse_openai_action,
+)
+from .field_checks import as_fields, key_names, number
+from .pyautogui_write import hscroll_code, write_pyautogui
+
+MAX_REPEATS = 100
+MAX_HOLD_S = 60.0  # s
+_SCREEN_READING_ACTIONS = ("screenshot", "zoom", "cursor_position")
+# The keys that do in browsers and file managers what these mouse buttons do.
+_SIDE_BUTTONS = {"back": "left", "forward": "right"}
+_WAIT = "WAIT"
+
+
+def openai_code(action: object, scaling: Scaling) -> list[str]:
+    """Return the actions of OpenAI as code; raises `ActionError` if one cannot be read."""
+    return [_openai_code(one, scaling) for one in openai_actions(action)]
+
+
+def _openai_code(action: object, scaling: Scaling) -> str:
+    parsed = parse_openai_action(action, scaling)
+    fields = as_fields(action, "openai")
+    name = fields["type"]
+    if name in _SCREEN_READING_ACTIONS:
+        return _WAIT
+    arrow = _SIDE_BUTTONS.get(str(fields.get("button")))
+    if name == "click" and arrow is not None:
+        return f"pyautogui.hotkey('alt', {arrow!r})"
+    if name == "drag":
+        points = [scaling.point(*place) for place in drag_points(fields)]
+        if len(points) > 2:
+            return _with_keys(parsed.keys, _through(points))
+    if name == "scroll":
+        return _openai_scroll(fields, parsed)
+    return write_pyautogui(parsed)
+
+
+def anthropic_code(action: object, scaling: Scaling) -> list[str]:
+    """Return an Anthropic action as code; raises `ActionError` if the action cannot be read."""
+    action, _ = anthropic_action(action)
+    parsed = parse_anthropic_action(action, scaling)
+    fields = as_fields(action, "anthropic")
+    match fields["action"]:
+        case "screenshot" | "zoom" | "cursor_position":
+            return [_WAIT]
+        case "scroll_to":
+            raise ActionError(
+                "anthropic scroll_to names an element of a page, which a desktop does not know; use"
+                " scroll"
+            )
+        case "scroll":
+            return [_anthropic_scroll(fields, parsed)]
+        case "key":
+            return [_repeated(write_pyautogui(replace(parsed, amount=None)), fields)]
+        case "hold_key":
+            return [_held_for(parsed)]
+        case "type":
+            return [_typed(parsed, fields, scaling)]
+        case "left_click_drag":
+            return [write_pyautogui(replace(parsed, keys=_held_keys(fields)))]
+        case _:
+            return [_repeated(write_pyautogui(parsed), fields)]
+
+
+def computer_13_code(action: object, scaling: Scaling) -> list[str]:
+    """Return a `computer_13` action as code; raises `ActionError` if the action cannot be read."""
+    parsed = parse_computer_13(action, scaling)
+    if isinstance(action, str):
+        return [write_pyautogui(parsed)]
+    fields = as_fields(action, "computer_13")
+    given = fields.get("parameters", fields)
+    if fields["action_type"] != "SCROLL" or not given.get("dx"):
+        return [write_pyautogui(parsed)]
+    notches = number(given["dx"], "SCROLL dx")
+    sideways = hscroll_code(notches, parsed.point)
+    if parsed.type == "other":
+        return [sideways]
+    return [f"{write_pyautogui(parsed)}\n{sideways}"]
+
+
+def _openai_scroll(fields: dict[str, Any], parsed: Action) -> str:
+    across = number(fields.get("scroll_x", 0), "scroll scroll_x")
+    down = number(fields.get("scroll_y", 0), "scroll scroll_y")
+    lines: list[str] = []
+    if down or not across:
+        upright = replace(parsed, type="scroll", amount=-down / PIXELS_PER_NOTCH, keys=None)
+        lines.append(write_pyautogui(upright))
+    if across:
+        sideways = across / PIXELS_PER_NOTCH
+        lines.append(hscroll_code(sideways, parsed.point))
+    return _with_keys(parsed.keys, lines)
+
+
+def _anthropic_scroll(fields: dict[str, Any], parsed: Action) -> str:
+    direction = fields["scroll_direction"]
+    amount = number(fields["scroll_amount"], "scroll scroll_amount")
+    if direction == "left":
+        line = hscroll_code(-amount, parsed.point)
+    elif direction == "right":
+        line = hscroll_code(amount, parsed.point)
+    else:
+        line = write_pyautogui(parsed)
+    return _with_keys(_held_keys(fields), [line])
+
+
+def _held_keys(fields: dict[str, Any]) -> tuple[str, ...] | None:
+    if not fields.get("text"):
+        return None
+    return key_names(fields["text"], f"{fields['action']} text", "+")
+
+
+def _repeated(line: str, fields: dict[str, Any]) -> str:
+    """Return the code repeated as often as the field `repeat` asks.
+
+    Raises:
+        ActionError: `repeat` is not a whole number of times in the allowed range.
+    """
+    times = fields.get("repeat")
+    if times is None:
+        return line
+    if type(times) is not int or not 1 <= times <= MAX_REPEATS:
+        raise ActionError(
+            f"{fields['action']} repeat must be a whole number from 1 to {MAX_REPEATS},"
+            f" got {shown(times)}"
+        )
+    return "\n".join([line] * times)
+
+
+def _held_for(action: Action) -> str:
+    """Return code that holds keys down for a while.
+
+    Raises:
+        ActionError: the duration is negative, too long or not a number.
+    """
+    seconds = action.amount or 0
+    if not 0 <= seconds <= MAX_HOLD_S:
+        raise ActionError(
+            f"hold_key duration must be 0 to {MAX_HOLD_S:g} seconds, got {shown(seconds)}"
+        )
+    return _with_keys(action.keys, [f"pyautogui.sleep({seconds:g})"])
+
+
+def _typed(action: Action, fields: dict[str, Any], scaling: Scaling) -> str:
+    """Return code that types a text, clicking a place first and pressing Enter last if asked to."""
+    text = f"{action.text}\n" if fields.get("press_enter") is True else action.text
+    line = write_pyautogui(replace(action, text=text))
+    if fields.get("coordinate") is None:
+        return line
+    click = {"action": "left_click", "coordinate": fields["coordinate"]}
+    first = write_pyautogui(parse_anthropic_action(click, scaling))
+    return f"{first}\n{line}"
+
+
+def _through(points: Sequence[tuple[int, int]]) -> list[str]:
+    """Return code that drags through all points."""
+    first, *others = [f"pyautogui.moveTo({x}, {y})" for x, y in points]
+    return [first, "pyautogui.mouseDown()", *others, "pyautogui.mouseUp()"]
+
+
+def _with_keys(keys: Sequence[str] | None, lines: Sequence[str]) -> str:
+    held = keys or ()
+    down = [f"pyautogui.keyDown({key!r})" for key in held]
+    up = [f"pyautogui.keyUp({key!r})" for key in reversed(held)]
+    return "\n".join([*down, *lines, *up])

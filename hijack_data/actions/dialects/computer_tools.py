@@ -1,0 +1,365 @@
+"""The computer tools of OpenAI and Anthropic: dicts as the two APIs return them.
+
+An action stands alone, or in the item of its API: OpenAI's `computer_call` with an `action` or
+several `actions`, Anthropic's `tool_use` block with the `input`.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, cast
+
+from ...errors import ActionError, ParameterError, shown
+from ...types import Action, as_boxes
+from ..scaling import Scaling
+from .action_rules import PIXELS_PER_NOTCH, coordinates, with_coordinates
+from .field_checks import (
+    action_at,
+    as_fields,
+    click_type,
+    key_combination,
+    number,
+    point,
+    refuse_unknown_action,
+    text,
+)
+from .unmapped_fields import check_fields
+
+OPENAI = "openai"
+ANTHROPIC = "anthropic"
+OPENAI_NAMES = (
+    "click",
+    "double_click",
+    "drag",
+    "keypress",
+    "move",
+    "screenshot",
+    "scroll",
+    "type",
+    "wait",
+)
+ANTHROPIC_NAMES = (
+    "key",
+    "hold_key",
+    "type",
+    "cursor_position",
+    "mouse_move",
+    "left_mouse_down",
+    "left_mouse_up",
+    "left_click",
+    "left_click_drag",
+    "right_click",
+    "middle_click",
+    "double_click",
+    "triple_click",
+    "scroll",
+    "wait",
+    "screenshot",
+    "zoom",
+    # Of Anthropic's browser tools.
+    "hover",
+    "scroll_to",
+)
+
+# OpenAI scrolls in pixels, and down is positive.
+CALL = "computer_call"
+_CALL_FIELDS = ("type", "action", "actions", "id", "call_id", "status", "pending_safety_checks")
+TOOL_USE = "tool_use"
+_BLOCK_FIELDS = ("type", "id", "name", "input", "toolset_name", "caller", "cache_control")
+_COMPUTER = "computer"
+_OPENAI_POINT = ("click", "double_click", "move", "scroll")
+_OPENAI_FIELDS = ("type", "button", "keys", "text", "scroll_x", "scroll_y")
+_ANTHROPIC_FIELDS = (
+    "action",
+    "coordinate",
+    "start_coordinate",
+    "text",
+    "duration",
+    "scroll_direction",
+    "scroll_amount",
+)
+_ANTHROPIC_POINT = ("mouse_move", "left_click_drag", "hover")
+_ANTHROPIC_CLICKS = {
+    "left_click": "click",
+    "right_click": "right_click",
+    "middle_click": "middle_click",
+    "double_click": "double_click",
+    "triple_click": "triple_click",
+    "mouse_move": "move",
+    "hover": "move",
+    "left_mouse_down": "mouse_down",
+    "left_mouse_up": "mouse_up",
+}
+
+
+def openai_actions(action: object) -> list[object]:
+    """Return the actions of a `computer_call`, or the action itself.
+
+    Raises:
+        ActionError: the call has none, or has fields that may hold coordinates.
+    """
+    if not isinstance(action, dict) or cast("dict[str, Any]", action).get("type") != CALL:
+        return [action]
+    fields = as_fields(cast("object", action), OPENAI)
+    check_fields(fields, _CALL_FIELDS, f"{OPENAI} {CALL}")
+    several: object = fields.get("actions")
+    if several is None:
+        several = [fields.get("action")]
+    if not isinstance(several, list | tuple) or not several:
+        raise ActionError(
+            f"{CALL} needs an action or a list of actions, got {shown(cast('object', several))}"
+        )
+    return list(cast("list[object]", several))
+
+
+def map_openai(action: object, scaling: Scaling) -> Any:
+    """Return an OpenAI computer action, or the `computer_call` with one or several, scaled.
+
+    `x, y` and `path` are scaled; `scroll_x, scroll_y` stay. Raises `ActionError` for an unknown
+    `type`, for coordinates that are missing or not numbers, and for unknown fields that may hold
+    coordinates.
+    """
+    actions = openai_actions(action)
+    if len(actions) == 1 and actions[0] is action:
+        return _map_openai(action, scaling)
+    fields = as_fields(action, OPENAI)
+    mapped = [_map_openai(one, scaling) for one in actions]
+    if fields.get("actions") is not None:
+        fields["actions"] = mapped
+    else:
+        fields["action"] = mapped[0]
+    return fields
+
+
+def parse_openai(action: object, scaling: Scaling) -> list[Action]:
+    """Read an OpenAI action, or those of a `computer_call`. Raises `ActionError` as `map_openai`.
+
+    A drag runs from the first to the last point of its path.
+    """
+    return [parse_openai_action(one, scaling) for one in openai_actions(action)]
+
+
+def _map_openai(action: object, scaling: Scaling) -> dict[str, Any]:
+    """Return one OpenAI computer action with `x, y` or `path` scaled.
+
+    Raises `ActionError` for an unknown `type`, for coordinates that are missing or not numbers, and
+    for unknown fields that may hold coordinates.
+    """
+    fields, name = _openai(action)
+    if name == "drag":
+        path = [scaling.point(*p) for p in drag_points(fields)]
+        given = cast("list[Any]", fields["path"])
+        fields["path"] = [
+            {**cast("dict[str, Any]", old), "x": x, "y": y} if isinstance(old, dict) else [x, y]
+            for old, (x, y) in zip(given, path, strict=True)
+        ]
+    elif name in _OPENAI_POINT:
+        fields["x"], fields["y"] = scaling.point(*_xy(fields, name))
+    return fields
+
+
+def parse_openai_action(action: object, scaling: Scaling) -> Action:
+    """Read one OpenAI action. Raises `ActionError` as `map_openai`."""
+    fields, name = _openai(action)
+    held = key_combination(fields["keys"], f"{name} keys") if fields.get("keys") else None
+    match name:
+        case "drag":
+            path = [scaling.point(*p) for p in drag_points(fields)]
+            return Action("drag", *path[0], *path[-1], keys=held)
+        case "keypress":
+            return Action("hotkey", keys=key_combination(fields.get("keys"), "keypress keys"))
+        case "type":
+            return Action("type", text=text(fields.get("text"), "type text"))
+        case "screenshot":
+            return Action("other")
+        case "wait":
+            return Action("wait")
+        case _:
+            place = scaling.point(*_xy(fields, name))
+    if name == "scroll":
+        across, down = (number(fields.get(f, 0), f"scroll {f}") for f in ("scroll_x", "scroll_y"))
+        return (
+            action_at("scroll", place, amount=-down / PIXELS_PER_NOTCH, keys=held)
+            if down or not across
+            else action_at("other", place)
+        )
+    types = {"click": click_type(fields.get("button", "left"), 1), "move": "move"}
+    return action_at(types.get(name, name), place, keys=held)
+
+
+def anthropic_action(action: object) -> tuple[object, Callable[[dict[str, Any]], dict[str, Any]]]:
+    """Return the action of a `tool_use` block, and a function that returns the block with another.
+
+    A call of the toolset has the name of its action; an action that stands alone is returned as it
+    is.
+
+    Raises:
+        ActionError: the block has no input, or has fields that may hold coordinates.
+    """
+    if not isinstance(action, dict) or cast("dict[str, Any]", action).get("type") != TOOL_USE:
+        return cast("object", action), lambda made: made
+    block = as_fields(cast("object", action), ANTHROPIC)
+    check_fields(block, _BLOCK_FIELDS, f"{ANTHROPIC} {TOOL_USE}")
+    given = as_fields(block.get("input"), f"{ANTHROPIC} {TOOL_USE}")
+    if block.get("name") == _COMPUTER:
+        return given, lambda made: {**block, "input": made}
+
+    def rebuild(made: dict[str, Any]) -> dict[str, Any]:
+        return {**block, "input": {key: part for key, part in made.items() if key != "action"}}
+
+    return {"action": block.get("name"), **given}, rebuild
+
+
+def map_anthropic(action: object, scaling: Scaling) -> dict[str, Any]:
+    """Return an Anthropic computer action, or its `tool_use` block, scaled.
+
+    Its coordinates and `region` are scaled. Raises `ActionError` for an unknown `action`, for
+    coordinates that are missing or not numbers, and for unknown fields that may hold coordinates.
+    """
+    inner, rebuild = anthropic_action(action)
+    fields, name = _anthropic(inner)
+    for field in ("coordinate", "start_coordinate"):
+        place = _coordinate(fields, name, field, scaling)
+        if place is not None:
+            old = fields[field]
+            fields[field] = with_coordinates(old, place) if isinstance(old, str) else list(place)
+    if name == "zoom":
+        fields["region"] = _region(fields.get("region"), scaling)
+    return rebuild(fields)
+
+
+def parse_anthropic(action: object, scaling: Scaling) -> list[Action]:
+    """Read an Anthropic computer action, or its block. Raises `ActionError` as `map_anthropic`."""
+    return [parse_anthropic_action(anthropic_action(action)[0], scaling)]
+
+
+def parse_anthropic_action(action: object, scaling: Scaling) -> Action:
+    """Read the action alone. Raises `ActionError` as `map_anthropic`.
+
+    The `text` of a click names the keys held; `hold_key` becomes a hotkey whose `amount` is in
+    seconds; sideways scrolling, `screenshot`, `zoom` and `cursor_position` become `"other"`. A
+    click without a `coordinate` is at the pointer.
+    """
+    fields, name = _anthropic(action)
+    place = _coordinate(fields, name, "coordinate", scaling)
+    if name in _ANTHROPIC_CLICKS:
+        held = key_combination(fields["text"], f"{name} text", "+") if fields.get("text") else None
+        return action_at(_ANTHROPIC_CLICKS[name], place, keys=held)
+    match name:
+        case "left_click_drag" if place is not None:
+            return action_at(
+                "drag",
+                _coordinate(fields, name, "start_coordinate", scaling),
+                x2=place[0],
+                y2=place[1],
+            )
+        case "scroll":
+            return _anthropic_scroll(fields, place)
+        case "type":
+            return Action("type", text=text(fields.get("text"), "type text"))
+        case "key" | "hold_key":
+            seconds = (
+                number(fields.get("duration", 0), "hold_key duration")
+                if name == "hold_key"
+                else None
+            )
+            return Action(
+                "hotkey",
+                keys=key_combination(fields.get("text"), f"{name} text", "+"),
+                amount=seconds,
+            )
+        case "wait":
+            return Action(
+                "wait",
+                amount=(
+                    number(fields["duration"], "wait duration") if "duration" in fields else None
+                ),
+            )
+        case _:
+            return Action("other")
+
+
+def _anthropic_scroll(fields: dict[str, Any], place: tuple[int, int] | None) -> Action:
+    amount = number(fields.get("scroll_amount"), "scroll scroll_amount")
+    direction = fields.get("scroll_direction")
+    if direction not in ("up", "down", "left", "right"):
+        raise ActionError(
+            f"scroll scroll_direction must be up, down, left or right, got {shown(direction)}"
+        )
+    if direction in ("left", "right"):
+        return action_at("other", place)
+    return action_at("scroll", place, amount=amount if direction == "up" else -amount)
+
+
+def _openai(action: object) -> tuple[dict[str, Any], str]:
+    fields = as_fields(action, OPENAI)
+    name = _name(fields, "type", OPENAI, OPENAI_NAMES)
+    known = (*_OPENAI_FIELDS, *(("x", "y") if name in _OPENAI_POINT else ()))
+    check_fields(fields, (*known, "path") if name == "drag" else known, f"{OPENAI} {name}")
+    return fields, name
+
+
+def _anthropic(action: object) -> tuple[dict[str, Any], str]:
+    fields = as_fields(action, ANTHROPIC)
+    name = _name(fields, "action", ANTHROPIC, ANTHROPIC_NAMES)
+    known = (*_ANTHROPIC_FIELDS, "region") if name == "zoom" else _ANTHROPIC_FIELDS
+    check_fields(fields, known, f"{ANTHROPIC} {name}")
+    return fields, name
+
+
+def _name(fields: dict[str, Any], field: str, dialect: str, known: Sequence[str]) -> str:
+    name = fields.get(field)
+    if name not in known:
+        refuse_unknown_action(dialect, name, known)
+    return str(name)
+
+
+def _xy(fields: dict[str, Any], what: str) -> tuple[float, float]:
+    return number(fields.get("x"), f"{what} x"), number(fields.get("y"), f"{what} y")
+
+
+def drag_points(fields: dict[str, Any]) -> list[tuple[float, float]]:
+    """Return the points of an OpenAI drag.
+
+    Raises:
+        ActionError: its `path` is not a list of points.
+    """
+    path = fields.get("path")
+    if not isinstance(path, list | tuple) or not path:
+        raise ActionError(f"drag path must be a list of points, got {shown(cast('object', path))}")
+    points: list[tuple[float, float]] = []
+    for index, item in enumerate(cast("list[Any]", path)):
+        what = f"drag path[{index}]"
+        if isinstance(item, dict):
+            corner = cast("dict[str, Any]", item)
+            check_fields(corner, ("x", "y"), what)
+            points.append(_xy(corner, what))
+        else:
+            points.append(point(item, what))
+    return points
+
+
+def _coordinate(
+    fields: dict[str, Any], name: str, field: str, scaling: Scaling
+) -> tuple[int, int] | None:
+    value = fields.get(field)
+    if value is None and not (field == "coordinate" and name in _ANTHROPIC_POINT):
+        return None
+    what = f"{name} {field}"
+    if not isinstance(value, str):
+        return scaling.point(*point(value, what))
+    numbers = coordinates(value, what)
+    if len(numbers) != 2:
+        raise ActionError(f"{what} must be [x, y], got {shown(value)}")
+    return scaling.point(*numbers)
+
+
+def _region(value: object, scaling: Scaling) -> list[int]:
+    if not isinstance(value, list | tuple) or len(cast("list[Any]", value)) != 4:
+        raise ActionError(
+            f"zoom region must be [x1, y1, x2, y2], got {shown(cast('object', value))}"
+        )
+    corners = [number(v, f"zoom region[{i}]") for i, v in enumerate(cast("list[Any]", value))]
+    try:
+        boxes = as_boxes([corners], "zoom region")
+    except ParameterError as error:
+        raise ActionError(str(error)) from None
+    return scaling.boxes(boxes)[0].tolist()

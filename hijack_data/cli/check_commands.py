@@ -1,0 +1,181 @@
+"""`hijack check` and `hijack doctor`: test a plug-in, and list what this machine has installed."""
+
+import importlib
+import importlib.metadata
+import json
+import platform
+import sys
+from collections.abc import Iterable, Iterator
+from typing import Any, TypeAlias
+
+import click
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from .. import conformance, extras
+from .. import corruption as registry
+from ..errors import PluginError
+from ..loading import SUFFIX, LoadedFile, run_file
+from . import console, doctor_rows
+from .options import FiniteRange
+from .plugin_rows import plugin_rows
+
+DoctorRow: TypeAlias = tuple[str, str, str, str]
+
+
+@click.command()
+@click.argument("target", metavar="FILE.py|AGENT")
+@click.option(
+    "--desktop/--no-desktop",
+    default=True,
+    help="Whether to try effects and oracles of tasks on real desktops.",
+)
+@click.option(
+    "--timeout",
+    type=FiniteRange(min=0.1),
+    default=120.0,
+    show_default=True,
+    metavar="S",
+    help="Seconds that an agent has for each answer.",
+)
+def check(target: str, desktop: bool, timeout: float) -> None:
+    """Run the conformance suites on what a file holds: corruptions, live effects, agents, tasks.
+
+    An agent may also be named as for `hijack bench --agent`: my_agent.py:MyAgent, random.
+    """
+    out = console()
+    failed = 0
+    if target.endswith(SUFFIX):
+        loaded = run_file(target)
+        agents = _agents_of(loaded)
+        failed = _check_file(out, loaded, desktop)
+        tasks = _tasks_of(loaded)
+        if not loaded.names and not agents and not tasks:
+            raise PluginError(
+                f"{target}: registers nothing, and has no class with predict(instruction, obs)"
+            )
+        failed += sum(_check_task(out, name, desktop) for name in tasks)
+    else:
+        agents = [target]
+    failed += sum(_check_agent(out, name, timeout) for name in agents)
+    if failed:
+        out.print(f"{failed} checks failed")
+        raise SystemExit(1)
+
+
+def _check_file(out: Any, loaded: LoadedFile, desktop: bool) -> int:
+    """Check corruptions and effects; return how many checks failed."""
+    failed = 0
+    corruptions = [registry.find_corruption(name) for name in loaded.corruptions]
+    for cls in corruptions:
+        out.print(f"[bold]{cls().id}[/] {escape(cls.summary())}")
+        failed += sum(not _show(out, result) for result in conformance.run(cls))
+    for kind in loaded.effects:
+        effects: Any = importlib.import_module("online_env.effects.checking")
+        out.print(f"[bold]effect {kind}[/] {escape(effects.summary(kind))}")
+        found = effects.check(kind, effects.params_for(kind, corruptions), desktop)
+        failed += sum(not _show(out, result) for result in found)
+    return failed
+
+
+def _agents_of(loaded: LoadedFile) -> list[str]:
+    """Return the agents of a file; a file without agents imports nothing."""
+    own = [
+        value
+        for value in vars(sys.modules[loaded.module]).values()
+        if isinstance(value, type) and value.__module__ == loaded.module
+    ]
+    if not any(hasattr(cls, "predict") for cls in own) and "agent" not in loaded.names:
+        return []
+    return importlib.import_module("online_env.agents.checking").agents_in_file(loaded)
+
+
+def _tasks_of(loaded: LoadedFile) -> list[str]:
+    """Return the tasks of a file; a file without tasks imports nothing."""
+    module = vars(sys.modules[loaded.module])
+    named = any(getattr(value, "phrasings", None) for value in module.values())
+    if not named and "task" not in loaded.names:
+        return []
+    return importlib.import_module("online_env.tasks.checking").task_names(loaded)
+
+
+def _check_task(out: Any, name: str, desktop: bool) -> int:
+    """Check a task; return how many checks failed."""
+    checking: Any = importlib.import_module("online_env.tasks.checking")
+    return _show_all(out, "task", name, checking.check(name, desktop))
+
+
+def _check_agent(out: Any, name: str, timeout: float) -> int:
+    """Check an agent; return how many checks failed."""
+    checking: Any = importlib.import_module("online_env.agents.checking")
+    return _show_all(out, "agent", name, checking.check(name, timeout))
+
+
+def _show_all(out: Any, kind: str, name: str, results: Iterable[Any]) -> int:
+    """Print the outcomes of all checks of one plug-in; return how many failed."""
+    out.print(f"[bold]{kind}[/] ", end="")
+    out.print(name, markup=False)
+    return sum(not _show(out, result) for result in results)
+
+
+def _show(out: Any, result: Any) -> bool:
+    """Print the outcome of a check, or why it was skipped; return whether nothing failed."""
+    if isinstance(result, str):
+        out.print("  [yellow]--  [/] not checked: ", end="")
+        out.print(result, markup=False)
+        return True
+    mark = "[green]ok  [/]" if result.ok else "[red]FAIL[/]"
+    out.print(f"  {mark} {result.check}: {result.about}")
+    if not result.ok:
+        out.print(f"       {result.problem}", markup=False)
+    for note in result.notes:
+        out.print("       [yellow]note[/] ", end="")
+        out.print(note, markup=False)
+    return bool(result.ok)
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def doctor(as_json: bool) -> None:
+    """List what is installed, what is missing, and the commands that add it."""
+    rows, remedy = list(_doctor_rows()), doctor_rows.extras_remedy()
+    if as_json:
+        click.echo(json.dumps({"found": [_plain(row) for row in rows], "remedy": remedy}))
+        return
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for column in ("", "what", "for", "found"):
+        table.add_column(column, overflow="fold")  # a truncated path would be useless
+    for row in rows:
+        table.add_row(*row)
+    console().print(table)
+    if remedy:
+        click.echo(remedy)
+
+
+def _doctor_rows() -> Iterator[DoctorRow]:
+    """Yield rows of a mark, a component, its purpose, and what was found; the last is markup."""
+    core = ", ".join(
+        f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "pillow", "pyyaml")
+    )
+    found = f"Python {platform.python_version()}, {core}"
+    yield doctor_rows.OK, "core", "plans and NumPy pictures", found
+    yield from doctor_rows.extra_rows()
+    yield _gpu()
+    yield from plugin_rows()
+    yield doctor_rows.desktop_row()
+
+
+def _plain(row: DoctorRow) -> dict[str, Any]:
+    """Return a row without markup, for `--json`."""
+    mark, what, purpose, found = (Text.from_markup(cell).plain for cell in row)
+    return {"ok": mark == "ok", "what": what, "for": purpose, "found": found}
+
+
+def _gpu() -> tuple[str, str, str, str]:
+    if extras.lacking(["torch"]):
+        return "[yellow]--[/]", "gpu", "CUDA kernels", "needs the torch extra"
+    torch = importlib.import_module("torch")
+    if not torch.cuda.is_available():
+        return "[yellow]--[/]", "gpu", "CUDA kernels", "no CUDA device; everything runs on the CPU"
+    return "[green]ok[/]", "gpu", "CUDA kernels", torch.cuda.get_device_name(0)

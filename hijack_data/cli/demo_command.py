@@ -1,0 +1,155 @@
+"""`hijack demo`: the main tasks of the library, on recordings that come with the package."""
+
+import importlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .. import extras
+from .._apply import apply
+from ..corruption import make_corruption
+from ..errors import HijackError, MissingDependencyError
+from ..file_io import encode_png, load_image, make_folder, write_atomic
+from ..gallery import contact_sheet
+from . import hijack
+from .picture_commands import make_scene
+
+HERE = Path(__file__).resolve()
+# The folders in an installed package, and in a clone.
+PLACES = (HERE.parents[1] / "_examples" / "recordings", HERE.parents[2] / "examples" / "recordings")
+SCREENS = ("notes-04.png", "rename-04.png", "multiply-03.png")
+VISUAL = ("pop_ups", "marks", "subtitle", "resolution")
+
+
+def recordings() -> Path:
+    """Return the folder of the recordings that come with the package or the clone.
+
+    Raises:
+        HijackError: the folder is missing.
+    """
+    for place in PLACES:
+        if (place / "trajectories.jsonl").is_file():
+            return place
+    raise HijackError(f"{PLACES[0]}: no recordings there; reinstall agenthijack")
+
+
+@click.command()
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("demo"),
+    show_default=True,
+    metavar="DIR",
+    help="Where to write everything.",
+)
+@click.option(
+    "--desktop/--no-desktop",
+    default=True,
+    help="Whether to corrupt a live desktop as well, where one can run.",
+)
+def demo(out: Path, desktop: bool) -> None:
+    """Corrupt screens, build a dataset, corrupt a live desktop.
+
+    Parts that need an extra that is not installed are left out, with the command that adds it.
+    """
+    screens = [recordings() / "images" / name for name in SCREENS]
+    made = [out / "before_after.png", out / "gallery.html"]
+    make_folder(out)
+    command("apply", screens[1], "pop_ups", "-o", out / "pop_ups.png", "--seed", 3)
+    before_and_after(screens[0], made[0])
+    command("gallery", *screens, "-o", made[1])
+    if dataset(out / "dataset"):
+        made.append(out / "dataset")
+    failed = desktop and nine(out / "nine.png")
+    if desktop and (out / "nine.png").exists():
+        made.append(out / "nine.png")
+    names = [str(path) for path in made]
+    click.echo(f"\nLook at {', '.join(names[:-1])} and {names[-1]}.")
+    if failed:
+        raise SystemExit(1)
+
+
+def command(*words: object) -> None:
+    """Print a `hijack` command, then run it.
+
+    Raises:
+        SystemExit: the command could not do anything; problems with some of its input do not end
+            the demo.
+    """
+    texts = [str(word) for word in words]
+    click.echo(f"$ hijack {' '.join(texts)}")
+    try:
+        code: object = hijack.main(args=texts, prog_name="hijack", standalone_mode=False)
+    except SystemExit as end:
+        code = end.code
+    if code not in (None, 0, 1):
+        raise SystemExit(code)
+
+
+def before_and_after(picture: Path, out: Path) -> None:
+    """Write one picture with a before and an after of the four visual corruptions."""
+    screen, _ = load_image(picture)
+    rows: list[Any] = []
+    for name in VISUAL:
+        planner = make_corruption(name)
+        scene, _ = make_scene(planner, screen, None)
+        plan = planner.plan(scene, seed=3, sample="demo")
+        rows.append((name, screen, apply(plan, screen)))
+    write_atomic(out, encode_png(contact_sheet(rows)))
+    click.echo(f"{out}: before and after")
+
+
+def dataset(folder: Path) -> bool:
+    """Build a dataset, verify it, and load it with `datasets` alone, as any user would.
+
+    Returns whether the dataset could be built, which needs the extra `hf`.
+    """
+    try:
+        datasets = extras.load("datasets", "the dataset of the demo", "hf")
+        extras.require("the dataset of the demo", "hf", ("pyarrow",))
+    except MissingDependencyError as error:
+        click.echo(f"dataset: left out ({error})")
+        return False
+    command("build", recordings(), "--out", folder, "--seed", 7, "--resume")
+    command("verify", folder)
+    datasets.disable_progress_bars()
+    rows: Sequence[Any] = datasets.load_dataset(str(folder), split="train")
+    second = rows[1]
+    click.echo(
+        f"load_dataset: {len(rows)} rows; the second: {second['corruption']},"
+        f" {second['action_code']!r}"
+    )
+    return True
+
+
+def nine(picture: Path) -> bool:
+    """Corrupt a live desktop in all nine ways; show each before and after, with its probe.
+
+    Returns whether a probe was false; on a machine that cannot run a desktop it prints why.
+    """
+    # These modules belong to another package of the distribution, on which this one does not
+    # depend.
+    try:
+        showcase: Any = importlib.import_module("online_env.showcase")
+        live: Any = importlib.import_module("online_env")
+        desktop = live.EmbeddedDesktop.up()
+    except MissingDependencyError as error:
+        click.echo(f"live desktop: left out ({error})")
+        return False
+    except (HijackError, OSError) as error:
+        click.echo(f"live desktop: not here ({error}); in a clone `make desktop` adds it")
+        return False
+    shown: list[Any] = []
+    click.echo("\nOn a live desktop, what the probe of each corruption sees:")
+    with desktop:
+        for one in showcase.show_nine(desktop):
+            mark = "" if one.ok else "PROBE FALSE: "
+            click.echo(f"  {one.name:17} {mark}{one.saw}")
+            shown.append(one)
+    sheet: Any = showcase.sheet
+    write_atomic(picture, encode_png(sheet(shown)))
+    click.echo(f"{picture}: all nine, before and after")
+    return not all(one.ok for one in shown)

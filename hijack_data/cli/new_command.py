@@ -1,0 +1,83 @@
+"""`hijack new corruption NAME`: a template file that already passes `hijack check`."""
+
+from pathlib import Path
+
+import click
+
+from .. import corruption as registry
+from .. import declaration
+from ..errors import HijackError, ParameterError
+from ..file_io import write_atomic
+
+TEMPLATE = '''"""Draws a band across the screen."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+import hijack_data as hj
+
+
+@hj.register
+@dataclass(frozen=True)
+class {cls}(hj.Corruption):
+    """Draws a band across the screen."""  # the first line is what `hijack list` shows
+
+    name: ClassVar[str] = "{name}"
+    category: ClassVar[str] = "visual_disruptor"  # unexpected_operation, environment_error
+    scope: ClassVar[str] = "observation"  # state and transition have effects and draw nothing
+
+    # Five severities, 1 to 5. The third is empty: it is the defaults.
+    severities: ClassVar[tuple[dict, ...]] = (
+        {{"height": 20}},
+        {{"height": 40}},
+        {{}},
+        {{"height": 160}},
+        {{"height": 320}},
+    )
+
+    # Every field is declared with param: default, documentation, range.
+    height: int = hj.param(80, "Height of the band in pixels", low=1, high=4096)
+    opacity: int = hj.param(160, "0 is invisible, 255 opaque", low=1, high=255)
+
+    def make_plan(self, scene: hj.Scene, stream: hj.Stream, step: int) -> hj.Draft:
+        """Return what to do to `scene`, as data. Random numbers come from `stream` alone."""
+        height, width = scene.size
+        y = stream.integer(0, height - 1)
+        band = np.full((self.height, width, 4), (40, 40, 40, self.opacity), np.uint8)
+        # scene.boxes, scene.apps and scene.target may be empty. If you read scene.boxes, override
+        # needs_elements. If the screen cannot hold the drawing, raise ParameterError.
+        return hj.Draft(ops=(hj.Paste(hj.png_recipe(band), ((0, y),)),))
+'''
+
+
+@click.group()
+def new() -> None:
+    """Write a file to begin with."""
+
+
+@new.command()
+@click.argument("name")
+@click.option("-o", "--out", metavar="FILE.py", help="The file to write.  [default: NAME.py]")
+def corruption(name: str, out: str | None) -> None:
+    """Write a corruption of your own, such as: hijack new corruption dust."""
+    _check_name(name)
+    path = Path(out or f"{name}.py")
+    if path.suffix != ".py":
+        raise click.UsageError(f"-o {str(path)!r}: name the file *.py")
+    if path.exists():
+        raise HijackError(f"{path}: exists already; choose another file with -o")
+    cls = "".join(part.capitalize() for part in name.split("_"))
+    write_atomic(path, TEMPLATE.format(name=name, cls=cls))
+    click.echo(f"{path}: {cls}, which draws a band; edit it, then run:")
+    click.echo(f"  hijack check {path}")
+    click.echo(f"  hijack --load {path} apply screen.png {name} -o out.png")
+
+
+def _check_name(name: str) -> None:
+    problem = next(declaration.name_problems(name), None)
+    if problem is None and name in registry.corruption_names():
+        problem = f"name {name!r} is taken; hijack list shows all that are"
+    if problem is not None:
+        raise ParameterError(problem)

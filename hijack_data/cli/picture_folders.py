@@ -1,0 +1,116 @@
+"""Run a command on folders of pictures: find the pictures, and write one result for each."""
+
+import json
+from collections import Counter
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..errors import HijackError, ImageError, counted
+from ..file_io import FORMATS
+from ..plan import Plan
+from ..types import UInt8Array
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".gif", ".tif", ".tiff")
+# Takes `(path, out, sample)`, corrupts that picture with that sample id, and returns plan, result
+# and notes.
+Corrupt = Callable[[str, str, str], tuple[Plan, UInt8Array, tuple[str, ...]]]
+
+
+def find_pictures(paths: Iterable[str]) -> list[str]:
+    """Return the given files, and the pictures below each given folder.
+
+    Raises `ImageError` for a folder without any picture.
+    """
+    found: list[str] = []
+    for path in paths:
+        folder = Path(path)
+        if folder.is_dir():
+            found += [str(file) for file in below(folder)]
+        else:
+            found.append(path)
+    return found
+
+
+def below(folder: Path) -> list[Path]:
+    """Return the pictures below a folder, in the order of their names.
+
+    Raises:
+        ImageError: the folder holds no picture.
+    """
+    named = [path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES]
+    found = sorted(path for path in named if path.is_file())
+    if not found:
+        raise ImageError(f"{folder}: holds no picture ({'/'.join(FORMATS)})")
+    return found
+
+
+def apply_below(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) -> None:
+    """Corrupt every picture below a folder, each into a PNG of the same name below `out`.
+
+    The path of a picture inside the folder is its sample id, so each picture gets its own plan. A
+    picture that cannot be read or corrupted is reported, and makes the exit code 1.
+
+    Raises:
+        UsageError: `out` lies in the folder.
+        HijackError: `out` cannot be written to.
+    """
+    if out.resolve().is_relative_to(folder.resolve()):
+        raise click.UsageError(f"-o {out}: lies in {folder}; choose a folder outside it")
+    names = _named([file.relative_to(folder) for file in below(folder)])
+    done: list[dict[str, Any]] = []
+    problems: list[str] = []
+    for name, target in names.items():
+        source = folder / name
+        place = out / target
+        try:
+            place.parent.mkdir(parents=True, exist_ok=True)
+            plan, result, notes = corrupt(str(source), str(place), name.as_posix())
+        except OSError as error:
+            raise HijackError(f"{out}: cannot be written to ({error.strerror or error})") from None
+        except HijackError as error:
+            text = str(error).removeprefix(f"{source}: ")
+            problems.append(f"{name.as_posix()}: {text}")
+            continue
+        height, width = result.shape[:2]
+        row = {
+            "file": target.as_posix(),
+            "corruption": plan.corruption,
+            "size": [width, height],
+            "digest": plan.digest(),
+            "notes": list(notes),
+        }
+        done.append(row)
+    _report(out, done, problems, as_json)
+
+
+def _named(names: list[Path]) -> dict[Path, Path]:
+    """Return the `.png` name of each result; if it is taken, the old suffix stays before `.png`."""
+    counts = Counter(name.with_suffix(".png") for name in names)
+    return {name: _target(name, counts) for name in names}
+
+
+def _target(name: Path, counts: Counter[Path]) -> Path:
+    plain = name.with_suffix(".png")
+    if plain == name or counts[plain] == 1:
+        return plain
+    return name.with_name(f"{name.name}.png")
+
+
+def _report(out: Path, done: list[dict[str, Any]], problems: list[str], as_json: bool) -> None:
+    if as_json:
+        click.echo(json.dumps({"out": str(out), "pictures": done, "problems": problems}))
+    else:
+        click.echo(f"{out}: {counted(len(done), 'picture')}")
+        notes = Counter[str]()
+        for row in done:
+            notes.update(row["notes"])
+        for note, count in notes.items():
+            repeated = f" ({count} pictures)" if count > 1 else ""
+            click.echo(f"  note: {note}{repeated}")
+    for problem in problems:
+        click.echo(f"  problem: {problem}", err=True)
+    if problems:
+        raise SystemExit(1)

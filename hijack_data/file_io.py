@@ -1,0 +1,384 @@
+"""Read pictures and JSON files, and write files whole or not at all.
+
+`write_atomic` and `replace_atomic` are the only writers by temporary file and rename, and
+`read_versioned_json` is the only reader of files that carry a format and a version.
+"""
+
+import errno
+import hashlib
+import io
+import json
+import os
+import secrets
+import shutil
+import stat
+import tempfile
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, BinaryIO, cast
+
+import numpy as np
+from PIL import ExifTags, Image, ImageOps, UnidentifiedImageError
+
+from .errors import HijackError, ImageError, ParameterTypeError, StorageError, shown
+from .limits import PICTURE_PIXELS
+from .types import UInt8Array
+
+_STORAGE = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG})
+FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "GIF", "TIFF")
+
+
+def pixel_sha256(pixels: UInt8Array) -> str:
+    """Return the SHA-256 of a picture's pixels, as 64 hexadecimal digits.
+
+    Args:
+        pixels: uint8 `[H, W, 3]` or `[H, W, 4]`.
+    """
+    return hashlib.sha256(np.ascontiguousarray(pixels).data).hexdigest()
+
+
+def load_image(path: str | os.PathLike[str]) -> tuple[UInt8Array, tuple[str, ...]]:
+    """Read a picture file as uint8 RGB `[H, W, 3]`, with notes on each conversion.
+
+    A picture with an EXIF orientation is turned upright, as viewers show it, because labels by
+    people and detectors refer to that view.
+
+    Raises:
+        ImageError: the file is missing, empty, truncated, animated, 16-bit, too large or not a
+            picture.
+        ParameterTypeError: `path` is not a path.
+    """
+    try:
+        place = Path(path)
+    except TypeError:
+        raise ParameterTypeError(f"a picture is named by its path, got {shown(path)}") from None
+    try:
+        data = place.read_bytes()
+    except OSError as error:
+        raise ImageError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except ValueError as error:  # a NUL, or half a surrogate
+        raise ImageError(f"{str(path)!r}: is not a path ({error})") from None
+    return decode_image(data, str(path), upright=True)
+
+
+def decode_image(
+    data: bytes, name: str, *, upright: bool = False
+) -> tuple[UInt8Array, tuple[str, ...]]:
+    """Decode the bytes of a picture file to uint8 RGB `[H, W, 3]`, with notes on each conversion.
+
+    Args:
+        data: the bytes of the file.
+        name: the name of the picture in error messages and notes.
+        upright: turn a picture with an EXIF orientation upright. Otherwise it is refused, because
+            it is unknown whether recorded coordinates refer to the picture as stored or as shown.
+
+    Raises:
+        ImageError: the picture is empty, truncated, animated, 16-bit, too large, turned by its
+            EXIF orientation, or not a picture at all.
+    """
+    if not data:
+        raise ImageError(f"{name}: the file is empty (0 bytes)")
+    if data[:8] == b"\x89PNG\r\n\x1a\n" and data[24:25] == b"\x10":
+        raise ImageError(f"{name}: 16 bits a channel; save it as an 8-bit PNG")
+    try:
+        with warnings.catch_warnings():
+            # Pillow's warning about decompression bombs comes before our own limit.
+            warnings.simplefilter("ignore")
+            return _decoded(data, name, upright)
+    except Image.DecompressionBombError:
+        raise ImageError(f"{name}: more than {PICTURE_PIXELS} pixels") from None
+    except UnidentifiedImageError:
+        raise ImageError(f"{name}: not a {'/'.join(FORMATS)} picture") from None
+    except Exception as error:  # Pillow may raise any exception for damaged bytes
+        if isinstance(error, HijackError | MemoryError):
+            raise
+        raise ImageError(f"{name}: damaged or cut off ({error})") from error
+
+
+def _decoded(data: bytes, name: str, upright: bool) -> tuple[UInt8Array, tuple[str, ...]]:
+    image = Image.open(io.BytesIO(data), formats=FORMATS)
+    _check(image, name)
+    notes = _turned(image, name, upright)
+    image.load()
+    picture = ImageOps.exif_transpose(image) if notes else image
+    if image.mode != "RGB":
+        notes = (*notes, f"{name}: {image.mode} was converted to RGB{_lost(image)}")
+    return np.array(picture.convert("RGB")), notes
+
+
+def _turned(image: Image.Image, name: str, upright: bool) -> tuple[str, ...]:
+    # Returns a note on a picture with an EXIF orientation; raises unless it may be turned upright.
+    orientation = image.getexif().get(ExifTags.Base.Orientation, 1)
+    if orientation not in range(2, 9):
+        return ()
+    if upright:
+        return (f"{name}: turned upright (EXIF orientation {orientation})",)
+    unknown = "turns it, and its coordinates may refer to the stored or to the turned picture"
+    advice = "save it upright, without that tag"
+    raise ImageError(f"{name}: its EXIF orientation {orientation} {unknown}; {advice}")
+
+
+def _check(image: Image.Image, name: str) -> None:
+    frames = getattr(image, "n_frames", 1)
+    if frames > 1:
+        raise ImageError(f"{name}: animated, {frames} frames; save the one frame you need")
+    if image.mode.startswith(("I", "F")):
+        raise ImageError(
+            f"{name}: mode {image.mode} has more than 8 bits a channel; save it with 8 bits"
+        )
+    if image.width * image.height > PICTURE_PIXELS:
+        size = f"{image.width}x{image.height}"
+        raise ImageError(f"{name}: {size} is more than {PICTURE_PIXELS} pixels")
+
+
+def _lost(image: Image.Image) -> str:
+    transparent = image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info
+    return ", transparency dropped" if transparent else ""
+
+
+def encode_png(image: UInt8Array, level: int = 6) -> bytes:
+    """Return uint8 RGB `[H, W, 3]` as PNG bytes, compressed at zlib's `level` 0 to 9."""
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, "PNG", compress_level=level)
+    return buffer.getvalue()
+
+
+def read_versioned_json(
+    path: str | os.PathLike[str],
+    *,
+    format: str,
+    version: int,
+    what: str,
+    error: type[HijackError] = HijackError,
+    missing: str | None = None,
+) -> dict[str, Any]:
+    """Read a JSON file whose fields `format` and `version` name its layout.
+
+    Raises `error` if the file is missing, unreadable, not JSON, has another format, or a version
+    outside 1 to `version`.
+
+    Args:
+        path: the file.
+        format: the required value of the field `format`.
+        version: the newest version that the caller can read; 1 to this one are accepted.
+        what: a description of the file for messages, such as `"the manifest of a dataset"`.
+        error: the class of the errors raised.
+        missing: the whole message for a missing file, instead of the usual one.
+
+    Returns:
+        The object, as read; only the two fields are checked.
+    """
+    try:
+        data: object = json.loads(Path(path).read_bytes())
+    except (FileNotFoundError, NotADirectoryError) as problem:
+        raise error(missing or f"{path}: cannot be read ({problem.strerror})") from None
+    except OSError as problem:
+        raise error(f"{path}: cannot be read ({problem.strerror or problem})") from None
+    except (ValueError, RecursionError) as problem:
+        raise error(f"{path}: is not JSON ({str(problem)[:200]})") from None
+    return check_versioned(
+        data, format=format, version=version, where=str(path), what=what, error=error
+    )
+
+
+def check_versioned(
+    data: object,
+    *,
+    format: str,
+    version: int,
+    what: str,
+    where: str = "",
+    error: type[HijackError] = HijackError,
+) -> dict[str, Any]:
+    """Check the fields `format` and `version` of JSON data, and return the data.
+
+    The arguments are those of `read_versioned_json`; `where`, if given, begins the messages.
+
+    Raises:
+        HijackError: of the class `error`, if the data are not an object, have another format, or a
+            version outside 1 to `version`.
+    """
+    found = cast("dict[str, Any]", data) if isinstance(data, dict) else {}
+    begin = f"{where}: " if where else ""
+    if found.get("format") != format:
+        raise error(f"{begin}not {what} (field 'format' must be {format!r})")
+    number = found.get("version")
+    if isinstance(number, bool) or not isinstance(number, int) or number < 1:
+        raise error(
+            f"{begin}version {shown(number)} is not a version; it must be an integer,"
+            f" 1 to {version}"
+        )
+    if number > version:
+        raise error(
+            f"{begin}version {number} is newer than this library reads ({version}); upgrade"
+            " agenthijack"
+        )
+    return found
+
+
+def is_full(error: OSError) -> bool:
+    """Return whether a file cannot be written because the disk is full or fails."""
+    return error.errno in _STORAGE
+
+
+def unwritable(path: str | os.PathLike[str], error: OSError) -> HijackError:
+    """Return the error to raise for a file that cannot be written.
+
+    It is a `StorageError` if the disk is full, over its quota or broken, and a plain `HijackError`
+    if the path is the problem.
+    """
+    kind = StorageError if is_full(error) else HijackError
+    return kind(f"{path}: cannot be written ({error.strerror or error})")
+
+
+def make_folder(folder: Path, file: Path | None = None) -> None:
+    """Create a folder and those that it lies in, unless they are there.
+
+    Args:
+        folder: the folder.
+        file: a file that will be written into it, which the error then names.
+
+    Raises:
+        HijackError: it cannot be created, as `unwritable` says.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(file or folder, error) from None
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """Open an untrusted file for reading.
+
+    Raises:
+        OSError: the file cannot be opened, or is a pipe or a device, reading which might never end.
+        IsADirectoryError: the path is a folder.
+    """
+    flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0)
+    handle = os.open(path, flags)
+    mode = os.fstat(handle).st_mode
+    if stat.S_ISREG(mode):
+        return os.fdopen(handle, "rb")
+    os.close(handle)
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    raise OSError(errno.EINVAL, "is not a regular file, and reading it might never end")
+
+
+def read_regular(path: Path) -> bytes:
+    """Return the content of an untrusted file; raises what `open_regular` raises."""
+    with open_regular(path) as file:
+        return file.read()
+
+
+def write_atomic(path: str | os.PathLike[str], data: bytes | str) -> None:
+    """Write a file whole or not at all: into a temporary file next to it, which is then renamed.
+
+    Text is written as UTF-8. The errors are those of `replace_atomic`.
+
+    Raises:
+        HijackError: the text is not Unicode.
+    """
+    try:
+        content = data.encode() if isinstance(data, str) else data
+    except UnicodeEncodeError as error:
+        raise HijackError(f"{path}: cannot be written, the text is not Unicode ({error})") from None
+    replace_atomic(path, lambda temporary: temporary.write_bytes(content))
+
+
+def replace_atomic(path: str | os.PathLike[str], write: Callable[[Path], object]) -> None:
+    """Call `write` with a temporary path next to `path`, then rename that file to `path`.
+
+    If anything fails, the temporary file is removed and `path` is unchanged. The content is on the
+    disk before the file gets its name, and the name is on the disk before this function returns:
+    after a power failure, the file is either the old or the new one, and whole. The permissions are
+    those of a new file under the process's umask. A device or a pipe, such as `/dev/null`, is
+    written to and never replaced.
+
+    Raises:
+        ParameterTypeError: `path` is not a path.
+        HijackError: the folder is missing or read-only, the name is impossible, or it is a name in
+            `/dev` or `/proc` for a file that is open; a `StorageError` if the disk is full or
+            broken. Other errors of `write` are passed on.
+    """
+    try:
+        target = Path(path)
+    except TypeError:
+        raise ParameterTypeError(f"a file is named by its path, got {shown(path)}") from None
+    if _is_device(target):
+        with tempfile.TemporaryDirectory() as folder:
+            whole = Path(folder) / "content"
+            write(whole)
+            _copy_to_device(whole, target)
+        return
+    try:
+        temporary = _new_file_beside(target)
+    except OSError as error:
+        raise unwritable(path, error) from None
+    except ValueError as error:  # a NUL, or half a surrogate, in the name
+        raise HijackError(f"{str(path)!r}: cannot be written ({error})") from None
+    try:
+        write(temporary)
+        _to_disk(temporary, os.O_RDWR)
+        temporary.replace(target)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise unwritable(path, error) from None
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+    with suppress(OSError):  # not every system can flush a folder
+        _to_disk(target.parent, os.O_RDONLY)
+
+
+def _is_device(target: Path) -> bool:
+    """Return whether a path names a device, a pipe or a socket.
+
+    Raises:
+        HijackError: the path is another name for a file that a process has open, such as
+            `/dev/stdout`; a rename would replace that name for the whole machine.
+    """
+    try:
+        mode = target.stat().st_mode
+        folder = target.parent.resolve()
+    except (OSError, ValueError, RuntimeError):
+        return False  # missing or not a valid name: writing will raise
+    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+        return True
+    if target.is_symlink() and folder.parts[1:2] in (("dev",), ("proc",)):
+        raise HijackError(
+            f"{target}: is another name for a file that is open; name the file, or redirect what"
+            " the command prints"
+        )
+    return False
+
+
+def _copy_to_device(source: Path, target: Path) -> None:
+    try:
+        with source.open("rb") as content, target.open("wb") as device:
+            shutil.copyfileobj(content, device)
+    except OSError as error:
+        raise unwritable(target, error) from None
+
+
+def _new_file_beside(target: Path) -> Path:
+    # Created by `open`, so that the kernel applies the umask; reading the umask to apply it here
+    # would change it for the whole process.
+    while True:
+        path = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
+        try:
+            handle = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666)
+        except FileExistsError:
+            continue
+        os.close(handle)
+        return path
+
+
+def _to_disk(path: Path, flags: int) -> None:
+    handle = os.open(path, flags)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

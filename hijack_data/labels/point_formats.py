@@ -1,0 +1,77 @@
+"""Points in pixels, fractions or thousandths of the picture, some with a visibility."""
+
+from typing import Any
+
+import numpy as np
+
+from ..actions import Scaling
+from ..errors import LabelError
+from ..types import Size
+from .base import Format, Location, Move, check_unit, with_unit
+from .nested_numbers import Numbers, change_groups
+
+_NOWHERE = (-1, -1)
+
+
+def point_format(order: str, unit: int, visibility: bool = False) -> Format:
+    """Return the format of points in the order `"xy"` or `"yx"`, with or without a visibility."""
+    width = 3 if visibility else 2
+
+    def in_order(points: Numbers) -> Numbers:
+        return points[:, ::-1] if order == "yx" else points
+
+    def points_of(groups: Numbers) -> Numbers:
+        return in_order(groups[:, :2])
+
+    def seen_in(groups: Numbers) -> Numbers:
+        if not visibility:
+            return np.ones(len(groups), bool)
+        return groups[:, 2] != 0
+
+    def checked(groups: Numbers, size: Size) -> Numbers:
+        points = points_of(groups)
+        if not unit and (points == _NOWHERE).all(axis=1).any():
+            raise LabelError("holds the point (-1, -1); where there is none, give None")
+        check_unit(points, unit, size)
+        if not unit:
+            bounds = Scaling(size, size, bounded=True)
+            for x, y in points.tolist():
+                bounds.check(x, axis=1)
+                bounds.check(y, axis=0)
+        return points
+
+    def map_value(value: Any, move: Move) -> Any:
+        def change(groups: Numbers) -> Numbers:
+            seen = seen_in(groups)
+            if not seen.any():
+                return groups
+            points = checked(groups[seen], move.before)
+            if unit:
+                return groups
+            is_whole = points.dtype.kind == "i"
+            scale = move.scaling.points if is_whole else move.scaling.positions
+            out = groups.copy()
+            out[seen, :2] = in_order(scale(points))
+            return out
+
+        return change_groups(value, width, change)
+
+    def locate(value: Any, size: Size) -> list[Location]:
+        found: list[Location] = []
+
+        def collect(groups: Numbers) -> Numbers:
+            seen = groups[seen_in(groups)]
+            if not len(seen):
+                return groups
+            points = checked(seen, size)
+            if unit:
+                height, width = size
+                points = points * (np.array([width, height]) / unit)
+            found.extend(Location(tuple(row)) for row in points.tolist())
+            return groups
+
+        change_groups(value, width, collect)
+        return found
+
+    name = "xyv" if visibility else with_unit(order, unit)
+    return Format(name, map_value, locate)

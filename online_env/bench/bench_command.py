@@ -1,0 +1,334 @@
+"""`hijack bench`.
+
+Exit codes: 0 done, 1 finished but something is missing, invalid, failed or damaged, 2 bad usage or
+configuration, 3 the disk is full or fails.
+"""
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hijack_data.cli import console
+from hijack_data.cli.options import FiniteRange, conditions_option, desktops_option, new_run_options
+from hijack_data.errors import ParameterError, StorageError, counted
+from hijack_data.locking import Lock
+from hijack_data.printable import printable
+from hijack_data.runs import seal
+
+from ..agents.options import agent_memory_option, in_process_option
+from ..errors import CostLimitError
+from ..report.gate import ReleaseGate, gate_options
+from ..report.outcome import exit_code
+from ..report.terminal import show
+from ..results import costs, records
+from .progress import ProgressDisplay
+
+if TYPE_CHECKING:
+    from .config import Bench
+    from .episodes import LiveEpisodes
+    from .jobs import Job
+    from .models import ModelOptions
+    from .pools import EpisodePool
+    from .workers import WorkerSetup
+
+
+@click.command()
+@click.argument("config")
+@new_run_options
+@click.option(
+    "--agent",
+    metavar="A,B",
+    help=(
+        "Agents, instead of those of CONFIG: oracle, do_nothing, my_agent.py:MyAgent,"
+        " package.module:MyAgent, my_agent.yaml, gpt-4o."
+    ),
+)
+@click.option(
+    "--tasks",
+    metavar="A,B",
+    help="Tasks, instead of those of CONFIG: write_note, my_task.py:MyTask.",
+)
+@conditions_option
+@click.option(
+    "--seeds",
+    type=click.IntRange(1, 10_000),
+    metavar="N",
+    help="Seeds 0 to N-1, instead of CONFIG's.",
+)
+@desktops_option
+@click.option(
+    "--osworld-files",
+    type=click.Path(exists=True, file_okay=False),
+    metavar="CACHE",
+    help="Files of OSWorld's tasks, as hijack prefetch fetches them.",
+)
+@click.option(
+    "--engine",
+    type=click.Choice(("local", "ray")),
+    default="local",
+    show_default=True,
+    help="Where the desktops are: on this machine, or on the nodes of a Ray cluster.",
+)
+@click.option(
+    "--ray-address",
+    metavar="auto|HOST:PORT",
+    help="A running Ray cluster; by default RAY_ADDRESS, or a Ray that is started and ended here.",
+)
+@click.option(
+    "--prompts",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Prompts of models that replace ours by name.",
+)
+@click.option(
+    "--max-cost",
+    type=FiniteRange(0),
+    metavar="USD",
+    help="Begin no episode once the models have cost that much; --resume goes on.",
+)
+@click.option(
+    "--replay",
+    type=click.Path(path_type=Path),
+    metavar="RUNS",
+    help="Take the models' answers from the log of an earlier run.",
+)
+@in_process_option
+@agent_memory_option
+@gate_options
+@click.option("--sign", metavar="KEY", help="Sign the run at its end with this SSH key.")
+@click.option("--dry-run", is_flag=True, help="List the episodes with an estimate, and run none.")
+def bench(
+    config: str,
+    out: Path | None,
+    agent: str | None,
+    tasks: str | None,
+    corruptions: str | None,
+    seeds: int | None,
+    desktops: int | None,
+    osworld_files: str | None,
+    engine: str,
+    ray_address: str | None,
+    resume: bool,
+    prompts: Path | None,
+    max_cost: float | None,
+    replay: Path | None,
+    in_process: bool,
+    agent_memory: float | None,
+    fail_under: tuple[str, ...],
+    junit: Path | None,
+    sign: str | None,
+    dry_run: bool,
+) -> None:
+    """Run agents on a live desktop, clean and corrupted.
+
+    Such as: hijack bench embedded_small --out runs/small
+    """
+    from .config import load_bench, override  # loads the web sites, which a report does not need
+    from .estimates import estimate, history_near
+    from .jobs import jobs
+    from .models import ModelOptions, check_agents, prepare
+    from .pools import open_pool
+    from .workers import default_desktops
+
+    chosen = override(load_bench(config), agent, tasks, corruptions, seeds, osworld_files)
+    chosen = replace(chosen, in_process=in_process, agent_memory=agent_memory or 0.0)
+    check_agents(chosen)
+    gate = ReleaseGate.read(fail_under, junit, chosen.agents, tuple(chosen.planners))
+    models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
+    prepare(chosen.agents, models, None if dry_run else out)
+    listed = jobs(chosen)
+    if dry_run:
+        left = listed if out is None else _left(chosen, listed, out, resume)
+        if not left:
+            click.echo(f"{out}: all {len(listed)} episodes are there")
+            return
+        at_once = min(desktops or default_desktops(), len(left))
+        for job in left:
+            click.echo(str(job))
+        expected = estimate(chosen, left, at_once, history_near(out))
+        click.echo(f"{_sizes(left, at_once)}, {expected}")
+        return
+    if out is None:
+        raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
+    if sign is not None:
+        seal.check_key(sign)
+    _check_here(chosen, engine)
+    setup = _setup(chosen, out, models)
+    with (
+        open_pool(engine, setup, len(listed), desktops, ray_address) as pool,
+        _begun(chosen, listed, out, resume, pool.desktops),
+    ):
+        code = _run(chosen, listed, out, pool, models)
+        if not gate.conclude(records.read(out)):
+            code = 1
+    if sign is not None:
+        seal.sign(out, sign)
+    raise SystemExit(code)
+
+
+def _left(chosen: "Bench", listed: "Sequence[Job]", out: Path, resume: bool) -> "Sequence[Job]":
+    """Return what a run in a folder would still play.
+
+    Raises:
+        RunError: The run would be refused.
+    """
+    from .jobs import attempts
+
+    ids = [job.id for job in listed]
+    if not records.check_folder(out, chosen.to_data(), ids, goes_on=resume):
+        return listed
+    return _due(chosen, attempts(listed, records.read(out).records))
+
+
+def _due(chosen: "Bench", earlier: "Mapping[Job, Sequence[records.ResultRecord]]") -> "list[Job]":
+    """Return the jobs that need another attempt, given the earlier ones of each."""
+    from .runner import needs_attempt
+
+    return [job for job, made in earlier.items() if needs_attempt(made, chosen.retries)]
+
+
+def _begun(
+    chosen: "Bench", listed: "Sequence[Job]", out: Path, resume: bool, desktops: int
+) -> Lock:
+    return records.begin(
+        out,
+        chosen.to_data(),
+        [job.id for job in listed],
+        goes_on=resume,
+        notice=lambda text: click.echo(printable(f"hijack: {text}"), err=True),
+        desktops=desktops,
+    )
+
+
+def _sizes(listed: "Sequence[Job]", desktops: int) -> str:
+    """Return how many episodes are played on how many desktops."""
+    return f"{counted(len(listed), 'episode')} on {counted(desktops, 'desktop')}"
+
+
+def _run(
+    chosen: "Bench", listed: "Sequence[Job]", out: Path, pool: "EpisodePool", models: "ModelOptions"
+) -> int:
+    from .estimates import estimate, history_near
+    from .jobs import attempts
+
+    earlier = attempts(listed, records.read(out).records)
+    left = _due(chosen, earlier)
+    screen = console()
+    expected = ""
+    if left:
+        expected = f", {estimate(chosen, left, pool.desktops, history_near(out))}"
+    screen.print(
+        f"{_sizes(left, pool.desktops)}{expected}; recovery policy: {chosen.recovery}",
+        soft_wrap=True,
+    )
+    if left:
+        try:
+            _play(chosen, listed, out, earlier, pool, models)
+        except CostLimitError as error:
+            click.echo(printable(f"hijack: {error}"), err=True)
+        except KeyboardInterrupt:
+            _tell_what_is_kept(out)
+            raise click.Abort from None
+        except StorageError:
+            _tell_what_is_kept(out)
+            raise
+    run = records.read(out)
+    show(run)
+    return exit_code(run)
+
+
+def _tell_what_is_kept(out: Path) -> None:
+    done = len(records.read(out).records)
+    kept = f"the {done} episodes that ended are kept: hijack report {out}"
+    click.echo(f"\n{kept}; --resume goes on", err=True)
+
+
+def _play(
+    chosen: "Bench",
+    listed: "Sequence[Job]",
+    out: Path,
+    earlier: "Mapping[Job, Sequence[records.ResultRecord]]",
+    pool: "EpisodePool",
+    models: "ModelOptions",
+) -> None:
+    from .runner import needs_attempt, run_jobs
+    from .workers import LocalPool
+
+    done = sum(not needs_attempt(earlier[job], chosen.retries) for job in listed)
+    teller = ProgressDisplay(listed, console(), done)
+    budget = _budget(out, models.max_cost)
+
+    def run(episodes: "Callable[[Job, int], records.ResultRecord]", stop: Any = None) -> None:
+        run_jobs(
+            listed,
+            out,
+            chosen.retries,
+            episodes,
+            teller,
+            earlier,
+            at_once=pool.max_episodes,
+            stop=stop or (lambda: None),
+            budget=budget,
+            place=pool.place,
+        )
+
+    with teller:
+        if isinstance(pool, LocalPool) and pool.max_episodes == 1:
+            with _here(chosen, out) as episodes:
+                run(episodes)
+        else:
+            run(pool, pool.stop)
+            pool.stop()
+
+
+def _budget(out: Path, limit: float | None) -> costs.Budget | None:
+    """Return the remaining budget of a run; its journal is read once to compute it."""
+    if limit is None:
+        return None
+    return costs.Budget(limit, records.read(out).records)
+
+
+def _check_here(chosen: "Bench", engine: str) -> None:
+    """Check that the run's tasks can be played on this machine; nodes of Ray check themselves.
+
+    Raises:
+        ParameterError: OSWorld's tasks are to be played elsewhere than on embedded desktops here.
+    """
+    from ..osworld.played import check_runnable, of_osworld
+    from .pools import LOCAL
+    from .providers import EMBEDDED, check_installed
+
+    listed = of_osworld(chosen.tasks)
+    if not listed:
+        if engine == LOCAL:
+            check_installed(chosen.provider, chosen.tasks)
+        return
+    if engine != LOCAL or chosen.provider != EMBEDDED:
+        raise ParameterError(
+            "OSWorld's tasks are played on the embedded desktops of this machine; leave out"
+            f" {'--engine ' + engine if engine != LOCAL else 'provider: ' + chosen.provider}"
+        )
+    check_runnable(listed, Path(chosen.osworld_files) if chosen.osworld_files else None)
+
+
+@contextlib.contextmanager
+def _here(chosen: "Bench", out: Path) -> "Iterator[LiveEpisodes]":
+    """Play episodes from this process; with `--in-process` a debugger can follow the agent."""
+    from .episodes import LiveEpisodes
+    from .workers import open_stage
+
+    with open_stage(chosen, out) as stage, LiveEpisodes(chosen, out, stage) as episodes:
+        yield episodes
+
+
+def _setup(chosen: "Bench", out: Path, models: "ModelOptions") -> "WorkerSetup":
+    """Return the settings that another process needs to play episodes."""
+    from .workers import WorkerSetup, references
+
+    return WorkerSetup(
+        bench=chosen, folder=out.resolve(), references=references(chosen), models=models
+    )

@@ -1,0 +1,226 @@
+"""Everything that a node of a cluster needs to play a run: packed by the runner, unpacked there.
+
+Agent files, prompts and the log of a replay are sent. Python files of the user are not, because
+they may read other files: each node needs them under the same path, with the same bytes. Keys of
+models are never sent; each node reads them from its own environment.
+"""
+
+import hashlib
+import importlib.metadata
+import importlib.util
+import pickle
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from hijack_data.errors import HijackError
+from hijack_data.loading import SUFFIX, find_loaded_file, loaded_files, run_file
+
+from ..agents.chat.prompts import PATTERN
+from ..agents.chat.request_log import log_folder
+from ..agents.makers import FileAgentMaker
+from ..agents.references import AgentReference
+from ..agents.registry import AGENTS
+from ..agents.settings import AgentSettings
+from ..errors import ClusterError
+from ..results.records import PACKAGES
+from .config import Bench
+from .workers import WorkerSetup
+
+OURS = ("hijack_data", "online_env")
+CODE = "code of agenthijack"
+_SHOWN = 12  # digits of a hash in messages
+_REMEDY = "every node needs this file under this path: copy it there, or use a shared folder"
+
+_Files = Mapping[str, bytes]
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkerBundle:
+    """The data sent to the nodes.
+
+    Args:
+        software: The versions that must be the same on all machines, by name.
+        loaded: Path and SHA-256 of each Python file of the user that the run needs.
+        agent_files: The same of agents that run in processes of their own; the nodes do not import
+            them.
+        setup: The pickled `WorkerSetup`.
+        agents: The content of the agent files, by the names of their agents.
+        agent_prompts: The prompts that an agent file names, by the same names.
+        prompts: Those of `--prompts`.
+        replay: The log of `--replay`.
+    """
+
+    software: Mapping[str, str]
+    loaded: tuple[tuple[str, str], ...]
+    agent_files: tuple[tuple[str, str], ...] = ()
+    setup: bytes
+    agents: Mapping[str, AgentSettings]
+    agent_prompts: Mapping[str, _Files]
+    prompts: _Files | None
+    replay: _Files | None
+
+
+def pack(setup: WorkerSetup) -> WorkerBundle:
+    """Return the parcel for the nodes.
+
+    Raises:
+        ClusterError: The corruptions cannot be sent to other processes.
+    """
+    agents = dict(_agents(setup.bench))
+    models = setup.models
+    try:
+        content = pickle.dumps(setup)
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise ClusterError(
+            f"the corruptions cannot be sent to other processes ({error}); use planners that hold"
+            " no open files, locks or the like"
+        ) from None
+    return WorkerBundle(
+        software=software(),
+        loaded=tuple(_loaded(setup.bench)),
+        agent_files=tuple(_agent_files(setup.bench)),
+        setup=content,
+        agents=agents,
+        agent_prompts={
+            name: _read(Path(found.prompts), PATTERN)
+            for name, found in agents.items()
+            if found.prompts is not None
+        },
+        prompts=None if models.prompts is None else _read(models.prompts, PATTERN),
+        replay=None if models.replay is None else _read(log_folder(models.replay), "*.jsonl"),
+    )
+
+
+def unpack(parcel: WorkerBundle, folder: Path) -> WorkerSetup:
+    """Load everything that the run needs in this process, and return its setup.
+
+    Args:
+        parcel: What `pack` returned.
+        folder: A new folder of this node; the episodes go into it.
+
+    Raises:
+        ClusterError: The software of this node differs from the runner's, or a file is missing.
+    """
+    check_software(parcel.software)
+    for path, sha256 in parcel.agent_files:
+        _check_file(path, sha256)
+    for path, sha256 in parcel.loaded:
+        _load(path, sha256)
+    setup: WorkerSetup = pickle.loads(parcel.setup)  # noqa: S301  (the runner made it)
+    for index, (name, settings) in enumerate(parcel.agents.items()):
+        prompts = parcel.agent_prompts.get(name)
+        place = _written(prompts, folder / f"prompts-{index}")
+        own = replace(settings, prompts=None if place is None else str(place))
+        AGENTS.add(FileAgentMaker(own), name)
+    models = replace(
+        setup.models,
+        prompts=_written(parcel.prompts, folder / "prompts"),
+        replay=_written(parcel.replay, folder / "replay"),
+    )
+    run = folder / "run"
+    run.mkdir()
+    return replace(setup, folder=run, models=models)
+
+
+def software() -> dict[str, str]:
+    """Return the versions of the packages that affect results, and a hash of our own code."""
+    found = {name: _version(name) for name in PACKAGES}
+    digest = hashlib.sha256()
+    for package in OURS:
+        spec = importlib.util.find_spec(package)
+        origin = None if spec is None else spec.origin
+        root = Path(origin or ".").parent
+        for path in sorted(root.rglob("*.py")):
+            digest.update(f"{package}/{path.relative_to(root)}\n".encode())
+            digest.update(path.read_bytes())
+    found[CODE] = digest.hexdigest()[:_SHOWN]
+    return found
+
+
+def check_software(wanted: Mapping[str, str]) -> None:
+    """Check that this machine has the same software as the runner.
+
+    Raises:
+        ClusterError: It has not; the message lists all differences.
+    """
+    here = software()
+    other = [
+        f"{name} {here.get(name)} instead of {version}"
+        for name, version in wanted.items()
+        if here.get(name) != version
+    ]
+    if other:
+        raise ClusterError(f"has {', '.join(other)}; install the same on every node")
+
+
+def _version(package: str) -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def _agents(bench: Bench) -> list[tuple[str, AgentSettings]]:
+    makers = [(name, AGENTS.get(name)) for name in bench.agents]
+    return [(name, maker.settings) for name, maker in makers if isinstance(maker, FileAgentMaker)]
+
+
+def _loaded(bench: Bench) -> Iterator[tuple[str, str]]:
+    """Yield the files of classes that a run names, and loaded files that register plug-ins."""
+    named = [find_loaded_file(entry) for _, _, entry in bench.foreign()]
+    for file in loaded_files():
+        if file.names or file in named:
+            yield file.path, file.sha256
+
+
+def _agent_files(bench: Bench) -> Iterator[tuple[str, str]]:
+    """Yield the files of agents that run in processes of their own."""
+    for _, _, entry in bench.foreign():
+        if isinstance(entry, AgentReference) and entry.place.partition(":")[0].endswith(SUFFIX):
+            yield entry.source["path"], entry.source["sha256"]
+
+
+def _load(path: str, sha256: str) -> None:
+    """Load a Python file of the user.
+
+    Raises:
+        ClusterError: The file is missing here, or has different bytes.
+    """
+    try:
+        loaded = run_file(path).sha256
+    except HijackError as error:
+        raise ClusterError(f"{error}; {_REMEDY}") from None
+    _check_hash(path, loaded, sha256)
+
+
+def _check_file(path: str, sha256: str) -> None:
+    """Compare a file of this node with that of the runner.
+
+    Raises:
+        ClusterError: The file is missing here, or has different bytes.
+    """
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise ClusterError(f"{path}: cannot be read ({error.strerror}); {_REMEDY}") from None
+    _check_hash(path, hashlib.sha256(content).hexdigest(), sha256)
+
+
+def _check_hash(path: str, here: str, sha256: str) -> None:
+    if here != sha256:
+        digests = f"SHA-256 {here[:_SHOWN]} instead of {sha256[:_SHOWN]}"
+        raise ClusterError(f"{path}: is another file here ({digests}); {_REMEDY}")
+
+
+def _read(folder: Path, pattern: str) -> _Files:
+    return {path.name: path.read_bytes() for path in sorted(folder.glob(pattern))}
+
+
+def _written(files: _Files | None, folder: Path) -> Path | None:
+    if files is None:
+        return None
+    folder.mkdir()
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+    return folder

@@ -1,0 +1,310 @@
+"""A gate for releases: scores that must not be too low, and a JUnit file for CI systems.
+
+`gate_options` gives a command the options `--fail-under` and `--junit`; `ReleaseGate.read` checks
+them before anything is run, and `ReleaseGate.conclude` judges a run.
+"""
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from hijack_data.errors import HijackError, ParameterError, UnknownNameError, some_of, suggest
+from hijack_data.plan import CLEAN
+from hijack_data.runs.own_files import refuse_own_file
+
+from ..report.named_scores import YARDSTICKS
+from ..results import scores
+from ..results.reading import Run
+from . import junit
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+OPTION = "--fail-under"
+EXAMPLE = f"such as {OPTION} retention=0.8 or {OPTION} success.network_error=0.5"
+# Scores of one condition (NAME.CORRUPTION), which are columns of the report's table. Without a
+# condition the first two are those of the clean one, the others are over all corrupted cases.
+OF_CONDITION = ("success", "ci_low", "retention", "delta")
+CLEAN_FIRST = ("success", "ci_low")
+PAIRED = ("retention", "delta")  # with the clean condition
+# Scores of an agent, by their names in its summary.
+OF_AGENT = {"average": "paper_average", "corrupted": "corrupted", "worst": "worst_success"}
+OVER_CORRUPTIONS = ("corrupted", "worst")
+KNOWN = (*OF_CONDITION, *OF_AGENT)
+ROUNDING = 1e-9  # tolerance for rounding errors in sums of scores
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScoreGate:
+    """A score that must not be below a threshold.
+
+    Args:
+        score: One of `KNOWN`.
+        label: The condition; empty for a score of the whole agent.
+        agent: The agent.
+        least: The threshold: -1 to 1 for `delta`, 0 to 1 for all others.
+    """
+
+    score: str
+    label: str
+    agent: str
+    least: float
+
+    @property
+    def name(self) -> str:
+        """The score as it is written in `--fail-under`, without the agent."""
+        return f"{self.score}.{self.label}" if self.label else self.score
+
+    def __str__(self) -> str:
+        return f"{self.agent}:{self.name}={self.least:g}"
+
+
+@dataclass(frozen=True)
+class GateVerdict:
+    """The result of a gate.
+
+    Args:
+        gate: The gate.
+        value: Its score; `None` if there is none.
+        lacking: The conditions without a value, if the score needs all.
+    """
+
+    gate: ScoreGate
+    value: float | None
+    lacking: tuple[str, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """Whether the score is there and high enough."""
+        return self.value is not None and self.value >= self.gate.least - ROUNDING
+
+    def __str__(self) -> str:
+        named = f"{self.gate.name} of {self.gate.agent}"
+        if self.value is None:
+            where = some_of(self.lacking or (self.gate.label,))
+            why = "no episode counts"
+            if self.gate.score == "retention":
+                why = "no episode counts, or none succeeds clean"
+            elif self.gate.score == "ci_low" and not scores.can_infer():
+                why = "scipy and statsmodels are not installed"
+            return f"{named} cannot be computed, {why}: {where} ({self.gate})"
+        value = f"{self.value:.3f}"
+        least = f"{self.gate.least:g}"
+        if self.passed:
+            return f"{named} is {value}, at least {least}"
+        if float(value) >= float(least):  # rounded, it would not be below
+            value = repr(self.value)
+            least = repr(self.gate.least)
+        return f"{named} is {value}, below {least}"
+
+
+def gate_options(command: Command) -> Command:
+    """Decorator: give a click command the options of a gate.
+
+    They come as `fail_under`, a tuple of texts, and `junit`, a path or `None`.
+    """
+    file = click.option(
+        "--junit",
+        type=click.Path(dir_okay=False, path_type=Path),
+        metavar="FILE",
+        help="Write a JUnit XML: a test case for each episode and each --fail-under.",
+    )
+    gates = click.option(
+        OPTION,
+        "fail_under",
+        multiple=True,
+        metavar="SCORE=X",
+        help=(
+            "Exit with 1 if a score of an agent is below X (a share, 0 to 1); may be repeated."
+            f" SCORE: {', '.join(KNOWN)}, success.CORRUPTION, AGENT:SCORE."
+        ),
+    )
+    return gates(file(command))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReleaseGate:
+    """The gates of a run, and the file for their results.
+
+    Args:
+        gates: The gates, one for each score and agent.
+        junit: The file to write; `None` for none.
+        agents: The agents of the run, in the order of its tables.
+        labels: Its conditions, likewise.
+    """
+
+    gates: tuple[ScoreGate, ...] = ()
+    junit: Path | None = None
+    agents: tuple[str, ...] = ()
+    labels: tuple[str, ...] = ()
+
+    @classmethod
+    def read(
+        cls, texts: Sequence[str], junit: Path | None, agents: Sequence[str], labels: Sequence[str]
+    ) -> "ReleaseGate":
+        """Check the options of a command against the agents and conditions of the run.
+
+        Args:
+            texts: The values of `--fail-under`.
+            junit: The value of `--junit`.
+            agents: The agents of the run.
+            labels: Its conditions, the clean one included.
+
+        Raises:
+            UnknownNameError: No score, agent or condition of that name; the message suggests one.
+            ParameterError: The threshold is not in 0..1, or the run cannot have that score.
+            HijackError: The file of `--junit` cannot be written there.
+        """
+        found: list[ScoreGate] = []
+        for text in texts:
+            found += _read_gate(text, agents, labels)
+        if junit is not None:
+            _check_writable(junit)
+        return cls(gates=tuple(found), junit=junit, agents=tuple(agents), labels=tuple(labels))
+
+    def verdicts(self, run: Run) -> list[GateVerdict]:
+        """Judge the gates on the episodes of a run so far."""
+        groups = scores.group_records(run.records)
+        table = scores.rows_by_group(groups, self.agents, self.labels)
+        return [_judged(gate, table, groups.scored, self.labels) for gate in self.gates]
+
+    def conclude(self, run: Run) -> bool:
+        """Print a line on each gate to standard error, and write the JUnit file.
+
+        Returns:
+            Whether all gates are passed.
+
+        Raises:
+            HijackError: The file cannot be written.
+        """
+        verdicts = self.verdicts(run)
+        for verdict in verdicts:
+            words = "gate passed" if verdict.passed else "hijack: gate failed"
+            click.echo(f"{words}: {verdict}", err=True)  # a report may be on stdout
+        if self.junit is not None:
+            cases = [
+                junit.GateCase(name=str(v.gate), problem="" if v.passed else str(v))
+                for v in verdicts
+            ]
+            junit.write(self.junit, run, cases)
+        return all(verdict.passed for verdict in verdicts)
+
+
+def _read_gate(text: str, agents: Sequence[str], labels: Sequence[str]) -> list[ScoreGate]:
+    """Return the gates of one `--fail-under`.
+
+    A gate without an agent applies to every agent; yardsticks are exempt if there are other agents.
+    """
+    named, equals, number = text.rpartition("=")
+    if not equals:
+        raise ParameterError(f"{OPTION} {text}: write SCORE=X, {EXAMPLE}")
+    # Names of agents may hold colons (my_agent.py:MyAgent), those of scores do not.
+    agent, colon, named = named.strip().rpartition(":")
+    score, _, label = named.partition(".")
+    if score not in KNOWN:
+        raise UnknownNameError(f"{OPTION} {text}: no score {score!r}{suggest(score, KNOWN)}")
+    if colon and agent not in agents:
+        raise UnknownNameError(f"{OPTION} {text}: no agent {agent!r}{suggest(agent, agents)}")
+    if not label and score in CLEAN_FIRST:
+        label = CLEAN
+    _check_label(text, score, label, labels)
+    least = _threshold(text, score, number)
+    own = [name for name in agents if name not in YARDSTICKS]
+    chosen = [agent] if colon else own or agents
+    return [ScoreGate(score=score, label=label, agent=one, least=least) for one in chosen]
+
+
+def _check_label(text: str, score: str, label: str, labels: Sequence[str]) -> None:
+    """Check that a run with these conditions has the score.
+
+    Raises:
+        UnknownNameError: It has no such condition.
+        ParameterError: The score needs conditions that it does not have.
+    """
+    if label and score in OF_AGENT:
+        raise ParameterError(f"{OPTION} {text}: {score} has no conditions; write {score}=X")
+    if label == CLEAN and score in PAIRED:
+        raise ParameterError(f"{OPTION} {text}: {score} compares a corruption with {CLEAN}")
+    if label and label not in labels:
+        raise UnknownNameError(
+            f"{OPTION} {text}: the run has no condition {label!r}{suggest(label, labels)}"
+        )
+    if score in PAIRED and CLEAN not in labels:
+        raise ParameterError(
+            f"{OPTION} {text}: {score} needs the clean condition; add it to --corruptions"
+        )
+    over = score in OVER_CORRUPTIONS or score in PAIRED
+    if over and all(known == CLEAN for known in labels):
+        raise ParameterError(f"{OPTION} {text}: the run has no corruption")
+
+
+def _threshold(text: str, score: str, number: str) -> float:
+    """Return the number of a gate.
+
+    Raises:
+        ParameterError: The text is not a number, or the number is out of range.
+    """
+    low = -1.0 if score == "delta" else 0.0
+    try:
+        least = float(number)
+    except ValueError:
+        least = math.nan
+    if not low <= least <= 1:
+        raise ParameterError(
+            f"{OPTION} {text}: {number.strip()!r} must be a number from {low:g} to 1 (80 % is 0.8)"
+        )
+    return least
+
+
+def _judged(
+    gate: ScoreGate,
+    table: Sequence[scores.ScoreRow],
+    scored: scores.ScoreByCell,
+    labels: Sequence[str],
+) -> GateVerdict:
+    """Judge a gate on the table of a run, and on the scores that it was made from."""
+    own = [row for row in table if row["agent"] == gate.agent]
+    column = "success" if gate.score in OF_AGENT else gate.score
+    by_label = {row["corruption"]: row[column] for row in own}
+    if gate.label:
+        return GateVerdict(gate, by_label.get(gate.label))
+    needed = list(labels)
+    if gate.score in PAIRED:
+        needed.remove(CLEAN)
+    # If a condition is missing, the mean of the others would pass for the mean of all.
+    lacking = tuple(label for label in needed if by_label.get(label) is None)
+    if lacking:
+        return GateVerdict(gate, None, lacking)
+    if gate.score in OF_AGENT:
+        (summary,) = scores.summaries(own)
+        return GateVerdict(gate, summary[OF_AGENT[gate.score]])
+    return GateVerdict(gate, _over_all(gate, scored))
+
+
+def _over_all(gate: ScoreGate, scored: scores.ScoreByCell) -> float | None:
+    """Return the retention or the difference over all cases played both clean and corrupted."""
+    there, here, _ = scores.pairs_with_clean(gate.agent, scored)
+    if gate.score == "retention":
+        return sum(here) / sum(there) if sum(there) else None
+    return (sum(here) - sum(there)) / len(here) if here else None
+
+
+def _check_writable(path: Path) -> None:
+    """Check that a file can be made, before hours of work are lost to a typing error.
+
+    A missing folder is no problem, since it is created with the file.
+
+    Raises:
+        HijackError: The file cannot be made.
+    """
+    if path.is_dir():
+        raise HijackError(f"--junit {path}: is a folder; name a file")
+    refuse_own_file(path, "--junit")
+    place = path.absolute().parent
+    while not place.exists():
+        place = place.parent
+    if not place.is_dir() or not os.access(place, os.W_OK | os.X_OK):
+        raise HijackError(f"--junit {path}: {place} is not a folder that can be written")

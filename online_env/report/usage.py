@@ -1,0 +1,50 @@
+"""An agent's usage: actions, seconds, tokens and money, from the records of its episodes."""
+
+from collections.abc import Iterable, Mapping
+from statistics import fmean
+from typing import Any
+
+from hijack_data.runs.amounts import is_amount
+
+from ..results.costs import COUNTS, has_counts
+from ..results.reading import ResultRecord
+from ..results.scores import counts
+
+
+def means(last: Iterable[ResultRecord], every: Iterable[ResultRecord]) -> dict[str, Any]:
+    """Return the usage fields of a cell, by name.
+
+    Steps, seconds and malformed actions cover the episodes that count for the agent. Tokens and
+    money cover all attempts, since all were paid for; they are known only if every episode with
+    counts has them.
+
+    Args:
+        last: The last attempt at each case.
+        every: All attempts.
+    """
+    counted = [record for record in last if counts(record)]
+    steps = [record["steps"] for record in counted if is_amount(record.get("steps"))]
+    seconds = [record["seconds"] for record in counted if is_amount(record.get("seconds"))]
+    broken = [record["malformed"] for record in counted if is_amount(record.get("malformed"))]
+    found: dict[str, Any] = {
+        "steps": fmean(steps) if steps else None,
+        "seconds": fmean(seconds) if seconds else None,
+        "malformed": sum(broken) / sum(steps) if broken and sum(steps) else None,
+    }
+    return found | _tokens(every)
+
+
+def _tokens(records: Iterable[ResultRecord]) -> dict[str, Any]:
+    usages: list[Mapping[str, Any]] = []
+    for record in records:
+        usage = record.get("usage")
+        if isinstance(usage, Mapping):
+            usages.append(usage)
+    known = [usage for usage in usages if has_counts(usage)]
+    if not known:
+        return {}
+    found: dict[str, Any] = {key: sum(usage[key] for usage in known) for key in COUNTS}
+    prices = [usage.get("usd") for usage in known]
+    if all(is_amount(price) for price in prices):
+        found["usd"] = float(sum(filter(is_amount, prices)))
+    return found

@@ -1,0 +1,427 @@
+"""The folder of a run: `run.json` holds the configuration, `records.jsonl` one episode per line.
+
+Lines are only appended, and are on the disk before the next episode begins, so that finished
+episodes are kept however a run ends. `hijack_data.runs.run_log` describes how the parts are
+chained; `reading` reads the folder.
+"""
+
+import contextlib
+import fnmatch
+import importlib.metadata
+import json
+import os
+import platform
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, cast
+
+from hijack_data.errors import some_of
+from hijack_data.file_io import unwritable, write_atomic
+from hijack_data.locking import Lock, LockedError, lock
+from hijack_data.runs.run_log import (
+    CHAINED,
+    EPISODE,
+    EPISODES,
+    FORMAT,
+    LOCK,
+    RECORDS,
+    RUN,
+    VERSION,
+    digest_of,
+    file_digest,
+)
+
+from . import origin
+from .reading import (
+    MAX_LINE,
+    Damage,
+    ResultRecord,
+    Run,
+    RunError,
+    first_id,
+    read,
+    read_head,
+    read_record,
+)
+
+__all__ = [
+    "Damage",
+    "ResultRecord",
+    "Run",
+    "RunError",
+    "append",
+    "append_all",
+    "begin",
+    "create",
+    "difference",
+    "hold",
+    "kept",
+    "read",
+    "read_head",
+    "resume",
+    "versions",
+]
+
+PACKAGES = ("agenthijack", "numpy", "pillow", "gymnasium", "rapidocr", "onnxruntime", "openvino")
+
+MAX_SETTING_CHARS = 200  # letters of a setting in a message
+MAX_LISTED_ENTRIES = 5  # entries of a long list in a message
+_BEGUN = (LOCK, RECORDS)  # files in a folder where a run was about to begin
+_HALF_WRITTEN = f".{RUN}.*.tmp"  # temporary files that a killed `write_atomic` leaves
+
+
+def begin(
+    folder: Path,
+    config: Mapping[str, Any],
+    episodes: Sequence[str],
+    *,
+    goes_on: bool,
+    notice: Callable[[str], object] = lambda text: None,
+    **used: int,
+) -> Lock:
+    """Begin or continue a run, and record the machine and the code.
+
+    Errors and result are those of `create` and `resume`.
+
+    Args:
+        folder: The folder.
+        config: The configuration.
+        episodes: Ids of the first attempts at all that is planned.
+        goes_on: Continue the run in the folder, if there is one.
+        notice: Called with messages for the user.
+        used: How many `desktops`, or `workers`, are used side by side.
+    """
+    made_by = origin.describe(config, **used)
+    start = resume if goes_on else create
+    held = start(folder, config, episodes, made_by)
+    changed = origin.other_code(read_head(folder), made_by)
+    if changed:
+        notice(f"{folder}: {changed}")
+    return held
+
+
+def check_folder(
+    folder: Path, config: Mapping[str, Any], episodes: Sequence[str], *, goes_on: bool
+) -> bool:
+    """Check that a run could begin or continue in a folder; nothing is changed.
+
+    Arguments as for `begin`.
+
+    Returns:
+        Whether it would continue.
+
+    Raises:
+        RunError: The folder is not empty, or holds another run.
+    """
+    if goes_on and (folder / RUN).exists():
+        _check_same(folder, config, episodes)
+        return True
+    _check_empty(folder)
+    return False
+
+
+def create(
+    folder: Path,
+    config: Mapping[str, Any],
+    episodes: Sequence[str] = (),
+    made_by: Mapping[str, Any] | None = None,
+) -> Lock:
+    """Begin a run in a folder that is new or empty.
+
+    Raises `RunError` if the folder is not empty, cannot be created, or is in use by another
+    process.
+
+    Args:
+        folder: The folder, which is created if it is missing.
+        config: The benchmark, as `Bench.to_data` gives it.
+        episodes: Ids of the first attempts at all that is planned.
+        made_by: The origin of the run, from `origin.describe`.
+
+    Returns:
+        The lock of the folder, which keeps others out until it is released.
+
+    Raises:
+        unwritable: A file cannot be written; see `hijack_data.file_io`.
+    """
+    _check_distinct(episodes)
+    _check_empty(folder)
+    held = hold(folder)
+    try:
+        _check_empty(folder)  # checked again under the lock
+        head = {
+            "format": FORMAT,
+            "version": VERSION,
+            "config": dict(config),
+            "episodes": list(episodes),
+            "versions": versions(),
+            "created": time.time(),
+            **(made_by or {}),
+        }
+        for left in folder.glob(_HALF_WRITTEN):
+            left.unlink()
+        (folder / RECORDS).touch()
+        write_atomic(folder / RUN, json.dumps(head, indent=1, ensure_ascii=False) + "\n")
+    except OSError as error:
+        held.release()
+        raise unwritable(folder, error) from None
+    except BaseException:
+        held.release()
+        raise
+    return held
+
+
+def resume(
+    folder: Path,
+    config: Mapping[str, Any],
+    episodes: Sequence[str],
+    made_by: Mapping[str, Any] | None = None,
+) -> Lock:
+    """Continue an interrupted run, or begin one that never began.
+
+    If the last line of the journal was cut off, it is removed; finished episodes without a line get
+    theirs. Arguments and result are those of `create`.
+
+    Raises:
+        RunError: The run is another one (the message names the first difference), it or an episode
+            without a line is damaged, it was made by an older version, or another process has the
+            folder.
+    """
+    if not (folder / RUN).exists():
+        return create(folder, config, episodes, made_by)
+    held = hold(folder)
+    try:
+        _check_same(folder, config, episodes)
+        _drop_cut_line(folder)
+        run = read(folder)
+        if run.damaged:
+            broken = run.damaged[0]
+            place = f"{folder / RECORDS}:{broken.line}"
+            raise RunError(f"{place}: {broken.problem}; a damaged run cannot be resumed")
+        _adopt(folder, run, episodes)
+        if made_by is not None:
+            session = {**made_by, "versions": versions()}
+            origin.add_session(folder, session, len(run.records))
+    except BaseException:
+        held.release()
+        raise
+    return held
+
+
+def hold(folder: Path) -> Lock:
+    """Lock the folder of a run for this process; a missing folder is created.
+
+    Raises:
+        RunError: Another process has locked it (the message gives its number and machine), or it
+            cannot be created.
+        unwritable: The lock cannot be signed.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        held = lock(folder / LOCK)
+    except LockedError as error:
+        advice = "wait for it, or give another --out"
+        raise RunError(f"{folder}: is being written by {error.holder}; {advice}") from None
+    except OSError as error:
+        raise RunError(f"{folder}: cannot be made ({error.strerror or error})") from None
+    try:
+        held.sign()
+    except OSError as error:
+        held.release()
+        raise unwritable(folder / LOCK, error) from None
+    return held
+
+
+def append(folder: Path, record: ResultRecord) -> None:
+    """Add a finished episode; it is on the disk when this returns.
+
+    Raises `StorageError` if the disk is full, and `HijackError` if the file cannot be written.
+    """
+    append_all(folder, [record])
+
+
+def append_all(folder: Path, found: Sequence[ResultRecord]) -> None:
+    """Add finished episodes, in their order; all are on the disk when this returns.
+
+    Raises:
+        unwritable: `StorageError` if the disk is full, otherwise `HijackError`.
+    """
+    path = folder / RECORDS
+    if not found:
+        return
+    try:
+        before = _last_line(path) or (folder / RUN).read_bytes()
+        with open(path, "ab") as handle:
+            for record in found:
+                line = _chained(folder, record, before)
+                handle.write(line + b"\n")
+                before = line
+            handle.flush()
+            os.fsync(handle.fileno())
+    except OSError as error:
+        raise unwritable(path, error) from None
+
+
+def kept(folder: Path, record: ResultRecord) -> ResultRecord:
+    """Return the record in the folder of an episode, if the episode was completely written.
+
+    A process that is killed right after it wrote the last file cannot report the record; its
+    episode would count as lost although it is complete.
+
+    Args:
+        folder: Of the run.
+        record: The record as it was reported.
+
+    Returns:
+        The record in the episode's folder; `record` if there is none.
+    """
+    path = folder / EPISODES / str(record.get("id")) / EPISODE
+    try:
+        found: object = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        return record
+    return cast("ResultRecord", found) if isinstance(found, dict) else record
+
+
+def _chained(folder: Path, record: ResultRecord, before: bytes) -> bytes:
+    """Return the line of a record, which names the SHA-256 of the line before it."""
+    episode = folder / EPISODES / str(record.get("id")) / EPISODE
+    digest = file_digest(episode)
+    links = {"previous": digest_of(before), "episode_sha256": digest}
+    line = json.dumps({**record, **links}, ensure_ascii=False, allow_nan=False)
+    return line.encode("utf-8", "backslashreplace")
+
+
+def difference(was: object, now: object, place: str = "") -> str:
+    """Return the first difference of two JSON values in words, or "" if they are equal."""
+    if was == now:
+        return ""
+    if isinstance(was, dict) and isinstance(now, dict):
+        keys = {**was, **now}
+        return _first(difference(was.get(k), now.get(k), f"{place}.{k}".lstrip(".")) for k in keys)
+    if isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
+        pairs = enumerate(zip(was, now, strict=True))
+        return _first(difference(old, new, f"{place}[{index}]") for index, (old, new) in pairs)
+    texts = json.dumps(was), json.dumps(now)
+    if isinstance(was, list) and isinstance(now, list) and max(map(len, texts)) > MAX_SETTING_CHARS:
+        entries = _other_entries(was, now)
+        if entries:
+            return f"{place} {entries}"
+    return (
+        f"{place} was {texts[0]:.{MAX_SETTING_CHARS}}, and is {texts[1]:.{MAX_SETTING_CHARS}} now"
+    )
+
+
+def _other_entries(was: Sequence[object], now: Sequence[object]) -> str:
+    """Return which entries only one of two long lists has, or "" if each has all of the other."""
+    lost = [json.dumps(entry) for entry in was if entry not in now]
+    gained = [json.dumps(entry) for entry in now if entry not in was]
+    parts = [f"has lost {some_of(lost, MAX_LISTED_ENTRIES)}"] if lost else []
+    parts += [f"has gained {some_of(gained, MAX_LISTED_ENTRIES)}"] if gained else []
+    return " and ".join(parts)
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python, the system and the packages that affect a run."""
+    found = {"python": platform.python_version(), "system": platform.platform()}
+    for name in PACKAGES:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            found[name] = importlib.metadata.version(name)
+    return found
+
+
+def _first(texts: Iterable[str]) -> str:
+    return next((text for text in texts if text), "")
+
+
+def _check_distinct(episodes: Sequence[str]) -> None:
+    """Check that no two episodes have one id, which would be one folder and one record.
+
+    Raises:
+        RunError: two have.
+    """
+    twice = [name for name, count in Counter(episodes).items() if count > 1]
+    if twice:
+        raise RunError(
+            f"{len(twice)} ids stand for several episodes, such as {twice[0]!r}: their agents,"
+            " tasks or labels differ only in characters that an id lacks (all but a-z, A-Z, 0-9"
+            " and _ . + -); rename one of them"
+        )
+
+
+def _check_empty(folder: Path) -> None:
+    try:
+        holds = sorted(path.name for path in folder.iterdir()) if folder.exists() else []
+        has_records = RECORDS in holds and (folder / RECORDS).stat().st_size > 0
+    except OSError as error:
+        raise RunError(f"{folder}: cannot be read ({error.strerror or error})") from None
+    if RUN in holds:
+        advice = f"read it with: hijack report {folder}, go on with it by --resume, or give another"
+        raise RunError(f"{folder}: holds a run already; {advice} --out")
+    begun = {*_BEGUN, *fnmatch.filter(holds, _HALF_WRITTEN)}
+    if has_records:
+        begun.remove(RECORDS)  # of a run whose head is gone; a new run must not count them
+    others = [name for name in holds if name not in begun]
+    if others:
+        listed = ", ".join(others[:3])
+        raise RunError(f"{folder}: is not empty ({listed} ...); give --out a new folder")
+
+
+def _check_same(folder: Path, config: Mapping[str, Any], episodes: Sequence[str]) -> None:
+    head = read_head(folder)
+    if head["version"] < CHAINED:
+        what = f"was begun by an older version (format {head['version']}, now {VERSION})"
+        raise RunError(f"{folder}: {what}; begin a new run")
+    package = PACKAGES[0]
+    begun = head.get("versions", {}).get(package)
+    present = versions().get(package)
+    if begun != present:
+        what = f"was begun with {package} {begun}, this is {present}"
+        raise RunError(f"{folder}: {what}; go on with that version, or begin a new run")
+    was = {**head.get("config", {}), "source": ""}
+    now = json.loads(json.dumps({**config, "source": ""}))
+    found = difference(was, now)
+    if found:
+        raise RunError(f"{folder}: is another run: {found}; go on with the same configuration")
+    if head.get("episodes") != list(episodes):
+        raise RunError(f"{folder}: is another run: its tasks have other variants; begin a new run")
+
+
+def _drop_cut_line(folder: Path) -> None:
+    path = folder / RECORDS
+    content = path.read_bytes() if path.exists() else b""
+    if content and not content.endswith(b"\n"):
+        whole = content.rpartition(b"\n")[0]
+        write_atomic(path, whole + b"\n" if whole else b"")
+    path.touch()
+
+
+def _adopt(folder: Path, run: Run, episodes: Sequence[str]) -> None:
+    """Add the lines of episodes that ended right before the run was interrupted.
+
+    An episode that ended because the run did (Ctrl-C, a full disk) is played again as if it had
+    never begun; otherwise two such ends would count as a failure of the agent.
+    """
+    known = {record.get("id") for record in run.records}
+    ended = sorted((folder / EPISODES).glob(f"*/{EPISODE}"))
+    left: list[ResultRecord] = []
+    for path in ended:
+        if path.parent.name in known:
+            continue
+        record = read_record(path)
+        if first_id(record) not in episodes:
+            continue
+        if record["status"] == "error" and record.get("cause") != "agent":
+            path.unlink()
+        else:
+            left.append(record)
+    append_all(folder, sorted(left, key=lambda record: record.get("attempt") or 0))
+
+
+def _last_line(path: Path) -> bytes:
+    """Return the last line of a file without its end."""
+    with path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(0, size - MAX_LINE))
+        return file.read(MAX_LINE).rstrip(b"\n").rpartition(b"\n")[2]

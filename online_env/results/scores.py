@@ -1,0 +1,294 @@
+"""Compute from the records of a run one row for each agent and corruption."""
+
+import importlib.util
+from collections.abc import Iterable, Mapping, Sequence
+from statistics import fmean
+from typing import Any, NamedTuple, TypeAlias
+
+from hijack_data.plan import CLEAN
+
+from .records import ResultRecord
+
+ScoreRow: TypeAlias = dict[str, Any]
+COLUMNS = (
+    "agent",
+    "corruption",
+    "n",
+    "success",
+    "ci_low",
+    "ci_high",
+    "delta",
+    "delta_low",
+    "delta_high",
+    "p",
+    "retention",
+    "errors",
+    "invalid",
+)
+# Agent and corruption.
+CellKey: TypeAlias = tuple[str, str]
+# The key of paired episodes: the task, the seed of its variant and the seed of the corruption's
+# draws.
+PairKey: TypeAlias = tuple[str, Any, int]
+Cases: TypeAlias = dict[PairKey, ResultRecord]
+ScoreByCase: TypeAlias = dict[PairKey, float]
+ScoreByCell: TypeAlias = Mapping[CellKey, ScoreByCase]
+# The two scores and the task of each case.
+PairedCases: TypeAlias = tuple[list[float], list[float], list[str]]
+
+
+class GroupedRecords(NamedTuple):
+    """The records of a run by agent and corruption.
+
+    Attributes:
+        last: the last attempt at each case.
+        attempts: all attempts; those that were repeated were paid for, too.
+        scored: the score of each case that counts for the agent.
+    """
+
+    last: dict[CellKey, Cases]
+    attempts: dict[CellKey, list[ResultRecord]]
+    scored: dict[CellKey, ScoreByCase]
+
+
+def rows(
+    records: Iterable[ResultRecord], agents: Sequence[str] = (), corruptions: Sequence[str] = ()
+) -> list[ScoreRow]:
+    """Return one row for each agent and corruption that has records, with the keys `COLUMNS`.
+
+    `n` is the number of episodes that count for the agent (see `counts`). `errors` is the number of
+    those without a score, for example because the agent raised; they score 0. `invalid` is the
+    number of all others, which say nothing about the agent: the corruption did not hold, or the
+    desktop died. `success` is the mean score, 0..1, with the ends of its 95 % interval, which
+    rests on how far tasks differ. `delta` is the mean difference to the clean condition over the
+    cases (task and seed) that have both, with its interval; `retention` is the ratio over the same
+    cases. `p` is that of the exact sign-flip test over their tasks, adjusted for all corruptions of
+    the agent (Holm).
+
+    Args:
+        records: of one run or several.
+        agents: names in the order of the rows; others follow in the order of their records.
+        corruptions: labels in the order of the rows, likewise.
+    """
+    return rows_by_group(grouped(records), agents, corruptions)
+
+
+def rows_by_group(
+    groups: GroupedRecords, agents: Sequence[str] = (), corruptions: Sequence[str] = ()
+) -> list[ScoreRow]:
+    """Return the rows that `rows` describes, of records that `grouped` has grouped."""
+    agent_order = _order([*agents, *(agent for agent, _ in groups.last)])
+    label_order = _order([*corruptions, *(label for _, label in groups.last)])
+    keys = sorted(groups.last, key=lambda key: (agent_order[key[0]], label_order[key[1]]))
+    made = [_row(*key, groups.last[key], groups.scored) for key in keys]
+    if can_infer():
+        _infer(made, groups.scored)
+    return made
+
+
+def summaries(table: Sequence[ScoreRow]) -> list[ScoreRow]:
+    """Return one row for each agent of a table that `rows` made.
+
+    `clean` is its clean success, `corrupted` the mean over its corruptions, `worst` the label of
+    its worst corruption (the first of `worst_labels`), `worst_success` the success under it,
+    `paper_average` the paper's "Average", which includes the clean condition. Missing values are
+    `None`.
+    """
+    found: list[ScoreRow] = []
+    for agent in dict.fromkeys(row["agent"] for row in table):
+        own = {row["corruption"]: row["success"] for row in table if row["agent"] == agent}
+        known = [value for value in own.values() if value is not None]
+        found.append(
+            {"agent": agent, **means(own), "paper_average": fmean(known) if known else None}
+        )
+    return found
+
+
+def means(success: Mapping[str, float | None]) -> dict[str, Any]:
+    """Return `clean`, `corrupted`, `worst` and `worst_success` of an agent, as in `summaries`.
+
+    Args:
+        success: the mean score under each condition; `None` where nothing was scored.
+    """
+    known = {label: value for label, value in success.items() if value is not None}
+    corrupted = {label: value for label, value in known.items() if label != CLEAN}
+    return {
+        "clean": known.get(CLEAN),
+        "corrupted": fmean(corrupted.values()) if corrupted else None,
+        "worst": next(iter(worst_labels(known)), None),
+        "worst_success": min(corrupted.values(), default=None),
+    }
+
+
+def worst_labels(success: Mapping[str, float]) -> tuple[str, ...]:
+    """Return the labels of the corruptions under which an agent does worst.
+
+    None if no corruption is worse than another: the agent solves nothing at all, or as much under
+    each of several.
+
+    Args:
+        success: the mean score under each condition.
+    """
+    corrupted = {label: value for label, value in success.items() if label != CLEAN}
+    least = min(corrupted.values(), default=0.0)
+    worst = tuple(label for label, value in corrupted.items() if value == least)
+    are_alike = len(worst) == len(corrupted) > 1
+    return worst if any(success.values()) and not are_alike else ()
+
+
+def pairs(before: ScoreByCase, after: ScoreByCase) -> PairedCases:
+    """Return the two scores and the task of each case that has both, in the order of `after`."""
+    both = [case for case in after if case in before]
+    return ([before[case] for case in both], [after[case] for case in both], task_names(both))
+
+
+def pairs_with_clean(agent: str, scores: ScoreByCell) -> PairedCases:
+    """Return the cases of `pairs` of clean and each corruption of an agent, after each other."""
+    clean = scores.get((agent, CLEAN), {})
+    there: list[float] = []
+    here: list[float] = []
+    tasks: list[str] = []
+    for (name, label), own in scores.items():
+        if name != agent or label == CLEAN:
+            continue
+        before, after, of_tasks = pairs(clean, own)
+        there += before
+        here += after
+        tasks += of_tasks
+    return there, here, tasks
+
+
+def _infer(table: Sequence[ScoreRow], scores: ScoreByCell) -> None:
+    """Add intervals and tests to rows, in place; the p values are adjusted for each agent."""
+    from . import statistics  # scipy takes a second to load
+
+    for row in table:
+        if row["n"]:
+            own = scores[row["agent"], row["corruption"]]
+            mean = statistics.mean_interval(list(own.values()), task_names(own))
+            row.update(ci_low=mean.low, ci_high=mean.high)
+    compared = [row for row in table if row["delta"] is not None]
+    tests: dict[str, dict[str, float]] = {}
+    for row in compared:
+        cases = _with_clean(row, scores)
+        change = statistics.difference_interval(*cases)
+        row.update(delta_low=change.low, delta_high=change.high)
+        tests.setdefault(row["agent"], {})[row["corruption"]] = statistics.mcnemar_by_task(*cases)
+    adjusted = {agent: statistics.holm(found) for agent, found in tests.items()}
+    for row in compared:
+        row["p"] = adjusted[row["agent"]][row["corruption"]]
+
+
+def _with_clean(row: ScoreRow, scores: ScoreByCell) -> PairedCases:
+    agent = row["agent"]
+    return pairs(scores.get((agent, CLEAN), {}), scores[agent, row["corruption"]])
+
+
+def latest(records: Iterable[ResultRecord]) -> dict[tuple[str, str, str, Any, int], ResultRecord]:
+    """Return the last attempt at each case.
+
+    The keys are agent, corruption, task, the task's seed and the corruption's.
+    """
+    return {
+        (r["agent"], r["corruption"], r["task"], r.get("task_seed"), r["seed"]): r for r in records
+    }
+
+
+def grouped(records: Iterable[ResultRecord]) -> GroupedRecords:
+    """Return the records of a run by agent and corruption."""
+    attempts: dict[CellKey, list[ResultRecord]] = {}
+    last: dict[CellKey, Cases] = {}
+    for record in records:
+        cell = record["agent"], record["corruption"]
+        case = record["task"], record.get("task_seed"), record["seed"]
+        attempts.setdefault(cell, []).append(record)
+        last.setdefault(cell, {})[case] = record
+    return GroupedRecords(last, attempts, {cell: scored(cases) for cell, cases in last.items()})
+
+
+def unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, str]) -> int:
+    """Return how many episodes with a score ended before their corruption acted on the machine.
+
+    Args:
+        records: the last attempts.
+        corruptions: the name of each label; only a corruption with effects on the machine can come
+            too late.
+    """
+    acting = {name for name in names() if find(name).effects}
+    waiting = {label for label, name in corruptions.items() if name in acting}
+    scored = [r for r in records if r["status"] == "ok" and r["corruption"] in waiting]
+    return sum(not record.get("effects") for record in scored)
+
+
+def _order(listed: Sequence[str]) -> dict[str, int]:
+    """Return the position of the first occurrence of each name."""
+    return {name: position for position, name in enumerate(dict.fromkeys(listed))}
+
+
+def _row(agent: str, label: str, cases: Cases, scores: ScoreByCell) -> ScoreRow:
+    own = scores[agent, label]
+    base = scores.get((agent, CLEAN), {}) if label != CLEAN else {}
+    there, here, _ = pairs(base, own)
+    counted = [record for record in cases.values() if counts(record)]
+    row: ScoreRow = {
+        **dict.fromkeys(COLUMNS),
+        "agent": agent,
+        "corruption": label,
+        "n": len(own),
+        "errors": sum(record["status"] == "error" for record in counted),
+        "invalid": len(cases) - len(counted),
+    }
+    if own:
+        row["success"] = fmean(own.values())
+    if here:
+        row["delta"] = (sum(here) - sum(there)) / len(here)
+    if sum(there):
+        row["retention"] = sum(here) / sum(there)
+    return row
+
+
+def can_infer() -> bool:
+    """Return whether scipy and statsmodels are installed, which intervals and tests need."""
+    return all(importlib.util.find_spec(name) for name in ("scipy", "statsmodels"))
+
+
+def task_names(cases: Iterable[PairKey]) -> list[str]:
+    """Return the task of each case; see `task_name`."""
+    return [task_name(task, variant) for task, variant, _ in cases]
+
+
+def task_name(task: str, variant: object) -> str:
+    """Return a task without the seed of its variant.
+
+    In a run of `hijack score` the variant is the text of a step, and the task the name of a
+    recording, which stays whole.
+    """
+    return task.removesuffix(f"-{variant}") if isinstance(variant, int) else task
+
+
+def counts(record: ResultRecord) -> bool:
+    """Return whether an episode counts for the agent.
+
+    An episode whose desktop died is repeated, and counts if the desktop dies again: once is the
+    machine's failure, but an agent must not escape a bad episode by killing its desktop. Records of
+    version 1 do not name the cause of an error; their errors count.
+    """
+    if record["status"] != "error":
+        return record["status"] == "ok"
+    cause = record.get("cause", "agent")
+    return cause == "agent" or (cause == "machine" and (record.get("attempt") or 0) > 0)
+
+
+def scored(cases: Cases) -> ScoreByCase:
+    """Return the score (0..1) of each case that counts for the agent; an error scores 0."""
+    return {case: _score(record) for case, record in cases.items() if counts(record)}
+
+
+def partial(records: Iterable[ResultRecord]) -> int:
+    """Return how many episodes that count have a score that is neither 0 nor 1."""
+    counted = filter(counts, latest(records).values())
+    return sum(0 < _score(record) < 1 for record in counted)
+
+
+def _score(record: ResultRecord) -> float:
+    return float(record["score"]) if record["status"] == "ok" else 0.0

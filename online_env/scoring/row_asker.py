@@ -1,0 +1,311 @@
+"""Puts rows to an agent and turns its answers into records.
+
+The agent gets nothing but pictures and, for steps, the instruction. Each row is an episode of its
+own: `reset()` comes before it, and an agent without `reset` is made again.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias, cast
+
+from hijack_data.errors import HijackError
+from hijack_data.plan import CLEAN
+from hijack_data.runs.run_log import GIVEN, ROW, VERSION
+from hijack_data.types import Action, Box, check_aim
+
+from ..agents.agent_calls import AgentAnswer, AgentError, RunningAgent
+from ..results.reading import ResultRecord
+from .answers import StepAnswer, read_answer
+from .cases import Case, Question
+from .dataset_rows import DamagedRowError, RowData, RowFeed, picture_scale
+from .onlookers import is_reminder, overlap
+from .outlines import target_outline
+from .rules import Distance, ExpectedStep, compare, unanswered
+
+MAX_TEXT_CHARS = 2000  # characters of a text in a record
+Scored: TypeAlias = dict[str, Any]
+MAX_STARTS = 3  # times in a row that an agent which was made may fail to be made again
+
+
+class AgentStartError(HijackError, RuntimeError):
+    """An agent that cannot be made."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AskSettings:
+    """How rows are put to an agent.
+
+    Args:
+        agent: its name.
+        question: what it is asked.
+        near: how far a click may be off where no box is known.
+        batch: rows that `predict_batch` is given at a time.
+        in_process: whether a user's agent runs in this process, for debugging.
+        given: what the agent is given beside instruction and pictures, for the records.
+    """
+
+    agent: str
+    question: Question
+    near: Distance
+    batch: int = 8
+    in_process: bool = False
+    given: tuple[str, ...] = ()
+
+
+class RowAsker:
+    """One agent, and the rows that are put to it.
+
+    Args:
+        asking: how.
+        feed: the rows.
+        start: returns a running agent, also in the place of one that died.
+
+    Raises:
+        AgentStartError: the agent cannot be made.
+    """
+
+    def __init__(
+        self, asking: AskSettings, feed: RowFeed, start: Callable[[], RunningAgent]
+    ) -> None:
+        self._asking = asking
+        self._feed = feed
+        self._start = start
+        self._failed_starts = MAX_STARTS - 1  # the first failure is final
+        self._agent = self._started()
+        self._used = False
+
+    @property
+    def batch(self) -> int:
+        """How many rows the agent takes at a time."""
+        batched = "predict_batch" in self._agent.traits.methods
+        return self._asking.batch if batched and self._asking.question == "steps" else 1
+
+    def close(self) -> None:
+        """End the agent."""
+        self._agent.close()
+
+    def one(self, case: Case) -> ResultRecord:
+        """Put one row to the agent."""
+        row = self._row(case)
+        if isinstance(row, DamagedRowError):
+            return self._damaged(case, row)
+        self._revive()
+        start = time.perf_counter()
+        try:
+            self._begin()
+            answer = self._answer(row)
+        except AgentError as error:
+            return self._failed(case, row, error, time.perf_counter() - start)
+        return self._judged(case, row, answer, time.perf_counter() - start)
+
+    def several(self, cases: Sequence[Case]) -> list[ResultRecord]:
+        """Put rows to `predict_batch`.
+
+        Raises:
+            AgentError: it raises, or does not return an answer for each row.
+        """
+        rows = [self._row(case) for case in cases]
+        whole = [row for row in rows if not isinstance(row, DamagedRowError)]
+        self._revive()
+        start = time.perf_counter()
+        answers = iter(self._batch(whole) if whole else [])
+        seconds = (time.perf_counter() - start) / max(1, len(whole))
+        found: list[ResultRecord] = []
+        for case, row in zip(cases, rows, strict=True):
+            if isinstance(row, DamagedRowError):
+                found.append(self._damaged(case, row))
+                continue
+            found.append(self._judged(case, row, next(answers), seconds))
+        return found
+
+    def _row(self, case: Case) -> RowData | DamagedRowError:
+        """Return a row, with what it asks for under `wanted` if steps are scored."""
+        try:
+            row = self._feed.row(case.number)
+        except DamagedRowError as error:
+            return error
+        if self._asking.question != "steps":
+            return row
+        try:
+            return {**row, "wanted": expected_step(row)}
+        except HijackError as error:
+            remedy = "mend the recording and build the dataset again"
+            return DamagedRowError(f"{self._feed.folder}: row {case.row!r}: {error}; {remedy}")
+
+    def _started(self) -> RunningAgent:
+        while True:
+            try:
+                agent = self._start()
+            except AgentError as error:
+                self._failed_starts += 1
+                if self._failed_starts >= MAX_STARTS:
+                    where = "\n".join([str(error), *error.where[-1:]])
+                    name = self._asking.agent
+                    raise AgentStartError(f"{name}: cannot be made: {where}") from error
+            else:
+                self._failed_starts = 0
+                return agent
+
+    def _revive(self) -> None:
+        """Start the agent again if it died, or hangs."""
+        if not self._agent.alive:
+            self._agent.close()
+            self._agent = self._started()
+            self._used = False
+
+    def _begin(self) -> None:
+        """Let the agent forget the last row."""
+        if "reset" in self._agent.traits.methods:
+            self._agent.reset()
+        elif self._used:
+            self._agent.make()
+        self._used = True
+
+    def _answer(self, row: RowData) -> Any:
+        if self._asking.question == "reminders":
+            return self._agent.check(row["screenshot"])
+        if self._asking.question == "summaries":
+            return self._agent.summarise(row["before"], row["action_text"], row["after"])
+        return self._agent.predict(row["instruction"], {"screenshot": row["screenshot"]})
+
+    def _batch(self, rows: Sequence[RowData]) -> list[AgentAnswer]:
+        self._begin()
+        instructions = [row["instruction"] for row in rows]
+        return self._agent.predict_batch(instructions, [row["screenshot"] for row in rows])
+
+    def _judged(self, case: Case, row: RowData, answer: Any, seconds: float) -> ResultRecord:
+        if self._asking.question == "reminders":
+            scored = _reminder(case.needed, answer)
+        elif self._asking.question == "summaries":
+            scored = _summary(row, answer)
+        else:
+            said, actions = answer
+            size = row["screenshot"].shape[:2]
+            scored = _step(row["wanted"], read_answer(said, actions, size), self._asking.near)
+        return self._record(case, row, seconds) | scored
+
+    def _failed(self, case: Case, row: RowData, error: AgentError, seconds: float) -> ResultRecord:
+        failed = failure(f"the agent: {error}", error.where)
+        return self._record(case, row, seconds) | failed
+
+    def _damaged(self, case: Case, error: DamagedRowError) -> ResultRecord:
+        record = blank(case, self._asking)
+        return record | {
+            "status": "invalid",
+            "problem": str(error)[:MAX_TEXT_CHARS],
+            "cause": "machine",
+        }
+
+    def _record(self, case: Case, row: RowData, seconds: float) -> ResultRecord:
+        about = {
+            "instruction": row["instruction"],
+            "fidelity": row["fidelity"],
+            "image_sha256": row.get("image_sha256"),
+            "target_visible": row.get("target_visible"),
+            "seconds": round(seconds, 4),
+        }
+        return blank(case, self._asking) | about
+
+
+def blank(case: Case, asking: AskSettings) -> ResultRecord:
+    """Return the record of a case before anything is known of the answer."""
+    about = {"needed": case.needed} if asking.question == "reminders" else {}
+    return {
+        **about,
+        "version": VERSION,
+        "id": case.id(asking.agent),
+        "agent": asking.agent,
+        "task": case.task,
+        "task_seed": case.variant,
+        "corruption": case.corruption,
+        "seed": case.seed,
+        "attempt": 0,
+        ROW: case.row,
+        "question": asking.question,
+        "status": "ok",
+        "score": None,
+        "reason": "",
+        "problem": "",
+        "steps": 1,
+        "seconds": 0.0,
+        "malformed": 0,
+        GIVEN: list(asking.given),  # rows have no task and no plan
+    }
+
+
+def failure(problem: str, where: Sequence[str] = ()) -> Scored:
+    """Return the fields of a record whose agent failed."""
+    return {
+        "status": "error",
+        "problem": problem[:MAX_TEXT_CHARS],
+        "cause": "agent",
+        "traceback": list(where),
+    }
+
+
+def expected_step(row: RowData) -> ExpectedStep:
+    """Return what a row asks for.
+
+    Raises:
+        ParameterError: its action lies outside its own target, or its outline is none.
+    """
+    given: dict[str, Any] = row["action"]
+    keys = given["keys"]
+    action = Action(**{**given, "keys": tuple(keys) if keys else None})
+    scale = (1.0, 1.0) if row["corruption"] == CLEAN else picture_scale(row)
+    box = _box(row["target_box"])
+    polygon = target_outline(row["extra"], scale)
+    if not polygon:
+        check_aim(action, box)
+    return ExpectedStep(
+        action=action,
+        size=(row["height"], row["width"]),
+        box=box,
+        polygon=polygon,
+        scale=scale,
+        helpless=row["reminder"] is not None,
+    )
+
+
+def _box(value: Sequence[int] | None) -> Box | None:
+    return cast("Box", tuple(value)) if value else None
+
+
+def _step(wanted: ExpectedStep, answer: StepAnswer, near: Distance) -> Scored:
+    if answer.action is None:
+        verdict = unanswered(wanted, answer.problem)
+    else:
+        verdict = compare(wanted, answer.action, near)
+    return {
+        "score": float(verdict.right),
+        "reason": verdict.reason[:MAX_TEXT_CHARS],
+        "wanted": wanted.action.type,
+        "parts": verdict.parts,
+        "off": verdict.off,
+        "malformed": int(answer.action is None),
+        "last_action": answer.text[:MAX_TEXT_CHARS],
+        "said": answer.said[:MAX_TEXT_CHARS],
+        "more": answer.more,
+    }
+
+
+def _reminder(needed: bool, answer: str | None) -> Scored:
+    given = is_reminder(answer)
+    reason = ""
+    if given != needed:
+        reason = "a reminder that was not needed" if given else "no reminder, and one was needed"
+    return {
+        "score": float(given == needed),
+        "reason": reason,
+        "given": given,
+        "said": (answer or "")[:MAX_TEXT_CHARS],
+    }
+
+
+def _summary(row: RowData, answer: str) -> Scored:
+    return {
+        "score": round(overlap(answer, row["summary"]), 4),
+        "wanted": row["summary"][:MAX_TEXT_CHARS],
+        "said": answer[:MAX_TEXT_CHARS],
+    }

@@ -1,0 +1,241 @@
+"""The output folder of a build: its lock, its state, and the shards that can be kept.
+
+While a build runs, `.build/` holds its parameters and one small file for each finished shard.
+`manifest.json` is written last, so a folder without it is not a dataset, and a build that is killed
+at any point can be resumed.
+"""
+
+import json
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from hijack_data.errors import StorageError
+from hijack_data.file_io import is_full, unwritable, write_atomic
+from hijack_data.locking import Lock, LockedError, lock
+
+from ..dataset.manifest import FORMAT, MANIFEST, read_manifest
+from ..dataset.shard import ShardRecord, file_sha256, record_from
+from ..errors import OVERWRITE, RESUME, BuildError, DatasetError
+from .shards import DATA, ShardTask, inputs_hash
+from .splits import NAMES
+
+STATE = ".build"
+PARAMETERS = "parameters.json"
+# A manifest names its format at its beginning.
+HEAD_BYTES = 200
+# The files of a finished dataset other than its shards and its manifest.
+BESIDE = ("README.md", "config.yaml", "quarantine.jsonl")
+
+
+def parameters_in(path: Path) -> dict[str, Any]:
+    """Return the parameters of the build in a folder, finished or not; empty if there is none."""
+    try:
+        if (path / MANIFEST).is_file():
+            return read_manifest(path)["parameters"]
+        found = json.loads((path / STATE / PARAMETERS).read_bytes())
+    except (OSError, ValueError):  # `opened` will report what is wrong
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def holds_build(path: Path) -> bool:
+    """Return whether a folder is a dataset of ours, also an unfinished, newer or damaged one."""
+    if (path / STATE / PARAMETERS).is_file():
+        return True
+    try:
+        with (path / MANIFEST).open("rb") as manifest:
+            return FORMAT.encode() in manifest.read(HEAD_BYTES)
+    except OSError:  # there is none
+        return False
+
+
+class OutFolder:
+    """The folder to which a build writes. Use it inside `opened`."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.state = path / STATE
+        self._records: dict[int, ShardRecord] = {}
+
+    @contextmanager
+    def opened(self, parameters: Mapping[str, Any], resume: bool) -> Iterator[None]:
+        """Lock the folder for one build.
+
+        Args:
+            parameters: those of the manifest, JSON data.
+            resume: whether to continue the build in the folder.
+
+        Raises:
+            BuildError: the folder cannot be written to, is in use, contains other files, or
+                contains a build although `resume` is false or the parameters differ.
+            StorageError: the disk is full.
+        """
+        made = not self.path.exists()
+        held = self._lock()
+        try:
+            self._begin(json.loads(json.dumps(parameters)), resume)
+            try:
+                yield
+            except BaseException:
+                self._withdraw(made)
+                raise
+            finally:
+                with suppress(OSError):
+                    self._sweep()
+        except StorageError:
+            raise
+        except OSError as error:
+            if is_full(error):
+                raise unwritable(self.path, error) from None
+            raise BuildError(
+                f"{self.path}: cannot be written to ({error.strerror or error})"
+            ) from None
+        finally:
+            held.release()
+
+    def keep(self, task: ShardTask) -> ShardRecord | None:
+        """Return the record of a shard that an earlier run finished, or `None`.
+
+        It is kept if it has the same records and the same pictures, byte for byte, and its file is
+        undamaged.
+        """
+        record = self._records.get(task.index)
+        if record is None or record.file != task.file or record.records != task.records:
+            return None
+        file = self.path / task.file
+        if not file.is_file() or file_sha256(file) != record.sha256:
+            return None
+        return record if inputs_hash(task) == record.inputs else None
+
+    def save(self, record: ShardRecord) -> None:
+        """Record that a shard is finished."""
+        write_atomic(self.state / f"{record.index:05d}.json", json.dumps(record.to_data()))
+
+    def finish(self, shards: Iterable[ShardRecord]) -> None:
+        """Remove the shards of other builds, and the state of this one."""
+        names = {Path(shard.file).name for shard in shards}
+        for split in NAMES:
+            for file in (self.path / DATA).glob(f"{split}-*.parquet"):
+                if file.name not in names:
+                    file.unlink()
+        shutil.rmtree(self.state)
+
+    def _lock(self) -> Lock:
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            return lock(self.path.resolve())  # the folder may be reached through a symbolic link
+        except LockedError:
+            raise BuildError(
+                f"{self.path}: another build is writing to this folder; wait for it"
+            ) from None
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise BuildError(
+                f"{self.path}: cannot be made or opened as a folder ({reason})"
+            ) from None
+
+    def _begin(self, parameters: dict[str, Any], resume: bool) -> None:
+        if not resume and self._holds_nothing():
+            self._clear()
+        found = {entry.name for entry in self.path.iterdir()}
+        if found and not resume:
+            raise BuildError(f"{self.path}: {_occupied(found)}")
+        if found and not {MANIFEST, STATE} & found:
+            raise BuildError(
+                f"{self.path}: holds neither a dataset nor an unfinished build of ours; choose"
+                " another folder"
+            )
+        before = self._load()
+        if before is not None:
+            self._check_same(before, parameters)
+        self._sweep()
+        self.state.mkdir(exist_ok=True)
+        (self.path / DATA).mkdir(exist_ok=True)
+        write_atomic(self.state / PARAMETERS, json.dumps(parameters))
+        for record in self._records.values():
+            self.save(record)
+        # without its manifest, the folder is an unfinished build again
+        (self.path / MANIFEST).unlink(missing_ok=True)
+
+    def _holds_nothing(self) -> bool:
+        """Return whether the folder holds only the remains of a build that made no row."""
+        if (self.path / MANIFEST).is_file():
+            with suppress(DatasetError):
+                return read_manifest(self.path).get("rows") == 0
+            return False
+        others = {entry.name for entry in self.path.iterdir()} - {STATE, DATA}
+        shards = any((self.path / DATA).glob("*.parquet"))
+        return self.state.is_dir() and not others and not shards
+
+    def _clear(self) -> None:
+        """Remove the files that `_holds_nothing` has checked."""
+        for name in (MANIFEST, *BESIDE):
+            (self.path / name).unlink(missing_ok=True)
+        for folder in (self.path / DATA, self.state):
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def _withdraw(self, made: bool) -> None:
+        """Remove a build that failed before it had made a file."""
+        with suppress(OSError):
+            if any((self.path / DATA).glob("[!.]*.parquet")) or any(self.state.glob("[0-9]*.json")):
+                return
+            shutil.rmtree(self.state, ignore_errors=True)
+            self._sweep()
+            (self.path / DATA).rmdir()
+            if made:
+                self.path.rmdir()
+
+    def _load(self) -> dict[str, Any] | None:
+        # returns the parameters of an earlier run, and the records of its finished shards
+        if (self.path / MANIFEST).is_file():
+            manifest = read_manifest(self.path)
+            self._records = {shard["index"]: record_from(shard) for shard in manifest["shards"]}
+            return manifest["parameters"]
+        try:
+            for file in self.state.glob("[0-9]*.json"):
+                record = record_from(json.loads(file.read_bytes()))
+                self._records[record.index] = record
+            return json.loads((self.state / PARAMETERS).read_bytes())
+        except FileNotFoundError:
+            return None
+        except (ValueError, TypeError) as error:
+            raise DatasetError(
+                f"{self.state}: damaged ({error}); remove {self.path} and build again"
+            ) from None
+
+    def _check_same(self, before: dict[str, Any], now: dict[str, Any]) -> None:
+        changed = [key for key in sorted({*before, *now}) if before.get(key) != now.get(key)]
+        if changed:
+            differences = (
+                f"{key} was {_short(before.get(key))}, is {_short(now.get(key))}" for key in changed
+            )
+            raise BuildError(
+                f"{self.path}: was begun with other parameters: {'; '.join(differences)}; resume"
+                " with the same, or choose another folder"
+            )
+
+    def _sweep(self) -> None:
+        """Remove the temporary files of workers that were killed."""
+        for folder in (self.path, self.path / DATA, self.state):
+            for file in folder.glob(".*.tmp"):
+                with suppress(FileNotFoundError):
+                    file.unlink()
+
+
+def _occupied(found: set[str]) -> str:
+    """Return why a build cannot begin in a folder with these files, and the remedy."""
+    if MANIFEST in found:
+        what = "holds a dataset"
+    elif STATE in found:
+        what = "holds an unfinished build"
+    else:
+        return "is not empty; choose another folder"
+    return f"{what}; choose another folder, or replace it: {OVERWRITE}; {RESUME} goes on with it"
+
+
+def _short(value: object) -> str:
+    text = " ".join(str(value).split())
+    return text if len(text) <= 300 else f"{text[:297]}..."

@@ -1,0 +1,346 @@
+"""`hijack build`, `inspect`, `verify`, `sign`, `stats` and `export`."""
+
+import dataclasses
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from hijack_data.cli import console
+from hijack_data.cli.options import seed_option
+from hijack_data.config.options import LABEL_POLICIES
+from hijack_data.file_io import unwritable, write_atomic
+from hijack_data.platforms import PLATFORMS
+from hijack_data.printable import printable
+from hijack_data.runs import seal
+
+from .building.build import build as build_dataset
+from .building.build_report import Findings
+from .dataset.manifest import OUTPUTS
+from .engines import LOCAL
+from .exports import FORMATS, ONLOOKER
+from .exports import export as export_dataset
+from .exports.dialects import DIALECTS
+from .inspection import SAMPLE, inspect_source
+from .proof.rebuild import is_run, rebuild
+from .proof.verify import verify as verify_dataset
+from .readers.base import READERS
+from .readers.reader_options import BOXES, COORDINATES
+
+
+class Meter:
+    """A progress bar on a terminal, a plain line now and then elsewhere."""
+
+    def __init__(self, quiet: bool) -> None:
+        self.bar: Any = None
+        self.task: Any = None
+        self.quiet = quiet
+        self.last = 0
+
+    def __call__(self, done: int, total: int, text: str) -> None:
+        """Show that `done` of `total` are done."""
+        if self.quiet:
+            return
+        if sys.stderr.isatty():
+            self._draw(done, total)
+        elif done == total or done - self.last >= max(100, total // 10):
+            self.last = done
+            click.echo(f"{done} of {total} {text}", err=True)
+
+    def _draw(self, done: int, total: int) -> None:
+        if self.bar is None:
+            from rich.console import Console
+            from rich.progress import Progress
+
+            self.bar = Progress(console=Console(stderr=True))
+            self.bar.start()
+            self.task = self.bar.add_task("rows", total=total)
+        self.bar.update(self.task, completed=done, total=total)
+
+    def close(self) -> None:
+        """Close the progress bar and restore the terminal."""
+        if self.bar is not None:
+            self.bar.stop()
+
+
+@click.command()
+@click.argument("source", nargs=-1, required=True, metavar="SOURCE...")
+@click.option("-o", "--out", required=True, metavar="DIR", help="The folder to make.")
+@click.option(
+    "--config", metavar="YAML", help="A configuration file, or a bare name such as `visual`."
+)
+@click.option(
+    "--corruptions",
+    metavar="A,B|all|clean",
+    help=(
+        "Which corruptions, such as marks:number=10,severity=4,subtitle.  [default: the four visual"
+        " ones]"
+    ),
+)
+@click.option(
+    "--seed", type=int, metavar="N", help="Random seed.  [default: 0, or the configuration's]"
+)
+@click.option(
+    "--format",
+    "format_",
+    metavar="NAME",
+    help=(
+        f"Reader to use ({', '.join(sorted(READERS.entries))}, FILE.py:CLASS).  [default: detected]"
+    ),
+)
+@click.option(
+    "--coordinates",
+    type=click.Choice(COORDINATES),
+    help="Space of the coordinates, if the recording does not name it.",
+)
+@click.option(
+    "--boxes", type=click.Choice(BOXES), help="Form of the boxes, if it cannot be detected."
+)
+@click.option(
+    "--episode-key",
+    metavar="FIELD",
+    help="Field of a row that names its episode, for --splits of tables of single steps.",
+)
+@click.option(
+    "--label-policy",
+    type=click.Choice(LABEL_POLICIES),
+    help="Treatment of samples with a hidden target.",
+)
+@click.option(
+    "--clean/--no-clean",
+    default=None,
+    help="Whether to write the uncorrupted rows too.  [default: clean]",
+)
+@click.option(
+    "--lazy/--materialised", default=None, help="Store plans, or pixels.  [default: materialised]"
+)
+@click.option(
+    "--assets",
+    metavar="DIR",
+    help="Recorded pictures for corruptions of the machine.  [default: shipped]",
+)
+@click.option(
+    "--apps",
+    metavar="A,B",
+    help="Applications on the screen, if the source names none: chrome,vscode.",
+)
+@click.option(
+    "--platform",
+    metavar="NAME",
+    help=f"The machine, if the source does not name it: {', '.join(PLATFORMS)}.",
+)
+@click.option(
+    "--allow-platform-mismatch",
+    is_flag=True,
+    help="Show an Xfce desktop in recordings of other platforms (fidelity `foreign`).",
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    metavar="N",
+    help="Processes.",
+)
+@click.option(
+    "--engine",
+    metavar="NAME",
+    default=LOCAL,
+    show_default=True,
+    help="This machine, or a cluster (ray).",
+)
+@click.option(
+    "--ray-address",
+    metavar="ADDRESS",
+    help="A running Ray cluster, `auto` for the one of this machine.",
+)
+@click.option("--limit", type=int, metavar="N", help="Read the first N trajectories only.")
+@click.option(
+    "--splits",
+    metavar="SHARES",
+    help="Shares of the episodes, such as train=0.9,test=0.1.  [default: all is train]",
+)
+@click.option("--dry-run", is_flag=True, help="Write nothing; report what would be written.")
+@click.option(
+    "--overwrite", is_flag=True, help="Replace the existing dataset once the new one is complete."
+)
+@click.option("--strict", is_flag=True, help="Stop at the first input that cannot be read.")
+@click.option("--resume", is_flag=True, help="Continue a build that was stopped.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def build(
+    source: tuple[str, ...], as_json: bool, format_: str | None, lazy: bool | None, **options: Any
+) -> None:
+    """Build a Hugging Face dataset from recorded trajectories."""
+    meter = Meter(as_json)
+    options["output"] = None if lazy is None else OUTPUTS[lazy]
+    try:
+        report = build_dataset(
+            source, options.pop("out"), format=format_, progress=meter, **options
+        )
+    except KeyboardInterrupt:
+        meter.close()
+        click.echo("hijack: stopped; the same command with --resume goes on", err=True)
+        raise SystemExit(130) from None
+    finally:
+        meter.close()
+    _end(report.to_data() if as_json else report.lines(), report.exit_code)
+
+
+def _end(result: Any, code: int) -> None:
+    text = "\n".join(result) if isinstance(result, list) else json.dumps(result)
+    click.echo(printable(text))
+    raise SystemExit(code)
+
+
+@click.command()
+@click.argument("source", nargs=-1, required=True, metavar="SOURCE...")
+@click.option(
+    "--format",
+    "format_",
+    metavar="NAME",
+    help="Reader of all files.  [default: detected for each file]",
+)
+@click.option(
+    "--coordinates",
+    type=click.Choice(COORDINATES),
+    help="Space of the coordinates, if the recording does not state it.",
+)
+@click.option(
+    "--boxes", type=click.Choice(BOXES), help="Order of a box's numbers, if it is not stated."
+)
+@click.option("--apps", metavar="A,B", help="Applications shown, if the source names none.")
+@click.option("--platform", metavar="NAME", help="The machine, if the source names none.")
+@click.option(
+    "--allow-platform-mismatch",
+    is_flag=True,
+    help="Show an Xfce desktop in recordings of other platforms.",
+)
+@click.option(
+    "--corruptions", metavar="A,B|all", default="all", show_default=True, help="Which to try."
+)
+@click.option(
+    "--sample",
+    type=int,
+    default=SAMPLE,
+    show_default=True,
+    metavar="N",
+    help="Trajectories of each format to try them on; 0: none.",
+)
+@seed_option()
+@click.option(
+    "--assets",
+    metavar="DIR",
+    help="Recorded pictures for corruptions of the machine.  [default: shipped]",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def inspect(source: tuple[str, ...], format_: str | None, as_json: bool, **options: Any) -> None:
+    """Show the content of recordings, and the result of a build, without building."""
+    found = inspect_source(source, format=format_, **options)
+    if as_json:
+        click.echo(json.dumps(found.to_data()))
+    else:
+        console().print(*found.tables(), sep="\n")
+    raise SystemExit(found.exit_code)
+
+
+@click.command()
+@click.argument("folder", metavar="DIR")
+@click.option(
+    "--source",
+    multiple=True,
+    metavar="RECORDINGS",
+    help=(
+        "Of a dataset: make all rows again from what it was built from; may be given more than"
+        " once."
+    ),
+)
+@click.option("--key", metavar="PUB", help="Of a run: the SSH public key that must have signed it.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def verify(folder: str, source: tuple[str, ...], key: str | None, as_json: bool) -> None:
+    """Check every byte, picture, plan and label of a dataset, or of a run."""
+    if is_run(folder):
+        if source:
+            raise click.UsageError("--source goes with a dataset; a run holds its own recordings")
+        report: Findings = rebuild(folder, key)
+    else:
+        if key is not None:
+            raise click.UsageError("--key is for runs: a dataset is not signed")
+        report = verify_dataset(folder, source=source or None)
+    _end(
+        {"ok": report.ok, **dataclasses.asdict(report)} if as_json else report.lines(),
+        report.exit_code,
+    )
+
+
+@click.command()
+@click.argument("runs", type=click.Path(path_type=Path))
+@click.option(
+    "--key", metavar="KEY", required=True, help="SSH key, made by: ssh-keygen -t ed25519 -f KEY."
+)
+def sign(runs: Path, key: str) -> None:
+    """Sign a run for its recipients, after verifying it: hijack sign RUNS --key KEY."""
+    seal.check_key(key)
+    try:
+        (runs / seal.SEAL).unlink(missing_ok=True)
+    except OSError as error:
+        raise unwritable(runs / seal.SEAL, error) from None
+    report = rebuild(runs)
+    if not report.ok:
+        click.echo("\n".join([*report.lines(), "not signed: hijack verify finds problems"]))
+        raise SystemExit(1)
+    seal.sign(runs, key)
+    click.echo(f"{runs / seal.SEAL}: signed by {seal.signer(runs)}")
+
+
+@click.command()
+@click.argument("folder", metavar="DIR")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.option("-o", "--out", metavar="OUT.html", help="Write a page with pictures, too.")
+def stats(folder: str, as_json: bool, out: str | None) -> None:
+    """Show the figures of a dataset: counts, visible targets, changed pixels."""
+    from .dataset.stats import stats as stats_of
+    from .dataset.stats_page import page
+
+    found = stats_of(folder)
+    if out is not None:
+        write_atomic(out, page(folder, found))
+    if as_json:
+        click.echo(json.dumps(found.to_data()))
+    else:
+        console().print(*found.tables(), *([f"page: {out}"] if out else []), sep="\n")
+
+
+@click.command()
+@click.argument("folder", metavar="DIR")
+@click.option(
+    "--to",
+    required=True,
+    metavar="NAME",
+    help=f"The format ({', '.join([*FORMATS.entries, ONLOOKER])}, FILE.py:CLASS).",
+)
+@click.option("-o", "--out", required=True, metavar="FOLDER", help="The folder to make.")
+@click.option(
+    "--dialect",
+    type=click.Choice(DIALECTS),
+    default=DIALECTS[0],
+    show_default=True,
+    help="How actions are written.",
+)
+@click.option("--keep-hidden", is_flag=True, help="Export steps whose target is hidden, too.")
+@click.option(
+    "--balance",
+    type=float,
+    metavar="N",
+    help="onlooker: frames without a reminder for each with one.  [default: 1]",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def export(folder: str, as_json: bool, **options: Any) -> None:
+    """Export a dataset as chat rows, verl Parquet, WebDataset tar files or onlooker data."""
+    meter = Meter(as_json)
+    try:
+        report = export_dataset(folder, options.pop("out"), progress=meter, **options)
+    finally:
+        meter.close()
+    _end(report.to_data() if as_json else report.lines(), report.exit_code)

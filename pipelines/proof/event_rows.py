@@ -1,0 +1,141 @@
+"""Check rows with events on the machine against their plan and the asset pack.
+
+Which recorded picture an edit chooses depends on the applications and elements of the recording,
+which a dataset does not contain. But the plan names the picture and its place, and the pack
+contains the action that undoes it.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+from hijack_data.coords import CoordMap
+from hijack_data.errors import shown
+from hijack_data.pack import RecordedAction, find_asset
+from hijack_data.plan import Op, Paste, Plan, Resample
+from hijack_data.registry import is_ours
+from hijack_data.types import Size
+
+from ..dataset.sample import Sample
+from ..edits import EDITS
+from ..edits.base import WAIT, Edit, EditedStep
+from ..edits.variants import Variant, step_after
+from ..errors import DatasetError
+
+
+def event_variant(row: Mapping[str, Any], plan: Plan, sample: Sample) -> Variant | None:
+    """Return the variant that a row with an event must be.
+
+    Args:
+        row: as it is stored.
+        plan: its plan. A picture that the pack does not contain is an `AssetError`.
+        sample: its step.
+
+    Returns:
+        The variant, or `None` if the pack has no action that undoes the picture.
+
+    Raises:
+        DatasetError: the labels of the row contradict its plan.
+    """
+    kinds = [effect.kind for effect in plan.effects]
+    if len(kinds) != 1 or kinds[0] not in EDITS:
+        raise DatasetError(
+            f"event is {shown(row['event'])}, and its plan does {kinds or 'nothing'} to the machine"
+        )
+    known = EDITS[kinds[0]]
+    if not is_ours(known):
+        return None  # only the plug-in of an edit knows what the edit shows
+    _check_labels(row, known)
+    pasted, drawn = _parts(plan)
+    if row["fidelity"] == "recorded" and len(pasted) != 1:
+        raise DatasetError(
+            "fidelity is 'recorded', and its screen is put together: it should be 'composited'"
+        )
+    response = _response(known, row, plan, pasted)
+    if response is None and known.answer != "keep":
+        return None
+    edit = EditedStep(
+        ops=pasted,
+        event=row["event"],
+        fidelity=row["fidelity"],
+        response=response,
+        inserted=known.inserted,
+        reminder=known.reminder,
+    )
+    over = replace(plan, effects=())
+    if response is not None:
+        over = replace(over, ops=drawn)
+    return Variant(step_after(sample, edit), plan, over, edit)
+
+
+def _check_labels(row: Mapping[str, Any], known: Edit) -> None:
+    pattern = re.escape(known.event).replace(re.escape("{}"), ".+")
+    if not re.fullmatch(pattern, row["event"]):
+        raise DatasetError(f"event is {shown(row['event'])}, it should be {shown(known.event)}")
+    for name in ("reminder", "inserted"):
+        wanted = getattr(known, name)
+        if row[name] != wanted:
+            raise DatasetError(f"{name} is {shown(row[name])}, it should be {shown(wanted)}")
+
+
+def _parts(plan: Plan) -> tuple[tuple[Op, ...], tuple[Op, ...]]:
+    """Return the part of the plan that an edit pasted, and the part drawn over it."""
+    end = 0
+    size = plan.size
+    for number, op in enumerate(plan.ops, 1):
+        if isinstance(op, Resample):
+            size = op.size
+        if _is_asset(op):
+            end = number if size == plan.size else number + 1
+    return plan.ops[:end], plan.ops[end:]
+
+
+def _is_asset(op: Op) -> bool:
+    return isinstance(op, Paste) and op.sprite.get("draw") == "asset"
+
+
+def _response(
+    edit: Edit, row: Mapping[str, Any], plan: Plan, pasted: tuple[Op, ...]
+) -> RecordedAction | None:
+    """Return the action that a row must have; of several possible ones, the one that it has."""
+    if edit.answer == "wait":
+        return WAIT
+    if edit.answer == "keep":
+        return None
+    known = list(_recoveries(plan.size, pasted))
+    for response in known:
+        if _box_in(plan, response) == row["target_box"]:
+            return response
+    return known[0] if known else None
+
+
+def _box_in(plan: Plan, response: RecordedAction) -> list[int] | None:
+    if response.target_box is None:
+        return None
+    return plan.coords.boxes_to_observation([response.target_box])[0].tolist()
+
+
+def _recoveries(screen: Size, pasted: tuple[Op, ...]) -> Iterator[RecordedAction]:
+    """Yield the actions that undo the pasted pictures, in pixels of the screen."""
+    size = screen
+    for op in pasted:
+        if isinstance(op, Resample):
+            size = op.size
+        if not isinstance(op, Paste) or not _is_asset(op):
+            continue
+        asset = find_asset(str(op.sprite["id"]), str(op.sprite["sha256"]))
+        if asset.recover is None:
+            continue
+        left, top = tuple(op.sprite.get("crop", (0, 0)))[:2]
+        coords = CoordMap(observation=size, screen=screen)
+        for x, y in op.at:
+            yield _scaled(asset.recover.moved(x - left, y - top), coords)
+
+
+def _scaled(response: RecordedAction, coords: CoordMap) -> RecordedAction:
+    box = response.target_box
+    if box is not None:
+        x1, y1, x2, y2 = coords.boxes_to_screen([box])[0].tolist()
+        box = (x1, y1, x2, y2)
+    return RecordedAction(coords.action_to_screen(response.action), box)

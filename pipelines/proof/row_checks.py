@@ -1,0 +1,332 @@
+"""Compare each row of a step with the row that the code of the build makes for it."""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hijack_data import apply
+from hijack_data.corruption import Corruption
+from hijack_data.errors import HijackError, shown
+from hijack_data.file_io import pixel_sha256
+from hijack_data.labels.dataset_rows import params_json
+from hijack_data.plan import CLEAN, Plan
+from hijack_data.planner import Planner, leaves
+from hijack_data.safety import changed_pixels
+from hijack_data.types import UInt8Array
+
+from ..building.step_rows import DrawnRow, draw_rows, keeps, lazy_plan, picture_digest, row_labels
+from ..dataset.columns import BASE
+from ..dataset.image_codec import decode
+from ..dataset.lazy_rows import picture_bytes
+from ..edits.variants import AVOIDING, Variant, VariantPlanner
+from ..errors import DatasetError
+from .event_rows import event_variant
+from .recorded_steps import RecordedFacts, damaged_row, read_plan
+
+# The note of a plan on elements off the screen; a dataset does not contain those elements.
+_ELEMENTS = re.compile(r"\d+ of \d+ boxes are empty or off the screen and were ignored")
+OTHER_PICTURE = "the plan makes another picture of the clean row than the one stored"
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A row that is consistent in itself: its picture, uint8 RGB `[H, W, 3]`, and its plan."""
+
+    row: Mapping[str, Any]
+    picture: UInt8Array
+    plan: Plan
+
+
+@dataclass(kw_only=True)
+class StepChecker:
+    """Compares the rows of one step.
+
+    Args:
+        rows: the rows as stored, in order.
+        known: the recorded step, `None` if unknown.
+        every: the planners of the build by label, `None` if the manifest does not contain them.
+        ranks: the order of the labels.
+        seed: that of the build.
+        label_policy: that of the build.
+        rejected: the places at which the build rejected rows whose code it could not map.
+        regenerated: number of corrupted rows whose picture was made again.
+    """
+
+    rows: list[dict[str, Any]]
+    known: RecordedFacts | None
+    every: Mapping[str, Planner] | None
+    ranks: Mapping[str, int]
+    seed: int
+    label_policy: str
+    rejected: frozenset[str] = frozenset()
+    regenerated: int = 0
+    _last: tuple[bytes, UInt8Array] | None = None
+    _same: bool = False
+
+    def problems(self) -> Iterator[str]:
+        """Yield the problems; each names a row."""
+        made = self._made()
+        following = next(made, None)
+        for row in sorted(self.rows, key=self._rank):
+            while following is not None and self.ranks[following.label] < self._rank(row):
+                yield from self._missing(following)
+                following = next(made, None)
+            expected = None
+            if following is not None and following.label == row["corruption"]:
+                expected = following
+                following = next(made, None)
+            problem = self._problem(row, expected)
+            if problem:
+                yield f"row {row['id']}: {problem}"
+        while following is not None:
+            yield from self._missing(following)
+            following = next(made, None)
+
+    def _missing(self, made: DrawnRow) -> Iterator[str]:
+        sample = made.variant.sample
+        place = f"{sample.trajectory.id}, step {sample.step.index}, {made.label}"
+        if place not in self.rejected:
+            yield (
+                f"row {made.labels['id']}: is missing; its step and the parameters of the build"
+                " give it"
+            )
+
+    def _made(self) -> Iterator[DrawnRow]:
+        known = self.known
+        if known is not None and known.picture:
+            yield from draw_rows(known.sample, known.where, known.settings, known.tally)
+
+    def _rank(self, row: Mapping[str, Any]) -> int:
+        return self.ranks.get(row["corruption"], len(self.ranks))
+
+    def _problem(self, row: dict[str, Any], expected: DrawnRow | None) -> str:
+        try:
+            stored = self._stored(row, expected)
+            if self.known is not None:
+                self._compare(stored, expected, self.known)
+            elif BASE in row:
+                self.regenerated += bool(stored.plan.ops)
+        except HijackError as error:
+            return str(error).removeprefix(f"row {row['id']}: ")
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            return str(damaged_row(error))
+        return ""
+
+    # --- A row on its own
+
+    def _stored(self, row: dict[str, Any], expected: DrawnRow | None) -> Stored:
+        if BASE in row:
+            stored = self._lazy(row, expected)
+        else:
+            picture = decode(picture_bytes(row["screenshot"]), "screenshot")
+            stored = Stored(row, picture, read_plan(row, None))
+            if pixel_sha256(picture) != row["image_sha256"]:
+                raise DatasetError("screenshot does not decode to image_sha256")
+        _check_plan(row, stored.picture, stored.plan)
+        return stored
+
+    def _lazy(self, row: dict[str, Any], expected: DrawnRow | None) -> Stored:
+        # returns a lazy row with its picture drawn
+        before = self._base(row)
+        plan = read_plan(row, before)
+        if row["corruption"] == CLEAN and plan.ops:
+            raise DatasetError("a clean row whose plan changes the picture")
+        picture = before
+        if plan.ops and self._same and expected is not None and expected.variant.plan == plan:
+            picture = expected.picture
+        elif plan.ops:
+            picture = apply(plan, before)
+        if self._digest(picture, plan) != row["image_sha256"]:
+            raise DatasetError(f"{BASE} and the plan do not make the picture of image_sha256")
+        if self.known is not None and not self._same:
+            raise DatasetError(f"{BASE} is not the picture of its step")
+        return Stored(row, picture, plan)
+
+    def _base(self, row: Mapping[str, Any]) -> UInt8Array:
+        """Return the picture of a lazy row before its corruption, uint8 RGB `[H, W, 3]`.
+
+        Rows of a step that share it decode it once.
+        """
+        data = picture_bytes(row[BASE])
+        if self._last is not None and self._last[0] == data:
+            return self._last[1]
+        picture = decode(data, BASE)
+        self._last = data, picture
+        known = self.known
+        self._same = known is not None and np.array_equal(picture, known.sample.image)
+        return picture
+
+    def _digest(self, picture: UInt8Array, plan: Plan) -> str:
+        """Return the SHA-256 of a lazy row's picture, reusing the hash of its step's picture."""
+        if self._same and self.known is not None:
+            return picture_digest(self.known.sample.base, picture, plan)
+        return pixel_sha256(picture)
+
+    # --- A row and its step
+
+    def _compare(self, stored: Stored, expected: DrawnRow | None, known: RecordedFacts) -> None:
+        row = stored.row
+        if expected is None and known.picture and row["corruption"] in self._proved(known):
+            raise DatasetError(
+                "its step, the seed and the parameters of the build give no such row"
+            )
+        if expected is not None:
+            self._check_seed(stored, [expected.variant], known)
+        if known.picture:
+            self._check_made(stored, expected, known)
+        variant = expected.variant if expected is not None else self._assumed(stored, known)
+        if variant is None:
+            return
+        labels = self._labels(stored, expected, variant, known)
+        for name, value in labels.items():
+            if row[name] != value:
+                raise DatasetError(f"{name} is {shown(row[name])}, it should be {shown(value)}")
+
+    def _labels(
+        self, stored: Stored, expected: DrawnRow | None, variant: Variant, known: RecordedFacts
+    ) -> dict[str, Any]:
+        """Return the values that the columns of a row must have."""
+        row = stored.row
+        plan = stored.plan
+        variant = replace(variant, plan=plan)
+        labels = row_labels(variant, row["corruption"], self.seed)
+        if known.picture:
+            changed = 0
+            if plan.ops:
+                changed = changed_pixels(known.sample.image, stored.picture, plan)
+            labels["changed_pixels"] = changed
+            self._check_kept(row, plan, labels)
+        if BASE in row:
+            del labels["plan"]
+        if BASE in row and expected is not None:
+            made = replace(expected, variant=variant)
+            labels["plan"] = lazy_plan(made, {**row, **labels}, known.settings)
+        if not known.code and not plan.coords.is_identity:
+            del labels["action_code"]
+        return labels
+
+    def _proved(self, known: RecordedFacts) -> list[str]:
+        labels = [label for label, _ in known.settings.planners]
+        if known.settings.clean:
+            labels.append(CLEAN)
+        return labels
+
+    def _check_made(self, stored: Stored, expected: DrawnRow | None, known: RecordedFacts) -> None:
+        plan = stored.plan
+        if BASE not in stored.row:
+            if expected is not None and expected.variant.plan == plan:
+                made = expected.picture
+            else:
+                made = _drawn(plan, known.sample.image)
+            if not np.array_equal(made, stored.picture):
+                raise DatasetError(OTHER_PICTURE)
+        self.regenerated += bool(plan.ops)
+
+    def _check_seed(self, stored: Stored, variants: list[Variant], known: RecordedFacts) -> None:
+        # checks that a plan is one of those that were made again
+        plan = stored.plan
+        for variant in variants:
+            if variant.plan == plan or _alike(variant.plan, plan):
+                return
+        if known.picture and BASE not in stored.row:
+            made = _drawn(plan, known.sample.image)
+            if not np.array_equal(made, stored.picture):
+                raise DatasetError(OTHER_PICTURE)
+        again = variants[0].plan.digest()[:12] if variants else "none"
+        raise DatasetError(
+            f"plan is {plan.digest()[:12]}, seed {self.seed} and the parameters of the build give"
+            f" {again}"
+        )
+
+    def _assumed(self, stored: Stored, known: RecordedFacts) -> Variant | None:
+        # returns the variant of a row whose plan cannot be made again, with its picture
+        row = stored.row
+        plan = stored.plan
+        label = row["corruption"]
+        planner = None if self.every is None else self.every.get(label)
+        if planner is not None and label in self._proved(known):
+            chooser = VariantPlanner(self.seed, known.settings.label_policy, None)
+            variants = chooser.variants(known.sample, planner)
+            self._check_seed(stored, [variant for variant in variants if variant], known)
+        elif planner is not None:
+            _check_params(plan, planner)
+        if row["event"] is not None:
+            return event_variant(row, plan, known.sample)
+        if plan.effects:
+            kind = plan.effects[0].kind
+            raise DatasetError(f"event is None, its plan does {kind} to the machine")
+        return Variant(known.sample, plan, plan)
+
+    def _check_kept(self, row: Mapping[str, Any], plan: Plan, labels: Mapping[str, Any]) -> None:
+        # checks that the label policy of the build keeps such a row
+        policy = self.label_policy
+        seen = labels["target_visible"]
+        if plan.ops and not labels["changed_pixels"]:
+            raise DatasetError(
+                "no pixel differs from the clean picture, and the build leaves such rows out"
+            )
+        if not keeps(policy, plan, seen):
+            raise DatasetError(
+                f"{seen:.0%} of its target shows, and the label policy {policy!r} drops such rows"
+            )
+        is_drawn_over = bool(plan.ops) and row["event"] is None
+        if is_drawn_over and policy in AVOIDING and seen is not None and seen < 1:
+            raise DatasetError(
+                f"{seen:.0%} of its target shows, and the label policy {policy!r} keeps it free"
+            )
+
+
+def _drawn(plan: Plan, image: UInt8Array) -> UInt8Array:
+    """Return the picture that a plan makes, uint8 RGB `[H, W, 3]`."""
+    return apply(plan, image) if plan.ops else image
+
+
+def _check_plan(row: Mapping[str, Any], picture: UInt8Array, plan: Plan) -> None:
+    # checks that the columns about a plan agree with it, and with each other
+    height, width = picture.shape[:2]
+    if (height, width) != (row["height"], row["width"]):
+        raise DatasetError(f"screenshot is {width}x{height}, the row says otherwise")
+    if plan.digest() != row["plan_digest"]:
+        raise DatasetError("plan does not match plan_digest")
+    if params_json(plan) != row["params"]:
+        raise DatasetError("params are not those of the plan")
+    is_exact = row["fidelity"] == "exact"
+    has_event = row["event"] is not None
+    if (row["inserted"] and not row["event"]) or has_event == is_exact:
+        raise DatasetError("event, inserted and fidelity contradict each other")
+    if plan.out_size != (height, width):
+        raise DatasetError("plan gives a picture of another size")
+
+
+def _alike(made: Plan, stored: Plan) -> bool:
+    """Return whether plans are equal except for their notes on elements off the screen."""
+    return _without_elements(made).digest() == _without_elements(stored).digest()
+
+
+def _without_elements(plan: Plan) -> Plan:
+    notes = [note for note in plan.notes if not _ELEMENTS.fullmatch(note)]
+    return replace(plan, notes=tuple(notes))
+
+
+def _check_params(plan: Plan, planner: Planner) -> None:
+    # checks that a plan is of the corruptions of its label, with their parameters
+    known: dict[str, list[dict[str, Any]]] = {}
+    parts = list(leaves(planner))
+    if not all(isinstance(part, Corruption) for part in parts):
+        return  # the planner of a plug-in may put any parameters into its plans
+    for leaf in parts:
+        known.setdefault(leaf.id, []).append(leaf.params())
+    if not known:
+        return
+    names = plan.corruption.split("+")
+    data = plan.to_data()["params"]
+    for name in names:
+        if name not in known:
+            raise DatasetError(f"plan is one of {name}, its label has {', '.join(known)}")
+        params = data.get(name) if len(names) > 1 else data
+        if params not in known[name]:
+            wanted = shown(known[name][0])
+            raise DatasetError(f"params of {name} are {shown(params)}, the build has {wanted}")

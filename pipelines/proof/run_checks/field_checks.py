@@ -1,0 +1,553 @@
+"""Every field of a run's files, and what it is compared with: a closed world.
+
+A field that is not in `FIELDS` is a problem, and so is a file that no part of the run names.
+docs/verify_runs.md has the same table in words.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Any, Final, TypeGuard
+
+from hijack_data.runs.run_head import config_digest
+from hijack_data.runs.run_log import (
+    EPISODE,
+    EPISODES,
+    FRAMES,
+    GIVEN,
+    LOCK,
+    RECORDS,
+    REQUESTS,
+    ROW,
+    RUN,
+    SEAL,
+    SESSIONS,
+    SIGNATURE,
+    STEPS,
+    TEXTS,
+    episode_slug,
+    row_slug,
+)
+
+from ...readers import fields
+from .library import HELP, Library
+
+DERIVED: Final = "derived"  # computed again from other files
+COPIED: Final = "copied"  # stands elsewhere, too, and is compared
+LIBRARY: Final = "library"  # follows from what the library knows
+FREE: Final = "free"  # only a hash protects it
+
+CONFIG, DESKTOP, RECOVERY, EVENT, EFFECT = "config", "desktop", "recovery", "event", "effect"
+_CODE_OF = ("agents", "tasks")  # the lists whose names may have an entry in `config.code`
+
+FIELDS: Mapping[str, Mapping[str, str]] = {
+    RUN: {
+        "format": LIBRARY,
+        "version": COPIED,
+        "config": COPIED,
+        "episodes": DERIVED,
+        "config_sha256": DERIVED,
+        "versions": FREE,
+        "created": FREE,
+        "git": FREE,
+        "machine": FREE,
+        "desktops": FREE,
+        "workers": FREE,
+    },
+    CONFIG: {
+        "source": FREE,
+        "desktop": COPIED,
+        "agents": COPIED,
+        "tasks": COPIED,
+        "corruptions": COPIED,
+        "seeds": COPIED,
+        "max_steps": COPIED,
+        "recovery": COPIED,
+        "retries": DERIVED,
+        "agent_timeout": FREE,
+        "episode_timeout": FREE,
+        "osworld_files": FREE,
+        "code": FREE,
+    },
+    SESSIONS: {
+        "at": FREE,
+        "records": DERIVED,
+        "config_sha256": COPIED,
+        "git": FREE,
+        "machine": FREE,
+        "desktops": FREE,
+        "workers": FREE,
+        "versions": COPIED,
+    },
+    EPISODE: {
+        "version": COPIED,
+        "id": DERIVED,
+        "agent": COPIED,
+        "task": LIBRARY,
+        "task_seed": LIBRARY,
+        "instruction": LIBRARY,
+        "apps": LIBRARY,
+        "infeasible": LIBRARY,
+        "corruption": COPIED,
+        "params": DERIVED,
+        "planner": DERIVED,
+        "seed": COPIED,
+        "sample": DERIVED,
+        "attempt": DERIVED,
+        "max_steps": COPIED,
+        "allow_code": LIBRARY,
+        "status": DERIVED,
+        "score": FREE,
+        "reason": FREE,
+        "ended": DERIVED,
+        "steps": DERIVED,
+        "seconds": FREE,
+        "setup_seconds": FREE,
+        "effects": DERIVED,
+        "problem": FREE,
+        "cause": DERIVED,
+        "traceback": FREE,
+        "recovery": DERIVED,
+        "malformed": DERIVED,
+        "points": DERIVED,
+        "last_action": DERIVED,
+        "said": DERIVED,
+        "usage": FREE,
+        GIVEN: LIBRARY,
+        "desktop": COPIED,
+        "lines": DERIVED,
+        "chain": DERIVED,
+    },
+    DESKTOP: {"provider": LIBRARY, "size": COPIED, "settle": LIBRARY},
+    RECOVERY: {"policy": COPIED, "requests": DERIVED, "false_alarms": FREE, "repaired": DERIVED},
+    STEPS: {
+        "said": FREE,
+        "step": DERIVED,
+        "image": DERIVED,
+        "image_sha256": DERIVED,
+        "seen": DERIVED,
+        "seen_sha256": DERIVED,
+        "plan": DERIVED,
+        "plan_digest": DERIVED,
+        "boxes": FREE,
+        "apps": COPIED,
+        "raw": FREE,
+        "cut": FREE,
+        "code": DERIVED,
+        "error": DERIVED,
+        "events": DERIVED,
+        "result": FREE,
+        "still": FREE,
+        "seconds": FREE,
+        "previous": DERIVED,
+    },
+    EVENT: {"step": DERIVED, "effect": DERIVED, "record": COPIED},
+    EFFECT: {"step": DERIVED, "record": COPIED},
+}
+# Files and folders of a run. Those of agents are the requests of models and what OCR has read.
+AT_THE_TOP = frozenset({RUN, RECORDS, SESSIONS, LOCK, SEAL, SIGNATURE, EPISODES, REQUESTS, TEXTS})
+OF_AN_EPISODE = frozenset({EPISODE, STEPS, FRAMES})
+STATUSES = ("ok", "invalid", "error")
+CAUSES = ("agent", "machine")  # of an error in a run; "outside" ends a run, and is played again
+SECONDS = ("settle", "tree", "boxes", "effects", "corrupt", "action")  # of a step
+WITHIN = ("tree",)  # those that another one includes
+_HALF_WRITTEN = f".{EPISODE}.*.tmp"  # what a killed `write_atomic` leaves
+ROUNDING_S = 0.001  # by which the sum of rounded seconds may be too large, for each step
+
+
+def unknown_fields(data: Mapping[str, Any], kind: str, more: Sequence[str] = ()) -> Iterator[str]:
+    """Yield a problem for each field that files of a run do not have."""
+    for name in data:
+        if name not in FIELDS[kind] and name not in more:
+            yield f"has a field {fields.shown(name)}, which no {kind} has"
+
+
+# Ids
+
+
+def first_attempt_id(record: Mapping[str, Any]) -> str:
+    """Return the id of the first attempt at the episode of a record."""
+    return expected_id({**record, "attempt": 0})
+
+
+def expected_id(record: Mapping[str, Any]) -> str:
+    """Return the id that a record must have."""
+    task = str(record.get("task"))
+    label = str(record.get("corruption"))
+    seed = record.get("seed", 0)
+    agent = str(record.get("agent"))
+    attempt = record.get("attempt", 0)
+    if ROW not in record:
+        return episode_slug(task, label, seed, agent, attempt)
+    variant = str(record.get("task_seed"))
+    before = episode_slug(f"{task}/{variant}", label, seed, agent, attempt)
+    # Runs of earlier versions have ids without a digest.
+    return before if record.get("id") == before else row_slug(task, variant, label, seed, agent)
+
+
+# run.json and sessions.jsonl
+
+
+def head_problems(
+    head: Mapping[str, Any], labels: Sequence[str], library: Library
+) -> Iterator[str]:
+    """Yield the problems of `run.json` by itself.
+
+    Args:
+        head: its content.
+        labels: those of its corruptions.
+        library: what is known of the version that played it.
+    """
+    config = head.get("config", {})
+    yield from unknown_fields(head, RUN)
+    stored = head.get("config_sha256")
+    if stored is not None and stored != config_digest(config):
+        yield "config_sha256 is not that of the config"
+    if config.get("kind") is not None:
+        return  # of `hijack score`
+    for text in unknown_fields(config, CONFIG):
+        yield f"config: {text}"
+    code = config.get("code", {})
+    named = {str(name) for key in _CODE_OF for name in config.get(key, ())}
+    named.add(str(_mapping(config.get("desktop")).get("provider")))
+    for name in code if isinstance(code, dict) else [fields.shown(code)]:
+        if name not in named:
+            yield f"config.code has {fields.shown(name)}, which the config does not use"
+    episodes = head.get("episodes")
+    if not isinstance(episodes, list) or not labels:
+        return
+    planned = library.planned(config, labels)
+    if planned is not None and Counter(planned) != Counter(episodes):
+        only = next(iter(Counter(episodes) - Counter(planned)), None)
+        what = f"such as {only}" if only else f"{len(planned) - len(episodes)} are missing"
+        yield f"episodes are not those of the config ({what})"
+    elif len(set(episodes)) != len(episodes) or len(episodes) != _count(config):
+        yield f"episodes are {len(episodes)}, by the config there are {_count(config)}"
+
+
+def session_problems(
+    sessions: Sequence[Mapping[str, Any]], head: Mapping[str, Any], made: int
+) -> Iterator[str]:
+    """Yield the problems of `sessions.jsonl`.
+
+    Args:
+        sessions: its lines.
+        head: the content of `run.json`.
+        made: the number of records.
+    """
+    before = 0
+    for number, session in enumerate(sessions, 1):
+        for text in unknown_fields(session, SESSIONS):
+            yield f"line {number}: {text}"
+        if session.get("config_sha256") != head.get("config_sha256"):
+            yield f"line {number}: config_sha256 is another than in {RUN}"
+        package = "agenthijack"
+        if _mapping(session.get("versions")).get(package) != _mapping(head.get("versions")).get(
+            package
+        ):
+            yield f"line {number}: versions have another {package} than {RUN}"
+        records = session.get("records")
+        if not isinstance(records, int) or not before <= records <= made:
+            yield f"line {number}: records is {fields.shown(records)}, there are {made}"
+        else:
+            before = records
+
+
+# Records
+
+
+def record_problems(
+    record: Mapping[str, Any], config: Mapping[str, Any], library: Library
+) -> Iterator[str]:
+    """Yield the differences of a record of `hijack bench` from configuration and library."""
+    for name, value, source in _expected(record, config, library):
+        found = _at(record, name)
+        if found != value:
+            yield f"{name} is {fields.shown(found)}, by {source} it is {fields.shown(value)}"
+    name = str(record.get("task")).rpartition("-")[0]
+    is_known = library.task_fields(name, record.get("seed")) is not None
+    if is_known and name not in config.get("tasks", [name]):
+        yield f"task {name!r} is none of the tasks of {RUN}"
+    steps, most = record.get("steps"), config.get("max_steps")
+    if isinstance(steps, int) and isinstance(most, int) and steps > most:
+        yield f"steps is {steps}, max_steps of {RUN} is {most}"
+    is_error = record.get("status") == "error" and "cause" in record
+    if is_error and record["cause"] not in CAUSES:
+        yield f"cause is {fields.shown(record.get('cause'))}: the episode is to be played again"
+    if record.get("ended") == "outside":
+        yield "ended is 'outside', which no episode of a run does"
+
+
+def outcome_problems(record: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the contradictions between a record's status and its other fields."""
+    status, score = record.get("status"), record.get("score")
+    is_ok = status == "ok"
+    if status not in STATUSES:
+        yield f"status is {fields.shown(status)}, none of {', '.join(STATUSES)}"
+    if is_ok == (score is None):
+        yield f"status is {status!r}, and the score {score!r}"
+    if is_ok and not _is_share(score):
+        yield f"score is {score!r}, no number in 0..1"
+    if is_ok == bool(record.get("problem")):
+        yield f"status is {status!r}, and the problem {fields.shown(record.get('problem'))}"
+    if not is_ok and record.get("reason"):
+        yield f"status is {status!r}, and there is a reason"
+    if is_ok and record.get("traceback"):
+        yield "status is 'ok', and there is a traceback"
+    if is_ok and record.get("cause") is not None:
+        yield f"status is 'ok', and the cause {fields.shown(record.get('cause'))}"
+    if not is_ok and record.get("ended") is not None:
+        yield f"status is {status!r}, and ended {fields.shown(record.get('ended'))}"
+    setup, seconds = record.get("setup_seconds"), record.get("seconds")
+    if not _is_time(seconds):
+        yield f"seconds is {fields.shown(seconds)}, no number of at least 0"
+    elif setup is not None and not (_is_time(setup) and setup <= seconds + ROUNDING_S):
+        yield f"setup_seconds is {fields.shown(setup)}, seconds is {seconds}"
+    for key in (DESKTOP, RECOVERY):
+        for text in unknown_fields(_mapping(record.get(key)), key):
+            yield f"{key}: {text}"
+
+
+def alike_problems(records: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield the fields that differ between records of one task, or of one run."""
+    first: dict[tuple[str, str], Any] = {}
+    for number, record in enumerate(records, 1):
+        task = str(record.get("task"))
+        same: list[tuple[str, str]] = [(task, key) for key in ("instruction", "apps", "infeasible")]
+        if _mapping(record.get(DESKTOP)):
+            same += [("", f"{DESKTOP}.{key}") for key in ("provider", "settle")]
+        for owner, name in same:
+            value = _at(record, name)
+            if value in (None, ""):
+                continue
+            before = first.setdefault((owner, name), value)
+            if value != before:
+                whose = f"of {owner} " if owner else ""
+                yield (
+                    f"line {number}: {name} {whose}is {fields.shown(value)}, in an earlier line it"
+                    f" is {fields.shown(before)}"
+                )
+
+
+def _expected(
+    record: Mapping[str, Any], config: Mapping[str, Any], library: Library
+) -> Iterator[tuple[str, Any, str]]:
+    """Yield the fields that have one right value: name, value, and from what it follows."""
+    seed = record.get("seed")
+    name = str(record.get("task")).rpartition("-")[0]
+    known = library.task_fields(name, seed)
+    for key, value in (known or {}).items():
+        yield key, value, f"task {name!r} and seed {seed}"
+    is_played = isinstance(record.get("steps"), int) and record["steps"] > 0
+    given = library.given(record.get("agent"))
+    found = record.get(GIVEN)
+    if is_played and given is not None and record.get("agent") not in config.get("code", {}):
+        other = [kind for kind in found if kind not in HELP] if isinstance(found, list) else []
+        yield GIVEN, [*(kind for kind in HELP if kind in given), *other], "the agent"
+    if "allow_code" in record:
+        yield "allow_code", False, "hijack bench"
+    if record.get("max_steps") is not None and "max_steps" in config:
+        yield "max_steps", config["max_steps"], RUN
+    if _mapping(record.get(RECOVERY)) and "recovery" in config:
+        yield f"{RECOVERY}.policy", config["recovery"], RUN
+    desktop, planned = _mapping(record.get(DESKTOP)), _mapping(config.get(DESKTOP))
+    if not desktop:
+        return  # no desktop came up
+    if desktop.get("size") is not None and "size" in planned:
+        yield f"{DESKTOP}.size", planned["size"], RUN
+    if known is not None:
+        for key, value in library.desktop_fields(planned.get("provider")):
+            yield f"{DESKTOP}.{key}", value, f"the provider {planned.get('provider')!r}"
+
+
+# Steps
+
+
+def line_problems(line: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the contradictions between the fields of one line of `steps.jsonl`."""
+    yield from unknown_fields(line, STEPS)
+    for event in _mappings(line.get("events")):
+        for text in unknown_fields(event, EVENT):
+            yield f"events: {text}"
+    step = line.get("step")
+    if isinstance(step, int):
+        for key, end in (("image", ".png"), ("seen", ".seen.png")):
+            name = f"{FRAMES}/{step:04d}{end}"
+            if line.get(key) not in (name, None):
+                yield f"{key} is {fields.shown(line.get(key))}, the file of step {step} is {name}"
+    raw, code, error = line.get("raw"), line.get("code"), line.get("error")
+    if (raw is None) != (code is None and error is None) or None not in (code, error):
+        yield (
+            f"raw is {fields.shown(raw)}, code {fields.shown(code)} and error"
+            f" {fields.shown(error)}: an answer runs or is refused"
+        )
+    if line.get("result") is not None and code is None:
+        yield "there is a result, and nothing ran"
+    times = line.get("seconds")
+    if times is not None:
+        known = isinstance(times, dict) and all(
+            key in SECONDS and _is_time(value) for key, value in times.items()
+        )
+        if not known:
+            yield f"seconds are {fields.shown(times)}: not times of {', '.join(SECONDS)}"
+
+
+def time_problems(record: Mapping[str, Any], lines: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield a problem if the steps of an episode took longer than the episode."""
+    total, setup = record.get("seconds"), record.get("setup_seconds") or 0.0
+    if not _is_time(total) or not _is_time(setup):
+        return
+    spent = setup
+    for line in lines:
+        times = _mapping(line.get("seconds"))
+        spent += sum(value for key, value in times.items() if key not in WITHIN and _is_time(value))
+    if spent > total + ROUNDING_S * (1 + len(lines)):
+        yield f"seconds is {total}, setting up and the steps took {spent:.3f}"
+
+
+def recovery_problems(
+    record: Mapping[str, Any], lines: Sequence[Mapping[str, Any]], asked: int
+) -> Iterator[str]:
+    """Yield the contradictions between the requests for recovery and their results.
+
+    Args:
+        record: of the episode.
+        lines: its steps.
+        asked: in how many of them the agent asked for recovery.
+    """
+    recovery = _mapping(record.get(RECOVERY))
+    if not recovery:
+        return
+    counts = {key: recovery.get(key) for key in ("requests", "repaired", "false_alarms")}
+    helped = sum(_mapping(line.get("result")).get("helped") is True for line in lines)
+    for key, value in (("requests", asked), ("repaired", helped)):
+        if counts[key] != value:
+            yield f"recovery.{key} is {counts[key]!r}, by {STEPS} it is {value}"
+    alarms = counts["false_alarms"]
+    if not isinstance(alarms, int) or not 0 <= alarms <= asked - helped:
+        yield f"recovery.false_alarms is {alarms!r} of {asked} requests, of which {helped} helped"
+
+
+def early_end_problems(
+    record: Mapping[str, Any], lines: Sequence[Mapping[str, Any]], has_effects: bool
+) -> Iterator[str]:
+    """Yield a problem if an episode that was played to its end has a status that denies it.
+
+    Args:
+        record: of the episode, whose status is not `ok`.
+        lines: its steps.
+        has_effects: whether its corruption acts on the machine.
+    """
+    acted = [line for line in lines if line.get("raw") is not None]
+    is_last_seen = bool(lines) and lines[-1].get("raw") is None
+    is_over = bool(acted) and (
+        acted[-1].get("code") in ("DONE", "FAIL") or len(acted) == record.get("max_steps")
+    )
+    if not is_over or not is_last_seen:
+        return
+    blames_evaluator = record.get("status") == "error" and record.get("cause") == "machine"
+    if not has_effects and not blames_evaluator:
+        yield (
+            f"status is {record.get('status')!r} with the cause {record.get('cause')!r}, and the"
+            " episode was played to its end, with no effect that could fail"
+        )
+
+
+# Files
+
+
+def file_problems(
+    folder: Path, names: Sequence[str], records: Sequence[Mapping[str, Any]]
+) -> Iterator[str]:
+    """Yield the files and folders that are no part of a run.
+
+    Args:
+        folder: of the run.
+        names: the ids of the planned episodes; empty if they are not known.
+        records: of the run.
+    """
+    for path in sorted(folder.iterdir()):
+        if path.name not in AT_THE_TOP and not path.name.startswith("."):
+            yield f"{path.name}: is no part of the run; move it elsewhere"
+    made = {str(record.get("id")) for record in records}
+    home = folder / REQUESTS
+    for path in sorted(home.iterdir()) if home.is_dir() else ():
+        if path.name.removesuffix(".jsonl") not in made | set(names):
+            yield f"{REQUESTS}/{path.name}: is of no episode of the run"
+    home = folder / EPISODES
+    for path in sorted(home.iterdir()) if home.is_dir() else ():
+        name = path.name
+        if not path.is_dir():
+            yield f"{EPISODES}/{name}: is no folder of an episode"
+        elif not (path / EPISODE).is_file() and names and not _may_be_begun(name, names, records):
+            yield f"{EPISODES}/{name}: was not planned ({RUN})"
+
+
+def episode_file_problems(folder: Path, lines: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield the files in the folder of an episode that no line names."""
+    for path in sorted(folder.iterdir()):
+        if path.name not in OF_AN_EPISODE and not fnmatch(path.name, _HALF_WRITTEN):
+            yield f"{path.name}: is no part of an episode"
+    named = {str(line.get(key)) for line in lines for key in ("image", "seen")}
+    home = folder / FRAMES
+    for path in sorted(home.iterdir()) if home.is_dir() else ():
+        if f"{FRAMES}/{path.name}" not in named:
+            yield f"{FRAMES}/{path.name}: no line of {STEPS} names it"
+
+
+def _may_be_begun(name: str, names: Sequence[str], records: Sequence[Mapping[str, Any]]) -> bool:
+    """Return whether an episode without an end may lie in a folder.
+
+    It was killed, and its record says so or its next attempt is due.
+    """
+    if any(record.get("id") == name and record.get("status") != "ok" for record in records):
+        return True
+    made: Counter[str] = Counter()
+    last: dict[str, Mapping[str, Any]] = {}
+    for record in records:
+        base = first_attempt_id(record)
+        made[base] += 1
+        last[base] = record
+    for base in names:
+        attempt = made[base]
+        record = last.get(base)
+        if record is None:
+            if name == base:
+                return True
+        elif name == expected_id({**record, "attempt": attempt}) and (
+            record.get("status") == "invalid" or record.get("cause") == "machine"
+        ):
+            return True
+    return False
+
+
+def _count(config: Mapping[str, Any]) -> int:
+    """Return the number of episodes that a configuration asks for."""
+    total = 1
+    for key in ("agents", "tasks", "seeds", "corruptions"):
+        total *= len(config.get(key, ()))
+    return total
+
+
+def _at(record: Mapping[str, Any], name: str) -> Any:
+    """Return the value of a field such as `desktop.size`."""
+    owner, dot, key = name.partition(".")
+    return _mapping(record.get(owner)).get(key) if dot else record.get(name)
+
+
+def _mapping(value: object) -> Mapping[str, Any]:
+    return value if isinstance(value, dict) else {}
+
+
+def _mappings(value: object) -> list[Mapping[str, Any]]:
+    return [entry for entry in value if isinstance(entry, dict)] if isinstance(value, list) else []
+
+
+def _is_time(value: object) -> TypeGuard[float]:
+    """Return whether a value is a number of seconds."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < 1e12
+
+
+def _is_share(score: object) -> bool:
+    return isinstance(score, int | float) and not isinstance(score, bool) and 0 <= score <= 1

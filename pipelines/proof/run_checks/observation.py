@@ -1,0 +1,217 @@
+"""Compute the plan, the pictures and the action of one line of an episode again."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hijack_data import apply
+from hijack_data.actions import count_points
+from hijack_data.actions.agent_actions import read_action
+from hijack_data.compose import Sequence
+from hijack_data.corruption import Corruption, make_corruption
+from hijack_data.errors import ActionError
+from hijack_data.file_io import pixel_sha256
+from hijack_data.plan import CLEAN, Plan
+from hijack_data.planner import Planner
+from hijack_data.types import Scene, Size, UInt8Array, as_boxes
+
+from ...dataset.image_codec import decode
+from ...readers import fields
+from ...readers.safe_files import inside
+
+NO_TEXT = "an action must be a string"  # the log has the `repr` of an answer that was not a string
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayInputs:
+    """Everything that decides the plans of an episode.
+
+    Args:
+        seed: the seed of all draws.
+        sample: the task's id.
+        apps: normalised names of the task's applications.
+        planner: the corruption; `None` for a clean episode.
+        known: whether the log states `planner`; otherwise it is derived from the logged plans.
+        size: `(height, width)` of the screen; `None` if the log does not contain it.
+        allow_code: whether any code was allowed; `None` if the log does not contain it.
+        hashed: whether each line has the hash of its clean picture.
+    """
+
+    seed: int
+    sample: str
+    apps: tuple[str, ...]
+    planner: Planner | None
+    known: bool
+    size: Size | None
+    allow_code: bool | None
+    hashed: bool
+
+    @property
+    def needs_elements(self) -> bool:
+        """Whether the plans depend on where elements are, as far as the log states the planner."""
+        return self.planner is not None and self.planner.needs_elements
+
+    def plan(self, scene: Scene, step: int, logged: Plan) -> Plan:
+        """Return the plan of a step on a screen."""
+        planner = self.planner if self.known else _planner_in(logged)
+        if planner is None:
+            return Plan.clean(scene.size)
+        return planner.plan(scene, seed=self.seed, sample=self.sample, step=step)
+
+
+@dataclass
+class ReplayedObservation:
+    """The result for a line: its plan, computed again, and its problems."""
+
+    plan: Plan
+    problems: list[str] = field(default_factory=list[str])
+
+
+def check_observation(
+    folder: Path, line: Mapping[str, Any], key: ReplayInputs
+) -> ReplayedObservation:
+    """Compute an observation again, and the code that ran for the agent's answer.
+
+    Args:
+        folder: the episode.
+        line: one line of its steps. Raises `HijackError` if it cannot be read.
+        key: what decides its plans.
+    """
+    logged = Plan.from_data(line.get("plan"))
+    boxes = as_boxes(fields.items(line, "boxes"))
+    apps = fields.strings(line.get("apps"))
+    name = fields.text(line, "image")
+    clean = _picture(folder, name)
+    height, width = clean.shape[:2]
+    scene = Scene((height, width), boxes, apps)
+    plan = key.plan(scene, fields.step_number(line, "step"), logged)
+    seen = ReplayedObservation(plan)
+    if apps != key.apps:
+        seen.problems.append(f"apps are {list(apps)}, those of the record are {list(key.apps)}")
+    if key.size is not None and scene.size != key.size:
+        told = f"{key.size[1]}x{key.size[0]}"
+        seen.problems.append(f"{name}: is {width}x{height}, the screen was {told}")
+    if len(boxes) and key.known and not key.needs_elements:
+        seen.problems.append("there are boxes, and no plan needs them")
+    seen.problems += _plan_problems(line, logged, plan)
+    seen.problems += _picture_problems(folder, line, clean, plan, key.hashed)
+    seen.problems += _action_problems(line, plan, key.allow_code)
+    said = line.get("said")
+    if said is not None and not isinstance(said, str):
+        seen.problems.append(f"said must be a string, got {fields.shown(said)}")
+    return seen
+
+
+def _plan_problems(line: Mapping[str, Any], logged: Plan, plan: Plan) -> list[str]:
+    found: list[str] = []
+    stored = line.get("plan_digest")
+    was = logged.digest()
+    now = plan.digest()
+    if was != stored:
+        found.append(f"plan_digest is not that of the plan ({stored})")
+    if now != was:
+        found.append(f"planned again the plan is another: {now[:16]}, it was {was[:16]}")
+    return found
+
+
+def _picture_problems(
+    folder: Path, line: Mapping[str, Any], clean: UInt8Array, plan: Plan, hashed: bool
+) -> list[str]:
+    name = line["image"]
+    stored = line.get("seen")
+    told = line.get("seen_sha256")
+    found: list[str] = []
+    made = apply(plan, clean) if plan.ops else clean
+    if pixel_sha256(made) != told:
+        found.append(f"{name}: disturbed again it is not what the agent saw (seen_sha256)")
+    elif hashed and pixel_sha256(clean) != line.get("image_sha256"):
+        found.append(f"{name}: is not what was on the screen (image_sha256)")
+    if (stored is not None) != bool(plan.ops):
+        found.append(f"seen is {fields.shown(stored)}, and the plan has {len(plan.ops)} operations")
+    if stored is not None and pixel_sha256(_picture(folder, str(stored))) != told:
+        found.append(f"{stored}: is not what the agent saw (seen_sha256)")
+    return found
+
+
+def _action_problems(line: Mapping[str, Any], plan: Plan, allow_code: bool | None) -> list[str]:
+    """Compare the code that ran with the agent's answer, mapped to the real screen."""
+    raw = line.get("raw")
+    logged = line.get("code")
+    if raw is None and logged is None:
+        return []
+    if raw is None:
+        return ["code ran without an answer of the agent (raw is null)"]
+    if not isinstance(raw, str):
+        return [f"raw must be a string, got {fields.shown(raw)}"]
+    if logged is None and str(line.get("error")).startswith(NO_TEXT):
+        return []
+    allowed = logged is not None if allow_code is None else allow_code
+    code = _mapped(raw, plan, allowed)
+    if code == logged:
+        return []
+    made = "is refused" if code is None else f"gives {fields.shown(code)}"
+    return [f"read again the agent's answer (raw) {made}, code is {fields.shown(logged)}"]
+
+
+def _mapped(raw: str, plan: Plan, allow_code: bool) -> str | None:
+    """Return the code for an answer, in pixels of the screen; `None` if it is refused."""
+    try:
+        request = read_action(raw, allow_code)
+        if request.kind != "code":
+            return request.code
+        return plan.coords.code_to_screen(request.code)
+    except ActionError:
+        return None
+
+
+def answer_points(raw: object, allow_code: bool) -> tuple[int, int]:
+    """Return how many points an answer names, and how many of them are fractions."""
+    try:
+        request = read_action(raw, allow_code)
+    except ActionError:
+        return 0, 0
+    return count_points(request.code) if request.kind == "code" else (0, 0)
+
+
+def _planner_in(logged: Plan) -> Planner | None:
+    """Return the planner named in a plan, for logs that do not state the planner."""
+    parts = logged.corruption.split("+")
+    if parts == [CLEAN]:
+        return None
+    # A plan does not separate the parameters of two parts with the same id.
+    if len(set(parts)) < len(parts):
+        return _Fixed(logged)
+    if len(parts) == 1:
+        return _corruption(parts[0], logged.params)
+    return Sequence([_corruption(part, logged.params.get(part)) for part in parts])
+
+
+def _corruption(name: str, params: object) -> Corruption:
+    return make_corruption(name, **fields.mapping(params, f"plan.params.{name}"))
+
+
+@dataclass(frozen=True)
+class _Fixed(Planner):
+    """A planner that always returns the logged plan."""
+
+    made: Plan
+
+    @property
+    def needs_elements(self) -> bool:
+        return False
+
+    def plan(
+        self,
+        scene: Scene,
+        *,
+        seed: int,
+        sample: int | str = 0,
+        step: int | None = None,
+        epoch: int = 0,
+    ) -> Plan:
+        return self.made
+
+
+def _picture(folder: Path, name: str) -> UInt8Array:
+    return decode(inside(folder, name).read_bytes(), name)

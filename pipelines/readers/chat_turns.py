@@ -1,0 +1,260 @@
+"""Conversations with pictures, as in training sets: the screen of each reply.
+
+Messages have `role` and `content`, or `from` and `value`. A picture is shown by `<image>` in the
+text or by a part of the content; a reply belongs to the last picture shown before it.
+"""
+
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from hijack_data.actions.dialects.qwen import TOOLS, tool_call_text
+from hijack_data.actions.recorded_actions import SIZELESS
+from hijack_data.errors import ParameterError
+from hijack_data.smart_resize import smart_resize
+from hijack_data.types import Action, Size, Step
+
+from ..prompts import parse_question
+from . import fields
+from .fields import FieldError, JsonObject
+from .model_replies import ModelReply, ReplyContext, is_action, parse_reply
+from .reader_options import FRACTIONS, RESIZED, THOUSAND, Space, space_scaling
+from .recorded_actions import PYAUTOGUI, ParsedAction, RecordedStep, raw_action_text
+from .safe_files import parse_embedded
+from .tool_calls import acting_calls, call_arguments, parse_call
+
+IMAGE = "<image>"
+USER = "user"
+ASSISTANT = "assistant"
+_ROLES = {
+    "human": USER,
+    "gpt": ASSISTANT,
+    "model": ASSISTANT,
+    "observation": USER,
+    "function_call": ASSISTANT,
+}
+_RESOLUTION = re.compile(r"screen'?s? resolution is (\d{2,5})\s*x\s*(\d{2,5})", re.IGNORECASE)
+# The places of the task in the prompts of the recipes; if none matches, the task is the whole text.
+_TASKS = tuple(
+    re.compile(pattern, re.DOTALL)
+    for pattern in (
+        r"## User Instruction\s*\n(.*)\Z",
+        (
+            r"(?:\A|\n)(?:Task|Instruction|Task instruction):"
+            r" *(.*?)(?:\n\s*\n?(?:Previous|History)[^\n]*:.*)?\Z"
+        ),
+        r"The user query: *(.*?)(?:\s*\n?\(?You have done the following.*|\s*Task progress.*)?\Z",
+    )
+)
+TurnImage = tuple[str, Size]
+
+
+class ChatTurns:
+    """A conversation, while it is read.
+
+    Args:
+        picture: returns the reference and the (height, width) of the n-th picture.
+        count: number of pictures.
+        choice: the space of the coordinates that the user chose.
+    """
+
+    def __init__(self, picture: Callable[[int], TurnImage], count: int, choice: str | None) -> None:
+        self.picture = picture
+        self.count = count
+        self.choice = choice
+        self.steps: list[Step] = []
+        self.instruction = ""
+        self.replies = self.shown = 0
+        self.told: Space | None = None
+        self.screen: int | None = None
+        self.calls = False
+
+    def read(self, messages: list[JsonObject], key: str) -> Iterator[FieldError]:
+        """Read all messages of the field `key`; yield the errors in them.
+
+        Raises:
+            FieldError: there is no action or no instruction.
+        """
+        self._begin(messages)
+        for index, message in enumerate(messages):
+            try:
+                self._take(message, is_last=index == len(messages) - 1)
+            except FieldError as error:
+                inner = f".{error.field}" if error.field else ""
+                yield FieldError(f"{key}[{index}]{inner}", error.reason)
+        if not self.replies:
+            raise FieldError(key, "hold no action")
+        if not self.instruction:
+            raise FieldError(key, "hold no text of the user")
+
+    def _begin(self, messages: list[JsonObject]) -> None:
+        """Look at the messages as a whole.
+
+        Raises:
+            FieldError: no message shows one of several pictures.
+        """
+        self.calls = any(message.get("tool_calls") for message in messages)
+        if any(_shows(message) for message in messages):
+            return
+        if self.count > 1:
+            raise FieldError("messages", f"none says which of the {self.count} pictures it shows")
+        self._show(0)
+
+    def _take(self, message: JsonObject, is_last: bool) -> None:
+        role = _role(message)
+        text = self._look(_content(message), role != ASSISTANT)
+        if role != ASSISTANT:
+            self.hear(text, role)
+            return
+        self._reply(message, text, is_last)
+
+    def hear(self, text: str, role: str) -> None:
+        """Take in the task and the space of the coordinates from a prompt."""
+        stated = _RESOLUTION.search(text)
+        if stated:
+            self.told = (int(stated[2]), int(stated[1]))
+        bare = text.replace(IMAGE, "").strip()
+        asked = parse_question(bare)
+        task = _task(bare)
+        if asked:
+            task, self.told = asked
+        if role == USER and not self.instruction:
+            self.instruction = fields.storable(task, "content")
+
+    def _look(self, content: object, shows: bool) -> str:
+        """Take in the images of a message, if it shows any, and return its text."""
+        parts: list[object] = [{"type": "text", "text": content}]
+        if isinstance(content, list):
+            parts = fields.listed(content)
+        texts: list[str] = []
+        for part in parts:
+            entry = fields.mapping(part, "content")
+            text: object = entry.get("text")
+            if entry.get("type") == "image" and shows:
+                index: object = entry.get("index")
+                self._show(self.shown if index is None else _whole(index))
+            elif isinstance(text, str):
+                texts.append(text)
+                if shows:
+                    self._show(self.shown + text.count(IMAGE) - 1)
+        return "\n".join(texts)
+
+    def _show(self, index: int) -> None:
+        """Take the `index`-th image as the screen, unless it was shown before."""
+        if index >= self.shown:
+            self.screen = index
+            self.shown = index + 1
+
+    def _reply(self, message: JsonObject, text: str, is_last: bool) -> None:
+        text, calls = _with_calls(message, text)
+        found = acting_calls(calls)
+        is_end = self.calls and is_last and not found and not is_action(text)
+        if not found and not is_end and not is_action(text):
+            return
+        self.replies += 1
+        if self.screen is None:
+            raise FieldError("images", "no image was shown between this action and the one before")
+        image, size = self.picture(self.screen)
+        self.screen = None
+        if found:
+            reply = ModelReply(self._called(found[0], calls, size))
+        elif is_end:
+            done = Action("done", text=fields.storable(text, "content"))
+            reply = ModelReply(ParsedAction(done, text, SIZELESS))
+        else:
+            asked = ReplyContext(size, self.choice, _space(self.told, size))
+            reply = parse_reply(text, "content", asked)
+        self._add(image, reply)
+
+    def _add(self, image: str, reply: ModelReply) -> None:
+        said = reply.said
+        step = RecordedStep(
+            index=self.replies,
+            image=image,
+            action=said.action,
+            action_code=said.code,
+            target_box=reply.box,
+            dialect=said.dialect,
+        )
+        self.steps.append(step)
+
+    def _called(self, found: tuple[str, JsonObject], calls: object, size: Size) -> ParsedAction:
+        """Read structured calls, in 0..1000 unless the user chose another space."""
+        space = self.choice or THOUSAND
+        action = parse_call(*found, size, space_scaling(space, size))
+        if space in (THOUSAND, FRACTIONS):
+            return ParsedAction(action, raw_action_text(calls, "tool_calls"), SIZELESS)
+        return ParsedAction(action, "", PYAUTOGUI)
+
+
+def messages_in(value: object, key: str) -> list[JsonObject]:
+    """Return the messages in a field, a list or JSON text; others are a `FieldError`."""
+    record = {key: parse_embedded(value, key)}
+    return fields.mappings(fields.items(record, key), key)
+
+
+def _with_calls(message: JsonObject, text: str) -> tuple[str, object]:
+    """Return the text of a reply, and its structured calls: those of Qwen's tools become text."""
+    calls: object = message.get("tool_calls")
+    functions = fields.objects([call.get("function") for call in fields.objects(calls)])
+    named = [function for function in functions if function.get("name") in TOOLS]
+    if not named:
+        return text, calls
+    written = [tool_call_text(one["name"], _given(one)) for one in named]
+    return "\n".join([text, *written]).strip(), None
+
+
+def _given(function: JsonObject) -> dict[str, Any]:
+    # Parquet stores null for arguments that an action does not have.
+    return {key: value for key, value in call_arguments(function).items() if value is not None}
+
+
+def _space(told: Space | None, size: Size) -> Space | None:
+    """Return the space of a stated resolution: resized, thousandths, or a grid of its own."""
+    if told == (1000, 1000):
+        return THOUSAND
+    if isinstance(told, tuple) and told == _resized(size):
+        return RESIZED
+    return told
+
+
+def _resized(size: Size) -> Size | None:
+    try:
+        return smart_resize(*size)
+    except ParameterError:
+        return None
+
+
+def _shows(message: JsonObject) -> bool:
+    content: object = _content(message)
+    if isinstance(content, str):
+        return IMAGE in content and _role(message) != ASSISTANT
+    for part in fields.objects(content):
+        if part.get("type") == "image" or IMAGE in str(part.get("text")):
+            return True
+    return False
+
+
+def _role(message: JsonObject) -> str:
+    key = "role" if "role" in message else "from"
+    role = fields.text(message, key)
+    return _ROLES.get(role, role)
+
+
+def _content(message: JsonObject) -> object:
+    return message.get("content") if "content" in message else message.get("value")
+
+
+def _task(text: str) -> str:
+    for pattern in _TASKS:
+        found = pattern.search(text)
+        if found:
+            return found[1].strip()
+    return text.strip()
+
+
+def _whole(index: object) -> int:
+    # Parquet turns an index that only some parts have into a float.
+    if isinstance(index, float) and index.is_integer():
+        index = int(index)
+    return fields.step_number({"index": index}, "index")

@@ -1,0 +1,246 @@
+"""Logs of conversations: the entries of a file, and the screen of each action."""
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeAlias, cast
+
+from hijack_data.types import Platform, Size, Step, Trajectory
+
+from . import fields
+from .base import Rejected, files_below
+from .fields import FieldError, FieldTypeError, JsonObject
+from .file_head import LISTS
+from .json_rows import is_json
+from .recorded_actions import RecordedStep, first_action, raw_action_text
+from .recorded_pictures import decode_base64, in_json
+from .safe_files import Source, image_size, inside, lines, parse_any, relative_name, source_root
+
+PICTURES = (".png", ".jpg", ".jpeg", ".webp")
+JsonPath = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class LogEntry:
+    """One message or item of a log, and its place.
+
+    Args:
+        data: the message or item.
+        where: the place in reports.
+        offset: where its line begins; `None` in a `.json` file.
+        pointer: keys and indices from the file's value, or the line's, to the entry.
+    """
+
+    data: JsonObject
+    where: str
+    offset: int | None
+    pointer: JsonPath
+
+
+class OtherFormatError(FieldError):
+    """Raised by a reader if a whole file is of another format."""
+
+
+@dataclass
+class Conversation:
+    """One log file, while it is read: the screen that was shown last, and the steps so far."""
+
+    file: Path
+    root: Path
+    source: str
+    instruction: str = ""
+    steps: list[Step] = field(default_factory=list[Step])
+    actions: int = 0
+    image: str = ""
+    size: Size = (0, 0)
+    why: str = "no screenshot came before this action"
+    apps: tuple[str, ...] = ()
+    platform: Platform | None = None
+
+    def look(self, value: object, entry: LogEntry, pointer: JsonPath) -> None:
+        """Add a screenshot.
+
+        Args:
+            value: a `data:` URL, bare base64, or the path of a file beside the log.
+            entry: the entry that contains it.
+            pointer: keys and indices from the entry to it.
+
+        Raises:
+            FieldError: the screenshot is on the web, or cannot be read.
+            FieldTypeError: the value is not text.
+        """
+        self.image = ""
+        self.why = "the screenshot before this action cannot be read"
+        if not isinstance(value, str) or not value:
+            raise FieldTypeError("image", "a data: URL or a path", value)
+        if value.startswith(("http:", "https:")):
+            reason = "is on the web; only data: URLs and files in the folder are read"
+            raise FieldError("image", reason)
+        if _is_path(value):
+            folder = relative_name(self.file.parent, self.root)
+            path = inside(self.root, os.path.join(folder, value))
+            self.size = image_size(path)
+            self.image = os.fspath(path)
+        else:
+            self.size = image_size(decode_base64(value))
+            self.image = in_json(self.file, entry.offset, (*entry.pointer, *pointer))
+
+    def act(self, raw: object, dialect: str, where: str, code: object = None) -> None:
+        """Add an action.
+
+        Args:
+            raw: the action in its dialect.
+            dialect: name of the dialect.
+            where: the field of the action.
+            code: the text to keep of it, if that is not `raw` itself.
+
+        Raises:
+            FieldError: the action is broken, or there is no screenshot between it and the previous
+                action.
+        """
+        self.actions += 1
+        image = self.image
+        why = self.why
+        self.image = ""
+        self.why = "no screenshot was taken between this action and the one before"
+        if not image:
+            raise FieldError("screenshot", why)
+        action = first_action(raw, dialect, self.size, where)
+        text = raw_action_text(raw if code is None else code, where)
+        self.steps.append(RecordedStep(self.actions, image, action, text, dialect=dialect))
+
+    def ask(self, text: object) -> None:
+        """Add a text of the user, the first of which is the instruction."""
+        if not self.instruction and isinstance(text, str) and text.strip():
+            self.instruction = fields.storable(text.strip(), "instruction")
+
+    def trajectory(self, name: str) -> Iterator[Trajectory | Rejected]:
+        """Yield the trajectory, or the reason why there is none."""
+        file = relative_name(self.file, self.root)
+        if not self.actions:
+            yield Rejected(file, "", "", f"holds no action of format {self.source}")
+        elif not self.instruction:
+            yield Rejected(file, "", "instruction", "no message of the user holds text")
+        elif self.steps:
+            yield Trajectory(
+                id=name,
+                source=self.source,
+                instruction=self.instruction,
+                steps=tuple(self.steps),
+                apps=self.apps,
+                platform=self.platform,
+            )
+
+
+ReadEntry: TypeAlias = Callable[[Conversation, LogEntry], Iterator[FieldError]]
+
+
+def read_logs(path: Source, source: str, take: ReadEntry) -> Iterator[Trajectory | Rejected]:
+    """Read every log of a source; each file is a trajectory.
+
+    Args:
+        path: the source.
+        source: name of the format.
+        take: handles an entry, and yields the errors in it.
+    """
+    root = source_root(path)
+    seen: set[str] = set()
+    for file in files_below(path):
+        if isinstance(file, Rejected):
+            yield file
+        elif is_json(file):
+            yield from _conversation(Conversation(file, root, source), take, seen)
+
+
+def _conversation(
+    talk: Conversation, take: ReadEntry, seen: set[str]
+) -> Iterator[Trajectory | Rejected]:
+    file = relative_name(talk.file, talk.root)
+    name = os.path.splitext(file)[0]
+    try:
+        inside(talk.root, file, "")
+        for entry in entries(talk.file):
+            if isinstance(entry, Rejected):
+                yield Rejected(file, entry.where, entry.field, entry.reason)
+                continue
+            for error in _taken(talk, entry, take):
+                yield Rejected(file, entry.where, error.field, error.reason)
+        if name in seen:
+            raise FieldError("id", f"{name!r} was there before, in a file with another suffix")
+        seen.add(name)
+        yield from talk.trajectory(name)
+    except FieldError as error:
+        yield Rejected(file, "", error.field, error.reason)
+    except OSError as error:
+        yield Rejected(file, "", "", f"cannot be read ({error.strerror or error})")
+
+
+def _taken(talk: Conversation, entry: LogEntry, take: ReadEntry) -> Iterator[FieldError]:
+    try:
+        yield from take(talk, entry)
+    except OtherFormatError:
+        raise
+    except FieldError as error:
+        yield error
+
+
+def entries(file: Path) -> Iterator[LogEntry | Rejected]:
+    """Yield the entries of a log: lines of a `.jsonl`, or a list in a `.json`.
+
+    Bodies with one of the `LISTS` are spread out. A line that cannot be read is a `Rejected`
+    without file; a `.json` file that cannot be read is a `FieldError`.
+    """
+    if file.suffix == ".jsonl":
+        for line in lines(file):
+            where = f"line {line.number}"
+            try:
+                yield from _spread(line.record(), where, line.offset, ())
+            except FieldError as error:
+                yield Rejected("", where, error.field, error.reason)
+        return
+    data = parse_any(file)
+    if isinstance(data, list):
+        yield from _items(cast("list[object]", data), "entry", None, ())
+    else:
+        yield from _spread(fields.mapping(data, ""), "", None, ())
+
+
+def content_parts(entry: LogEntry) -> Iterator[tuple[JsonPath, JsonObject]]:
+    """Yield the parts of a message's `content`, with the pointer to each; text is one part."""
+    content: object = entry.data.get("content")
+    if isinstance(content, str):
+        yield ("content",), {"type": "text", "text": content}
+    elif isinstance(content, list):
+        for index, part in enumerate(cast("list[object]", content)):
+            yield ("content", index), fields.mapping(part, f"content[{index}]")
+
+
+def _spread(
+    record: JsonObject, where: str, offset: int | None, pointer: JsonPath
+) -> Iterator[LogEntry | Rejected]:
+    inner = [key for key in LISTS if isinstance(record.get(key), list)]
+    if not inner or "role" in record:
+        yield LogEntry(record, where, offset, pointer)
+        return
+    outer = {key: value for key, value in record.items() if key not in inner}
+    yield LogEntry(outer, where, offset, pointer)
+    for key in inner:
+        place = f"{where}, {key}" if where else key
+        yield from _items(record[key], place, offset, (*pointer, key))
+
+
+def _items(
+    values: list[Any], where: str, offset: int | None, pointer: JsonPath
+) -> Iterator[LogEntry | Rejected]:
+    for index, value in enumerate(values):
+        place = f"{where} {index}"
+        if isinstance(value, dict):
+            yield LogEntry(cast("dict[str, Any]", value), place, offset, (*pointer, index))
+        else:
+            yield Rejected("", place, "", f"must be an object, got {fields.shown(value)}")
+
+
+def _is_path(value: str) -> bool:
+    # base64 text has no dot
+    return not value.startswith("data:") and value[-5:].lower().endswith(PICTURES)

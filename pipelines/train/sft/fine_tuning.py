@@ -1,0 +1,196 @@
+"""Runs a supervised fine-tuning with TRL's `SFTTrainer`."""
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+from typing import Any
+
+from hijack_data import extras
+from hijack_data.errors import ParameterError, UnknownNameError, suggest
+from hijack_data.file_io import write_atomic
+
+from ..errors import TrainError
+from .chat_rows import ChatRow, check_rows, read_rows
+from .settings import SftSettings
+
+SUMMARY = "summary.json"
+MODEL = "model"
+CHECKPOINTS = "checkpoints"
+
+
+def read_examples(settings: SftSettings) -> dict[str, list[ChatRow]]:
+    """Return the examples of each folder, after the leak check.
+
+    Raises:
+        DatasetError: a folder is not an export, or a row is damaged.
+        LeakError: a row is of a task that is held out or reported.
+        ParameterError: there is no folder, or no example in all of them.
+    """
+    if not settings.data:
+        raise ParameterError(f"{settings.source}: data names no folder; give some with --data DIR")
+    found: dict[str, list[ChatRow]] = {}
+    for folder in settings.folders:
+        rows = read_rows(folder)
+        check_rows(rows, settings.evaluation, what=str(folder))
+        found[str(folder)] = rows
+    if not any(found.values()):
+        raise ParameterError(f"{', '.join(found)}: there are no examples")
+    return found
+
+
+def fine_tune(
+    settings: SftSettings,
+    out: Path,
+    *,
+    rows: dict[str, list[ChatRow]] | None = None,
+    resume: bool = False,
+    say: Callable[[str], object] = lambda _: None,
+) -> dict[str, Any]:
+    """Fine-tune a model, save it to `out/model`, and return the summary.
+
+    The loss is that of the answers; questions and pictures are only read.
+
+    Args:
+        settings: what is trained on what.
+        out: the folder of the results.
+        rows: what `read_examples` returned; it is read if omitted.
+        resume: go on from the last checkpoint in it.
+        say: called with a line on what is read.
+
+    Raises:
+        TrainError: the loss is not finite, the model cannot be loaded or is not made for pictures,
+            or there is no checkpoint to go on from.
+    """
+    rows = read_examples(settings) if rows is None else rows
+    for folder, some in rows.items():
+        say(f"{folder}: {len(some)} rows")
+    every = [row for some in rows.values() for row in some]
+    trainer = _trainer(settings, every, out)
+    checkpoint = _last_checkpoint(out) if resume else None
+    trainer.train(resume_from_checkpoint=checkpoint)
+    trainer.save_model(str(out / MODEL))
+    losses = [
+        {"step": each["step"], "loss": each["loss"]}
+        for each in trainer.state.log_history
+        if "loss" in each
+    ]
+    summary = {
+        "method": "sft",
+        "model": settings.model,
+        "rows": {folder: len(some) for folder, some in rows.items()},
+        "settings": {**asdict(settings), "trl": dict(settings.trl)},
+        "steps": int(trainer.state.global_step),
+        "first_loss": losses[0]["loss"] if losses else None,
+        "last_loss": losses[-1]["loss"] if losses else None,
+        "losses": losses,
+    }
+    write_atomic(out / SUMMARY, json.dumps(summary, indent=1) + "\n")
+    return summary
+
+
+def _trainer(settings: SftSettings, rows: list[ChatRow], out: Path) -> Any:
+    from transformers import AutoModelForImageTextToText, AutoProcessor
+
+    from ..adapters.finite_callback import FiniteCallback
+
+    config = _config(settings, out)
+    try:
+        processor = AutoProcessor.from_pretrained(settings.model)
+        model = AutoModelForImageTextToText.from_pretrained(settings.model)
+    except (OSError, ValueError, KeyError) as error:
+        reason = str(error).splitlines()[0]
+        raise TrainError(f"model {settings.model!r} cannot be loaded: {reason}") from error
+    images = getattr(processor, "image_processor", None)
+    if images is None:
+        raise TrainError(f"model {settings.model!r} takes no pictures: it has no image processor")
+    if settings.max_pixels is not None:
+        _limit(images, settings.max_pixels)
+    trl: Any = extras.load("trl", "method sft", "trl")
+    return trl.SFTTrainer(
+        model=model,
+        args=config,
+        train_dataset=_dataset(rows),
+        processing_class=processor,
+        callbacks=[FiniteCallback()],
+    )
+
+
+def _limit(images: Any, most: int) -> None:
+    """Have an image processor of Qwen's kind scale pictures to at most `most` pixels.
+
+    Raises:
+        ParameterError: its sizes are not such limits.
+    """
+    least = getattr(images.size, "shortest_edge", None)
+    if least is None or getattr(images.size, "longest_edge", None) is None:
+        raise ParameterError(
+            f"max_pixels: the image processor has sizes of another kind ({images.size}); set it to"
+            " null, and scale the pictures of the dataset"
+        )
+    images.size = type(images.size)(shortest_edge=min(least, most), longest_edge=most)
+
+
+def _config(settings: SftSettings, out: Path) -> Any:
+    """Return TRL's configuration.
+
+    Raises:
+        UnknownNameError: `trl` has a field that TRL does not know, or one that is a key of ours.
+    """
+    trl: Any = extras.load("trl", "method sft", "trl")
+    ours: dict[str, Any] = {
+        "output_dir": str(out / CHECKPOINTS),
+        "num_train_epochs": settings.epochs,
+        "per_device_train_batch_size": settings.batch,
+        "gradient_accumulation_steps": settings.accumulation,
+        "learning_rate": settings.learning_rate,
+        "seed": settings.seed,
+        "remove_unused_columns": False,  # they are made when a row is asked for
+        "completion_only_loss": True,
+    }
+    defaults: dict[str, Any] = {
+        "max_length": None,  # TRL's 1024 would cut through the pictures
+        "logging_steps": 1,
+        "report_to": [],
+        "save_strategy": "epoch",
+    }
+    known = {each.name for each in fields(trl.SFTConfig)}
+    for name in settings.trl:
+        if name in ours:
+            raise UnknownNameError(f"{settings.source}: trl: {name} is set by the keys beside trl")
+        if name not in known:
+            raise UnknownNameError(
+                f"{settings.source}: trl: SFTConfig has no {name!r}{suggest(name, sorted(known))}"
+            )
+    return trl.SFTConfig(**{**defaults, **settings.trl, **ours})
+
+
+def _dataset(rows: list[ChatRow]) -> Any:
+    """Return a dataset that opens pictures when an example is asked for."""
+    from datasets import Dataset
+
+    def opened(batch: dict[str, list[int]]) -> dict[str, list[Any]]:
+        examples = [rows[number].example() for number in batch["number"]]
+        return {name: [example[name] for example in examples] for name in examples[0]}
+
+    return Dataset.from_dict({"number": list(range(len(rows)))}).with_transform(opened)
+
+
+def _last_checkpoint(out: Path) -> str:
+    from transformers.trainer_utils import get_last_checkpoint
+
+    folder = out / CHECKPOINTS
+    found = get_last_checkpoint(str(folder)) if os.path.isdir(folder) else None
+    if found is None:
+        raise TrainError(f"{folder}: there is no checkpoint to go on from; leave out --resume")
+    return found
+
+
+def overridden(
+    settings: SftSettings, *, model: str | None, data: tuple[str, ...], epochs: int | None
+) -> SftSettings:
+    """Return the settings with what the command line says instead."""
+    changes: dict[str, Any] = {"model": model, "data": data or None, "epochs": epochs}
+    given = {name: value for name, value in changes.items() if value is not None}
+    return replace(settings, **given)

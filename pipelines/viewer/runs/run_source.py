@@ -1,0 +1,203 @@
+"""An open run: its list of episodes, one episode, its pictures, and what verifying it finds."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, cast
+
+from hijack_data.cache import Cache
+from hijack_data.errors import HijackError, counted
+from hijack_data.runs.run_head import check_head
+from hijack_data.runs.run_log import EPISODES, FORMAT, RUN, SCORE_RUN
+from hijack_data.types import UInt8Array
+
+from ...dataset.image_codec import encode
+from ...errors import DatasetError
+from ...proof.run_checks.episode import EpisodeReplay, check_episode
+from ...proof.run_checks.journal import Journal
+from ...readers.fields import FieldError, mapping
+from ...readers.safe_files import parse, parse_file
+from .entry_columns import columns
+from .episode import EpisodeLines, episode_data, picture_file, read_lines, read_picture
+from .listing import EpisodeEntry, read_listing
+from .scored_rows import ScoredRows
+
+KEPT_EPISODES = 16
+MOST_PROBLEMS = 40
+_PNG = b"\x89PNG"
+
+
+class RunSource:
+    """The log of a run, of `hijack bench`, `hijack score` or a `CorruptedEnv`.
+
+    Damage is listed in `problems`, or shown with its episode. Methods may be called from several
+    threads.
+
+    Raises:
+        DatasetError: the folder holds no run.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.title = folder.resolve().name
+        self.problems: list[str] = []
+        self.head: Mapping[str, Any] = {}
+        content = self._read_head()
+        version = self.head.get("version", 0)
+        listing = read_listing(folder, version if isinstance(version, int) else 0, content)
+        self.entries: list[EpisodeEntry] = listing.entries
+        self.problems += listing.problems
+        self._journal = listing.lines
+        self._scored: ScoredRows | None = None
+        if self.config.get("kind") == SCORE_RUN:
+            self._scored = ScoredRows(str(self.config.get("source") or ""), folder)
+            if self._scored.problem:
+                self.problems.append(self._scored.problem)
+        # bounded by their number: every episode counts as one byte
+        self._kept = Cache(KEPT_EPISODES)
+
+    @property
+    def config(self) -> Mapping[str, Any]:
+        """The configuration of the run; empty if unknown."""
+        found = self.head.get("config")
+        return cast("dict[str, Any]", found) if isinstance(found, dict) else {}
+
+    @property
+    def facts(self) -> str:
+        """A short description of the run."""
+        shown = len(self.entries)
+        planned = self.head.get("episodes")
+        words = [counted(shown, "episode")]
+        if self._scored is not None:
+            words = [f"{counted(shown, 'answer')} to rows of a dataset"]
+        if isinstance(planned, list):
+            known = {entry.id for entry in self.entries}
+            missing = sum(name not in known for name in planned)
+            if missing:
+                words.append(f"{missing:,} of {len(planned):,} planned not played")
+        damaged = sum(bool(entry.problem) for entry in self.entries)
+        if damaged:
+            words.append(f"{damaged:,} damaged")
+        return ", ".join(words)
+
+    def about(self) -> dict[str, Any]:
+        """Return everything that the list of episodes needs, as JSON data."""
+        return {
+            "title": self.title,
+            "facts": self.facts,
+            "problems": self.problems,
+            "scored": self._scored is not None,
+            **columns(self.entries, self.config),
+        }
+
+    def episode(self, number: int) -> dict[str, Any]:
+        """Return an episode with all its steps, as JSON data; damage is in its `problems`.
+
+        Raises:
+            HijackError: there is no such episode.
+        """
+        entry = self._entry(number)
+        if self._scored is not None:
+            data = self._scored.episode(self._record(entry))
+        else:
+            data = episode_data(self.folder, entry.id, self._lines(number))
+        problems = [entry.problem, *data["problems"]]
+        return {
+            **data,
+            "number": number,
+            "problems": [text for text in dict.fromkeys(problems) if text][:MOST_PROBLEMS],
+        }
+
+    def check(self, number: int) -> list[str]:
+        """Return what `hijack verify` finds wrong with the files of an episode.
+
+        Raises:
+            HijackError: there is no such episode.
+        """
+        entry = self._entry(number)
+        home = self.folder / EPISODES / entry.id
+        if self._scored is not None or not entry.id or not home.is_dir():
+            return []
+        journal = Journal(self.folder, head=self.head)
+        found: list[str] = []
+        try:
+            for problem in check_episode(home, journal, EpisodeReplay()):
+                found.append(problem)
+                if len(found) == MOST_PROBLEMS:
+                    found.append("and more: hijack verify lists all")
+                    break
+        except HijackError as error:
+            found.append(str(error))
+        return found
+
+    def picture(self, number: int, step: int, before: bool) -> bytes:
+        """Return a picture as a PNG file: what the agent saw, or the clean screen `before`.
+
+        Raises:
+            HijackError: there is no such picture, or it is damaged.
+        """
+        data, pixels = self._picture(number, step, before)
+        return data if data.startswith(_PNG) else encode(pixels)
+
+    def pixels(self, number: int, step: int, before: bool) -> UInt8Array:
+        """Return the pixels of a picture, uint8 RGB `[H, W, 3]`; errors as of `picture`."""
+        return self._picture(number, step, before)[1]
+
+    def _picture(self, number: int, step: int, before: bool) -> tuple[bytes, UInt8Array]:
+        entry = self._entry(number)
+        if self._scored is not None:
+            return b"", self._scored.pixels(self._record(entry), before)
+        found = self._lines(number)
+        if not 0 <= step < len(found.lines):
+            raise DatasetError(f"{entry.id}: has no step {step}")
+        return read_picture(picture_file(found.home, found.lines[step], before))
+
+    def _entry(self, number: int) -> EpisodeEntry:
+        if not 0 <= number < len(self.entries):
+            raise HijackError(f"there is no episode {number} here; there are {len(self.entries)}")
+        return self.entries[number]
+
+    def _record(self, entry: EpisodeEntry) -> Mapping[str, Any]:
+        """Return the line of the journal; empty if it has none that can be read."""
+        if not entry.number:
+            return {}
+        try:
+            return mapping(parse(self._journal[entry.number - 1]), "")
+        except FieldError:
+            return {}
+
+    def _lines(self, number: int) -> EpisodeLines:
+        entry = self._entry(number)
+        found = self._kept.get(number)
+        if found is None:
+            found = read_lines(self.folder, entry.id, self._record(entry))
+            if entry.outcome != "unfinished":  # that one may grow
+                self._kept.put(number, found, 1)
+        return found
+
+    def _read_head(self) -> bytes:
+        """Read `run.json`, and return its bytes; a log without a benchmark has none.
+
+        Raises:
+            DatasetError: it is of another program, or it is damaged and there are no episodes.
+        """
+        path = self.folder / RUN
+        if not path.exists():
+            return b""
+        try:
+            found = parse_file(path)
+            if found.get("format") != FORMAT:  # another program's, whatever lies beside it
+                raise DatasetError(
+                    f"{path}: not the log of a run of ours (field 'format' must be {FORMAT!r})"
+                )
+            self.head = check_head(found)
+            return path.read_bytes()
+        except DatasetError:
+            raise
+        except OSError as error:
+            problem = f"cannot be read ({error.strerror or error})"
+        except HijackError as error:
+            problem = str(error)
+        if not (self.folder / EPISODES).is_dir():
+            raise DatasetError(f"{path}: {problem}")
+        self.problems.append(f"{RUN}: {problem}; episodes are shown as far as they can be read")
+        return b""
