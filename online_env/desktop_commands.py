@@ -68,7 +68,7 @@ def install(
     """
     from .embedded import home, packages, registry
     from .embedded.image import cache, sources
-    from .embedded.image import install as images
+    from .embedded.image import image_setup as images
 
     packages.packages(profiles)
     _check_sources(host, image or mirror)
@@ -78,7 +78,9 @@ def install(
         ready = f"profiles core, {', '.join(profiles)}"
     else:
         archives = sources.from_mirror(mirror, security) if mirror else None
-        name = images.make_sure(profiles, image, archives, lambda text: click.echo(text, err=True))
+        name = images.ensure_image(
+            profiles, image, archives, lambda text: click.echo(text, err=True)
+        )
         cache.make_default(name)
         ready = f"desktops start from the image {name}"
     home.ensure_layer()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from hijack_data._apply import apply
-from hijack_data.corruption import Corruption
+from hijack_data.corruption import Corruption, corruption_names, make_corruption
 from hijack_data.errors import HijackError
 from hijack_data.plan import Plan
 from hijack_data.types import UInt8Array
@@ -30,7 +30,7 @@ class Button:
         about: the first sentence of its documentation.
         on: whether it is on the desktop now.
         ok: whether its probe was true, or whether it could be taken back.
-        said: what the probe saw, what taking it back did, or the error; empty before the first
+        message: what the probe saw, what taking it back did, or the error; empty before the first
             press.
     """
 
@@ -38,7 +38,7 @@ class Button:
     about: str
     on: bool = False
     ok: bool = True
-    said: str = ""
+    message: str = ""
 
 
 class Buttons:
@@ -61,10 +61,10 @@ class Buttons:
         self._seed = seed
         self._lock = threading.Lock()
         self._plans: dict[str, Plan] = {}
-        self._buttons = {name: Button(name, _about(name)) for name in names()}
+        self._buttons = {name: Button(name, _about(name)) for name in corruption_names()}
 
     def all(self) -> list[Button]:
-        """All buttons in the order of the paper, with what is on the desktop now."""
+        """Return all buttons in the order of the paper, with what is on the desktop now."""
         return [self._button(name) for name in self._buttons]
 
     def _button(self, name: str) -> Button:
@@ -91,15 +91,15 @@ class Buttons:
                 if self._button(name).on:
                     ok, message = self._take_back(name)
                 else:
-                    ok, message = self._corrupt(get(name))
+                    ok, message = self._corrupt(make_corruption(name))
             except HijackError as error:
                 ok = False
                 message = str(error)
-            self._buttons[name] = replace(self._buttons[name], ok=ok, said=message)
+            self._buttons[name] = replace(self._buttons[name], ok=ok, message=message)
         return self._button(name)
 
     def frame(self, screen: UInt8Array) -> tuple[UInt8Array, str]:
-        """The picture that an agent sees of `screen`.
+        """Return the picture that an agent sees of `screen`.
 
         Args:
             screen: uint8 RGB `[H, W, 3]`.

@@ -87,7 +87,7 @@ def wallpaper() -> Image.Image:
 
 
 def lock_picture(base: Image.Image) -> Image.Image:
-    """The wallpaper as the lock screen shows it: blurred and darker."""
+    """Return the wallpaper as the lock screen shows it: blurred and darker."""
     small = base.resize((1280, 720), Image.Resampling.BOX)
     blurred = small.filter(ImageFilter.GaussianBlur(BLUR))
     large = blurred.resize(base.size, Image.Resampling.BICUBIC)
@@ -95,7 +95,7 @@ def lock_picture(base: Image.Image) -> Image.Image:
 
 
 def face() -> Image.Image:
-    """A plain avatar, RGB 192x192."""
+    """Return a plain avatar, RGB 192x192."""
     picture = Image.new("RGB", (768, 768), SHIRT)
     draw = ImageDraw.Draw(picture)
     draw.ellipse((254, 150, 514, 410), SKIN)
@@ -129,7 +129,7 @@ def _gradient(stops: tuple[Stop, ...], at: Floats) -> Floats:
 
 
 def _to_image(picture: Floats) -> Image.Image:
-    """A picture of whole numbers; an ordered pattern hides the bands of slow gradients."""
+    """Return a picture of whole numbers; an ordered pattern hides the bands of slow gradients."""
     tile = np.array(DITHER) / 16
     pattern = np.tile(tile, (HEIGHT // 4, WIDTH // 4))
     dithered = picture + pattern[..., None]

@@ -86,9 +86,9 @@ class EmbeddedDesktop:
         """
         record = registry.load(name)
         if record is None or registry.state(record) != "ready":
-            known = ", ".join(r["id"] for r in registry.records()) or "none"
+            running_ids = ", ".join(r["id"] for r in registry.records()) or "none"
             raise UnknownDesktopError(
-                f"no running desktop {name!r}; there are: {known} (hijack desktop list)"
+                f"no running desktop {name!r}; there are: {running_ids} (hijack desktop list)"
             )
         return cls(None, record)
 
@@ -141,7 +141,7 @@ class EmbeddedDesktop:
         return self._client
 
     def screenshot(self) -> UInt8Array:
-        """The screen with the pointer drawn, read from the X server's memory.
+        """Return the screen with the pointer drawn, read from the X server's memory.
 
         Returns:
             uint8 RGB `[H, W, 3]`.
@@ -154,7 +154,7 @@ class EmbeddedDesktop:
             return self._ask("screenshot")
 
     def accessibility(self) -> str:
-        """The accessibility tree in OSWorld's XML dialect."""
+        """Return the accessibility tree in OSWorld's XML dialect."""
         return self._ask("accessibility")
 
     def run(self, code: str) -> RunResult:
@@ -184,7 +184,7 @@ class EmbeddedDesktop:
         return self._ask("tool", name, operation, fields, timeout)
 
     def read_file(self, path: str) -> bytes:
-        """The content of a file that the desktop's user may read."""
+        """Return the content of a file that the desktop's user may read."""
         return self._ask("read_file", path)
 
     def write_file(self, path: str, data: bytes) -> None:
@@ -237,10 +237,10 @@ class EmbeddedDesktop:
         self._client.close()
         self._frames.close()
 
-    def _ask(self, what: str, *arguments: object) -> Any:
+    def _ask(self, method: str, *arguments: object) -> Any:
         self._check_alive()
         try:
-            return getattr(self._client, what)(*arguments)
+            return getattr(self._client, method)(*arguments)
         except GuestError:
             self._check_alive()
             raise

@@ -58,7 +58,7 @@ class DesktopSupply:
         return self._spare is not None and bool(self._spare.wait())
 
     def ended(self) -> str | None:
-        """Why the present desktop has ended by itself, or `None`."""
+        """Return why the present desktop has ended by itself, or `None`."""
         return "it was closed" if self._present is None else self._present.ended()
 
     def close(self) -> None:

@@ -58,8 +58,9 @@ _REFUSED = "online_env.embedded.runtime.desktop_config.SetupError: "
 _SHIFT_PROBE = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from online_env.embedded.runtime import root_file_system, identity
-sys.exit(not identity.make(0, False, [*map(str, root_file_system.shown_folders()), *sys.argv[2:]]).base)
+from online_env.embedded.runtime import identity, root_file_system
+folders = [*map(str, root_file_system.shown_folders()), *sys.argv[2:]]
+sys.exit(not identity.make(0, False, folders).base)
 """
 
 
@@ -68,9 +69,9 @@ class Finding:
     """One finding.
 
     Attributes:
-        name: of what was looked at.
+        name: the name of the part that was examined.
         ok: whether it is as it should be.
-        detail: what was found.
+        detail: the result.
         fix: the command that mends it; empty if there is none.
         required: whether no desktop starts without it.
     """
@@ -83,21 +84,21 @@ class Finding:
 
 
 def diagnose(profiles: Iterable[str] = ("web",), image: str | None = None) -> list[Finding]:
-    """All findings.
+    """Return all findings.
 
     Args:
         profiles: the packages of others are not `required`.
         image: of the desktop (see `EmbeddedDesktop.up`); with one, the machine's packages do not
             matter and are not listed.
     """
-    wanted = {"core", *profiles}
-    wanted |= set(packages.PROFILES) if packages.ALL in wanted else set()
+    required_profiles = {"core", *profiles}
+    required_profiles |= set(packages.PROFILES) if packages.ALL in required_profiles else set()
     with_image = images.is_asked_for(image)
     if platform.system() != LINUX:
         return [_system(with_image)]
     checks = [_system(with_image), _root()]
     if not with_image:
-        checks += [_packages(name, name in wanted) for name in packages.PROFILES]
+        checks += [_packages(name, name in required_profiles) for name in packages.PROFILES]
     checks += [Finding(*finding) for finding in images.findings(image)]
     return [*checks, _modules(), _kernel(), _users(), _layer(), _limits(), _orphans()]
 
@@ -147,14 +148,14 @@ def _modules() -> Finding:
 def _kernel() -> Finding:
     place = Path(tempfile.mkdtemp(prefix="agenthijack-probe-"))
     try:
-        done = _probed(_PROBE if os.geteuid() == 0 else _ROOTLESS_PROBE, str(place))
+        probe = _probed(_PROBE if os.geteuid() == 0 else _ROOTLESS_PROBE, str(place))
     except subprocess.TimeoutExpired:
         return Finding("namespaces", False, _too_slow())
     finally:
         place.rmdir()
-    if done.returncode == 0:
+    if probe.returncode == 0:
         return Finding("namespaces", True, "namespaces and overlay mounts work")
-    reason = (done.stderr.strip().splitlines() or ["the probe said nothing"])[-1]
+    reason = (probe.stderr.strip().splitlines() or ["the probe said nothing"])[-1]
     reason = reason.removeprefix(_REFUSED)
     way = rootless.way_out(reason)
     return Finding("namespaces", False, reason.removesuffix(f"; {way}"), way)
@@ -188,10 +189,14 @@ def _layer() -> Finding:
 
 
 def _limits() -> Finding:
-    found = {group.what: os.access(group.folder.parent, os.W_OK) for group in limits.groups("x")}
-    held = [what for what in limits.WHAT if found.get(what)]
-    lacking = [what for what in limits.WHAT if not found.get(what)]
-    parts = [f"control groups limit the {' and the '.join(held)} of a desktop"] if held else []
+    writable = {
+        group.resource: os.access(group.folder.parent, os.W_OK) for group in limits.groups("x")
+    }
+    enforced = [resource for resource in limits.RESOURCES if writable.get(resource)]
+    lacking = [resource for resource in limits.RESOURCES if not writable.get(resource)]
+    parts = (
+        [f"control groups limit the {' and the '.join(enforced)} of a desktop"] if enforced else []
+    )
     parts += [f"nothing limits the {' and the '.join(lacking)} of a desktop as a whole"] * bool(
         lacking
     )
@@ -203,12 +208,12 @@ def _users() -> Finding:
     if os.geteuid() != 0:
         return Finding(name, True, "the desktop's user is you, without rights outside")
     layer = home.layer_path()
-    shown = [str(layer / "home")] if layer.is_dir() else []
+    folders = [str(layer / "home")] if layer.is_dir() else []
     try:
-        done = _probed(_SHIFT_PROBE, *shown)
+        probe = _probed(_SHIFT_PROBE, *folders)
     except subprocess.TimeoutExpired:
         return Finding(name, False, _too_slow(), required=False)
-    if done.returncode == 0:
+    if probe.returncode == 0:
         return Finding(name, True, "have numbers that nobody has on this machine")
     detail = (
         "root inside has no rights outside, but its number: the kernel or a file system cannot map"
@@ -219,6 +224,8 @@ def _users() -> Finding:
 
 
 def _orphans() -> Finding:
-    left = [record["id"] for record in registry.orphans()]
-    detail = f"left over: {', '.join(left)}" if left else "nothing left over"
-    return Finding("leftovers", not left, detail, "hijack desktop list --sweep", required=False)
+    orphan_ids = [record["id"] for record in registry.orphans()]
+    detail = f"left over: {', '.join(orphan_ids)}" if orphan_ids else "nothing left over"
+    return Finding(
+        "leftovers", not orphan_ids, detail, "hijack desktop list --sweep", required=False
+    )

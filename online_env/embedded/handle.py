@@ -1,4 +1,4 @@
-"""The controller's hold on one desktop: starts its keeper, waits for it, ends it."""
+"""Starting a desktop from the controller: its keeper is started, waited for and ended here."""
 
 import json
 import os
@@ -89,7 +89,7 @@ def make_order(
         )
     extra.require("an embedded desktop")
     me = os.getpid()
-    found = cache.find_image_folder(image)
+    folder = cache.find_image_folder(image)
     return DesktopConfig(
         name=name,
         screen=(width, height),
@@ -102,12 +102,12 @@ def make_order(
         rootless=os.geteuid() != 0,
         controller=None if detached else (me, registry.process_start(me)),
         time_out=time_out,
-        image="" if found is None else str(found),
+        image="" if folder is None else str(folder),
     )
 
 
 class Handle:
-    """One desktop that this process started.
+    """A desktop that this process started, by way of its keeper.
 
     Attributes:
         order: what it was asked to be.
@@ -145,12 +145,11 @@ class Handle:
         return self.record
 
     def ended(self) -> str | None:
-        """Why the desktop has ended by itself, or `None` while it runs."""
+        """Return why the desktop has ended by itself, or `None` while it runs."""
         if self._end is None:
             dead = bool(self.record) and not registry.alive(self.record["init"])
-            message = self._report(
-                2.0 if dead else 0.0
-            )  # its keeper needs some time to give the reason
+            # its keeper needs some time to give the reason
+            message = self._report(2.0 if dead else 0.0)
             if message is not None:
                 self._end = str(message.get("ended") or message.get("error", message))
             elif self._keeper.poll() is not None:
@@ -158,7 +157,7 @@ class Handle:
         return self._end
 
     def gone(self) -> bool:
-        """Whether the keeper has ended, and so has cleared up."""
+        """Return whether the keeper has ended, and so has cleared up."""
         return self._keeper.poll() is not None
 
     def close(self, wait: bool = True) -> None:
@@ -212,7 +211,7 @@ class Handle:
         return message["ready"]
 
     def _report(self, timeout: float) -> dict[str, Any] | None:
-        """The keeper's next line within `timeout` seconds, or `None`."""
+        """Return the keeper's next line within `timeout` seconds, or `None`."""
         output = cast("IO[bytes]", self._keeper.stdout)
         if output.closed:
             return None

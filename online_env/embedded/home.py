@@ -45,7 +45,7 @@ MimeType=text/html;x-scheme-handler/http;x-scheme-handler/https;
 
 
 def layer_path(parent: Path = PARENT) -> Path:
-    """The path of the layer made from the present sources, whether it is there or not."""
+    """Return the path of the layer made from the present sources, whether it is there or not."""
     return parent / f"layer-{_digest()}"
 
 

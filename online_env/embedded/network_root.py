@@ -30,7 +30,7 @@ def run(record: Mapping[str, Any], script: str) -> RunResult:
         DesktopError: The desktop is gone, or the script does not end.
     """
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             ["/bin/sh", "-c", script],
             capture_output=True,
             text=True,
@@ -46,7 +46,7 @@ def run(record: Mapping[str, Any], script: str) -> RunResult:
         raise DesktopError(
             f"the network of desktop {record['id']!r} cannot be entered ({error}); is it gone?"
         ) from None
-    return RunResult("success", done.stdout, done.stderr, done.returncode)
+    return RunResult("success", process.stdout, process.stderr, process.returncode)
 
 
 def _enter(record: Mapping[str, Any]) -> None:

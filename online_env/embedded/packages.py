@@ -103,16 +103,16 @@ APT_OPTIONS = ("-y", "--no-install-recommends", "-o", "DPkg::Lock::Timeout=300")
 
 
 def packages(profiles: Iterable[str]) -> list[str]:
-    """The packages of `profiles`; `core` is always among them.
+    """Return the packages of `profiles`; `core` is always among them.
 
     Raises:
         UnknownNameError: There is no such profile.
     """
-    wanted = ["core", *profiles]
-    for name in wanted:
+    profile_names = ["core", *profiles]
+    for name in profile_names:
         if name not in PROFILE_NAMES:
             raise UnknownNameError(f"no profile {name!r}{suggest(name, PROFILE_NAMES)}")
-    names = PROFILES if ALL in wanted else dict.fromkeys(wanted)
+    names = PROFILES if ALL in profile_names else dict.fromkeys(profile_names)
     return [package for name in names for package in PROFILES[name]]
 
 
@@ -136,7 +136,7 @@ def missing(names: Sequence[str]) -> list[str]:
 
 
 def install_line(names: Sequence[str]) -> str:
-    """The command that a person types to install `names`."""
+    """Return the command that a person types to install `names`."""
     return f"apt-get update && apt-get install -y --no-install-recommends {' '.join(names)}"
 
 
@@ -151,10 +151,10 @@ def install(names: Sequence[str]) -> None:
     if not names:
         return
     for command in (["apt-get", "update"], ["apt-get", "install", *APT_OPTIONS, *names]):
-        done = subprocess.run(_as_root(command, names), check=False)
-        if done.returncode != 0:
+        process = subprocess.run(_as_root(command, names), check=False)
+        if process.returncode != 0:
             raise DesktopError(
-                f"`{' '.join(command)}` failed with exit code {done.returncode}; see its output"
+                f"`{' '.join(command)}` failed with exit code {process.returncode}; see its output"
                 f" above. As root: {install_line(names)}"
             )
 
@@ -163,10 +163,10 @@ def _as_root(command: list[str], names: Sequence[str]) -> list[str]:
     quiet = {"DEBIAN_FRONTEND": "noninteractive"}
     if os.geteuid() == 0:
         return ["env", *(f"{name}={value}" for name, value in quiet.items()), *command]
-    found = through_sudo(command, **quiet)
-    if found is None:
+    sudo_command = through_sudo(command, **quiet)
+    if sudo_command is None:
         raise RootRequiredError(
             "installing packages needs root, and there is no sudo here; run as root: sh -c"
             f" '{install_line(names)}'"
         )
-    return found
+    return sudo_command

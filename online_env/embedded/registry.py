@@ -54,7 +54,7 @@ def process_start(pid: int) -> int:
 
 
 def _stat(pid: int) -> list[str]:
-    """The fields of /proc/PID/stat after the name; empty if the process is gone."""
+    """Return the fields of /proc/PID/stat after the name; empty if the process is gone."""
     try:
         text = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace")
     except OSError:
@@ -70,7 +70,7 @@ def resume(pid: int) -> None:
 
 
 def alive(process: "list[int] | tuple[int, int] | None") -> bool:
-    """Whether the process `(pid, start)` still runs."""
+    """Return whether the process `(pid, start)` still runs."""
     if process is None:
         return False
     pid, start = process
@@ -78,7 +78,7 @@ def alive(process: "list[int] | tuple[int, int] | None") -> bool:
 
 
 def folder(name: str) -> Path:
-    """The run folder of a desktop."""
+    """Return the run folder of a desktop."""
     return RUN / name
 
 
@@ -94,7 +94,7 @@ def locked() -> Iterator[None]:
     deadline = time.monotonic() + LOCK_TIMEOUT_S
     while True:
         try:
-            held = lock(RUN / _LOCK)
+            file_lock = lock(RUN / _LOCK)
             break
         except LockedError as error:
             if time.monotonic() > deadline:
@@ -104,8 +104,8 @@ def locked() -> Iterator[None]:
                     " or end it"
                 ) from None
             time.sleep(POLL_S)
-    with held:
-        held.sign()
+    with file_lock:
+        file_lock.sign()
         yield
 
 
@@ -122,7 +122,7 @@ def _check_owner() -> None:
 
 
 def _is_root_of_machine() -> bool:
-    """Whether user 0 of this process' user namespace is user 0 of the one above it."""
+    """Return whether user 0 of this process' user namespace is user 0 of the one above it."""
     first = Path("/proc/self/uid_map").read_text(encoding="ascii").split()[:3]
     return first == ["0", "0", str(2**32 - 1)]
 
@@ -132,20 +132,20 @@ def _here() -> dict[str, str]:
 
 
 def _lives(record: Record, role: str) -> bool:
-    """Whether a process of a record still runs: its `keeper`, `controller` or `init`."""
+    """Return whether a process of a record still runs: its `keeper`, `controller` or `init`."""
     return record.get("boot", _here()["boot"]) == _here()["boot"] and alive(record.get(role))
 
 
 def _is_elsewhere(record: Record) -> bool:
     """Whether its processes have numbers of another namespace, and cannot be seen from here."""
-    here = _here()
-    return record.get("boot", here["boot"]) == here["boot"] and (
-        record.get("pids", here["pids"]) != here["pids"]
+    namespace = _here()
+    return record.get("boot", namespace["boot"]) == namespace["boot"] and (
+        record.get("pids", namespace["pids"]) != namespace["pids"]
     )
 
 
 def claim(
-    name: str | None, keeper: tuple[int, int], controller: "tuple[int, int] | None", more: Record
+    name: str | None, keeper: tuple[int, int], controller: "tuple[int, int] | None", fields: Record
 ) -> Record:
     """Reserve a name and a slot; what dead desktops have left is removed first.
 
@@ -153,7 +153,7 @@ def claim(
         name: of the desktop; `None` for the next free one of `d1`, `d2` ...
         keeper: the process that looks after it, as `(pid, start)`.
         controller: the process that it ends with, or `None`.
-        more: further entries of the record.
+        fields: further entries of the record.
 
     Returns:
         The new record.
@@ -178,7 +178,7 @@ def claim(
             "controller": list(controller) if controller else None,
             "created": time.time(),
             **_here(),
-            **more,
+            **fields,
         }
         _publish(record)
     return record
@@ -199,9 +199,9 @@ def _is_taken(name: str, present: set[str]) -> bool:
     return name in present or folder(name).exists()
 
 
-def _free_slot(taken: set[int]) -> int:
+def _free_slot(slots: set[int]) -> int:
     for slot in range(SLOTS):
-        if slot not in taken:
+        if slot not in slots:
             return slot
     raise SetupError(f"all {SLOTS} places for desktops are taken; see: hijack desktop list")
 
@@ -225,20 +225,20 @@ def save(record: Record) -> None:
 
 
 def load(name: str) -> Record | None:
-    """The record of a desktop, or `None`."""
+    """Return the record of a desktop, or `None`."""
     try:
-        found = json.loads((folder(name) / RECORD).read_text(encoding="utf-8"))
+        record = json.loads((folder(name) / RECORD).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    is_record = isinstance(found, dict) and found.keys() >= _NEEDED
-    return found if is_record else None
+    is_record = isinstance(record, dict) and record.keys() >= _NEEDED
+    return record if is_record else None
 
 
 def records() -> list[Record]:
     """All records, oldest first; a folder without a readable record is one in state `"broken"`."""
     names = [path.name for path in RUN.glob("[!.]*") if path.is_dir()]
-    found = [load(name) or _broken(name) for name in names]
-    return sorted(found, key=lambda record: (record["created"], record["id"]))
+    rows = [load(name) or _broken(name) for name in names]
+    return sorted(rows, key=lambda record: (record["created"], record["id"]))
 
 
 def _broken(name: str) -> Record:
@@ -261,12 +261,12 @@ def state(record: Record) -> str:
 
 
 def running() -> list[Record]:
-    """The records of the desktops that somebody looks after, oldest first."""
+    """Return the records of the desktops whose keeper runs, oldest first."""
     return [record for record in records() if state(record) not in ("orphan", "elsewhere")]
 
 
 def orphans() -> list[Record]:
-    """Desktops that nobody looks after any more; also namespaces and groups without a folder."""
+    """Return desktops without a running keeper; also namespaces and groups without a folder."""
     listed = records()
     return [
         *(record for record in listed if state(record) == "orphan"),
@@ -274,10 +274,10 @@ def orphans() -> list[Record]:
     ]
 
 
-def _leftovers(known: set[str]) -> list[str]:
+def _leftovers(ids: set[str]) -> list[str]:
     if os.geteuid() != 0:
         return []  # without root there are no groups, and namespaces have no names outside
-    return sorted({*network.leftovers(known), *limits.leftovers(known)})
+    return sorted({*network.leftovers(ids), *limits.leftovers(ids)})
 
 
 def _sweep() -> None:

@@ -1,4 +1,4 @@
-"""Which of the running desktops a command means."""
+"""The choice of the running desktop that a command acts on."""
 
 import os
 from typing import Any
@@ -10,15 +10,15 @@ from .desktop import EmbeddedDesktop
 
 
 def choose(name: str | None) -> dict[str, Any]:
-    """The record of `name`, or of the only desktop that runs.
+    """Return the record of `name`, or of the only desktop that runs.
 
     What a killed desktop left counts only if it is named.
 
     Raises:
         UnknownDesktopError: There is no such desktop, or `name` is missing and several run.
     """
-    found = registry.running() if name is None else registry.records()
-    records = {record["id"]: record for record in found}
+    candidates = registry.running() if name is None else registry.records()
+    records = {record["id"]: record for record in candidates}
     if name is not None and name in records:
         return records[name]
     if name is None and len(records) == 1:
@@ -26,15 +26,15 @@ def choose(name: str | None) -> dict[str, Any]:
     unknown = ""
     if name is not None:
         unknown = f": {name!r} is not one of them"
-    known = ", ".join(records) or "none (hijack desktop up starts one)"
-    others = ""
+    ids = ", ".join(records) or "none (hijack desktop up starts one)"
+    hint = ""
     if os.geteuid() != 0:
-        others = f"; those of root: {as_root('desktop', 'list')}"
-    raise UnknownDesktopError(f"say which desktop{unknown}; there are: {known}{others}")
+        hint = f"; those of root: {as_root('desktop', 'list')}"
+    raise UnknownDesktopError(f"say which desktop{unknown}; there are: {ids}{hint}")
 
 
 def left_running() -> list[dict[str, Any]]:
-    """The records of the desktops that `hijack desktop up` started, oldest first.
+    """Return the records of the desktops that `hijack desktop up` started, oldest first.
 
     Others belong to a process that uses them, such as a benchmark, and end with it.
     """
@@ -43,6 +43,6 @@ def left_running() -> list[dict[str, Any]]:
 
 
 def attach(name: str | None) -> EmbeddedDesktop:
-    """A connection to `name`, or to the only desktop there is; errors as in `choose`."""
+    """Return a connection to `name`, or to the only desktop there is; errors as in `choose`."""
     record = choose(name)
     return EmbeddedDesktop.attach(record["id"])

@@ -35,7 +35,7 @@ class ButtonPanel(Protocol):
     """
 
     def all(self) -> Sequence[Any]:
-        """The buttons in their order."""
+        """Return the buttons in their order."""
         ...
 
     def press(self, name: str) -> Any:
@@ -47,7 +47,7 @@ class ButtonPanel(Protocol):
         ...
 
     def frame(self, screen: UInt8Array) -> tuple[UInt8Array, str]:
-        """The picture that the page shows of the screen, uint8 RGB `[H, W, 3]`.
+        """Return the picture that the page shows of the screen, uint8 RGB `[H, W, 3]`.
 
         With it comes a text for what was drawn into it.
         """
@@ -87,22 +87,22 @@ class Viewer(ThreadingHTTPServer):
         return f"http://127.0.0.1:{self.server_address[1]}/?token={self.token}"
 
     def page(self) -> bytes:
-        """The page itself."""
+        """Return the page itself."""
         width, height = self.record["screen"]
         text = PAGE.read_text(encoding="utf-8").replace("@NAME@", self.record["id"])
         return text.replace("@WIDTH@", str(width)).replace("@HEIGHT@", str(height)).encode()
 
-    def frame(self, seen: str) -> tuple[str, bytes]:
-        """The present picture's name and its JPEG bytes, which are empty if `seen` is that name."""
+    def frame(self, last_seen: str) -> tuple[str, bytes]:
+        """Return the present picture's name and JPEG bytes, empty if that is `last_seen`."""
         answer = self.guest.get("/ah/frame").raise_for_status()
         width = int(answer.headers["X-Width"])
         height = int(answer.headers["X-Height"])
         screen = np.frombuffer(answer.content, np.uint8).reshape(height, width, 3)
-        drawn = ""
+        pointer = ""
         if self.buttons is not None:
-            screen, drawn = self.buttons.frame(screen)
-        name = hashlib.blake2b(answer.content + drawn.encode(), digest_size=8).hexdigest()
-        if name == seen:
+            screen, pointer = self.buttons.frame(screen)
+        name = hashlib.blake2b(answer.content + pointer.encode(), digest_size=8).hexdigest()
+        if name == last_seen:
             return name, b""
         out = io.BytesIO()
         Image.fromarray(screen).save(out, "JPEG", quality=QUALITY, subsampling=0)
@@ -124,8 +124,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         parts = urlsplit(self.path)
-        given = parse_qs(parts.query).get("token", [self.headers.get("X-Token", "")])[0]
-        if not self._allowed(given):
+        token = parse_qs(parts.query).get("token", [self.headers.get("X-Token", "")])[0]
+        if not self._allowed(token):
             return
         if parts.path == "/":
             self._answer(200, self._viewer.page(), "text/html; charset=utf-8")
@@ -207,7 +207,11 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer(status, json.dumps(data).encode(), "application/json")
 
     def _answer(
-        self, status: int, body: bytes, kind: str = "text/plain", more: dict[str, str] | None = None
+        self,
+        status: int,
+        body: bytes,
+        kind: str = "text/plain",
+        extra_headers: dict[str, str] | None = None,
     ) -> None:
         self.send_response(status)
         headers = {
@@ -216,7 +220,7 @@ class _Handler(BaseHTTPRequestHandler):
             "Cache-Control": "no-store",
             "Referrer-Policy": "no-referrer",
             "X-Content-Type-Options": "nosniff",
-        } | (more or {})
+        } | (extra_headers or {})
         for name, value in headers.items():
             self.send_header(name, value)
         self.end_headers()

@@ -12,40 +12,40 @@ SETTINGS = "settings-daemon"
 POLL_S = 0.01
 
 
-def report(descriptor: int, wanted: Iterable[str]) -> None:
-    """Write a line to `descriptor` for each of `wanted` once it is there.
+def report(descriptor: int, names: Iterable[str]) -> None:
+    """Write a line to `descriptor` for each of `names` once it is there.
 
     Ends after the last one; the parent kills it when its timeout ends.
 
     Args:
         descriptor: where to write.
-        wanted: WM_CLASS names in lower case, `MANAGER` or `SETTINGS`.
+        names: WM_CLASS names in lower case, `MANAGER` or `SETTINGS`.
     """
     from .guest.inside.ewmh import Screen
 
     screen = Screen.open()
-    left = set(wanted)
-    while left:
-        found = _mapped_names(screen)
+    missing = set(names)
+    while missing:
+        mapped = _mapped_names(screen)
         if screen.has_manager():
-            found.add(MANAGER)
-        if SETTINGS in left and screen.has_settings():
-            found.add(SETTINGS)
-        for name in found & left:
+            mapped.add(MANAGER)
+        if SETTINGS in missing and screen.has_settings():
+            mapped.add(SETTINGS)
+        for name in mapped & missing:
             os.write(descriptor, f"{name}\n".encode())
-        left -= found
+        missing -= mapped
         time.sleep(POLL_S)
 
 
 def _mapped_names(screen) -> set[str]:  # type: ignore[no-untyped-def]
     from .guest.inside.ewmh import GONE
 
-    found: set[str] = set()
+    names: set[str] = set()
     for number in screen.numbers(screen.root, "_NET_CLIENT_LIST"):
         window = screen.window(number)
         try:
             if screen.is_mapped(window):
-                found.update(name.lower() for name in window.get_wm_class() or ())
+                names.update(name.lower() for name in window.get_wm_class() or ())
         except GONE:
             continue  # closed meanwhile
-    return found
+    return names

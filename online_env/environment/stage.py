@@ -12,6 +12,7 @@ from hijack_data.errors import ParameterTypeError, some_of
 
 from .. import tasks
 from ..desktops.protocol import Desktop
+from ..embedded.panel_clock import set_panel_clock
 from ..embedded.sites.state import SiteState
 from ..errors import DesktopError
 from ..tasks.base import Task, Verdict
@@ -158,6 +159,8 @@ class SmallTasks(TaskHolder):
         self._task = None
         self._desktop.reset()
         self._machine = Machine(self._desktop, self.sites)
+        if self.sites is not None:
+            set_panel_clock(self._desktop, chosen_task.seed)
         chosen_task.setup(self._machine)
         self._task = chosen_task
         apps = tuple(normalize_app(app) for app in chosen_task.apps)

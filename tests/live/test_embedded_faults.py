@@ -332,7 +332,7 @@ def test_two_controllers_at_once(embedded_machine):
         ),
         (
             "from online_env.embedded.guest import preload; preload.LATER = ('no_such_module',)",
-            r"(?s)the end of nest\.log: .*No module named 'no_such_module'",
+            r"(?s)the end of spawner\.log: .*No module named 'no_such_module'",
         ),
     ],
 )

@@ -1,7 +1,7 @@
-"""The port of a container on which whoever holds the token asks for a pristine desktop.
+"""The control port of a container, on which the holder of the token requests a pristine desktop.
 
-One request at a time, between two looks at the processes that have ended: process 1 has no threads,
-because it forks.
+Process 1 has no threads, because it forks: it serves one request at a time, between two checks for
+processes that have ended.
 """
 
 import hmac
@@ -22,8 +22,8 @@ class _Request(BaseHTTPRequestHandler):
     def do_POST(self) -> None:
         """Note that a reset was asked for; the answer follows when it is done."""
         server = cast("_Server", self.server)
-        given = self.headers.get("X-Token", "").encode("utf-8", "replace")
-        if not hmac.compare_digest(given, server.token):
+        token = self.headers.get("X-Token", "").encode("utf-8", "replace")
+        if not hmac.compare_digest(token, server.token):
             self.send_error(401, "a token is needed: send it as X-Token")
             return
         if self.path != RESET:
@@ -50,7 +50,7 @@ class _Server(HTTPServer):
 
 
 class Control:
-    """The port.
+    """The control port.
 
     Args:
         port: its number.
@@ -68,7 +68,7 @@ class Control:
         email.parser.Parser(_class=http.client.HTTPMessage).parsestr("X-Token: x\r\n\r\n")
 
     def wait(self, attend: Callable[[float, Iterable[int]], set[int]]) -> None:
-        """Wait until somebody asks for a reset; `answer` tells how it went.
+        """Wait for a request for a reset, which `answer` answers.
 
         Args:
             attend: looks after the desktop until one of some descriptors can be read.
@@ -77,17 +77,17 @@ class Control:
             if attend(ATTEND_S, (self._server.fileno(),)):
                 self._server.handle_request()
 
-    def answer(self, told: dict[str, Any]) -> None:
-        """Answer who asked for a reset; nobody did before the first session."""
-        asked = self._server.asked
+    def answer(self, outcome: dict[str, Any]) -> None:
+        """Answer the request for a reset, if there is one: the first session has none."""
+        request = self._server.asked
         self._server.asked = None
-        if asked is None:
+        if request is None:
             return
-        body = json.dumps(told).encode()
-        status = "500 Internal Server Error" if "error" in told else "200 OK"
+        body = json.dumps(outcome).encode()
+        status = "500 Internal Server Error" if "error" in outcome else "200 OK"
         head = f"HTTP/1.0 {status}\r\nContent-Type: application/json\r\n"
-        with asked:
+        with request:
             try:
-                asked.sendall(f"{head}Content-Length: {len(body)}\r\n\r\n".encode() + body)
+                request.sendall(f"{head}Content-Length: {len(body)}\r\n\r\n".encode() + body)
             except OSError:
                 return  # it waits no more

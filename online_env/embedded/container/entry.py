@@ -74,7 +74,7 @@ class Container(init.Init):
             while True:
                 os.wait()
         self.spawner.close()
-        self.doors.framebuffer.close()
+        self.endpoints.framebuffer.close()
         self.logs.close()
         os.close(self.wake)
 

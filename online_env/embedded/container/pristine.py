@@ -1,7 +1,7 @@
-"""A container's files as they were: the home and all that is for the moment are made anew.
+"""Resets the files of a container: the home and all folders of temporary files are made anew.
 
-What root inside has changed elsewhere cannot be taken back from within: it is found and refused, so
-that no reset is called pristine that is not.
+What root inside has changed elsewhere cannot be undone from within the container: `check` finds
+such changes and refuses the reset.
 """
 
 import os
@@ -21,7 +21,7 @@ EMPTIED = ("/tmp", "/var/tmp", "/dev/shm", "/run/lock", "/run/user", "/run/sudo"
 SUDO_RULE = Path("/etc/sudoers.d", account.NAME)
 # Not looked at: made anew, the kernel's, or written by whoever logs in.
 _PASSED = frozenset((*EMPTIED, "/proc", "/sys", "/dev", "/run", "/home", "/var/log"))
-_MOST_NAMED = 3
+_MAX_NAMED = 3
 _ESCAPED = re.compile(r"\\([0-7]{3})")  # as mountinfo writes spaces (proc(5))
 
 
@@ -88,37 +88,38 @@ def check(since: int) -> None:
         since: what `begin` returned.
 
     Raises:
-        SetupError: Some were; with their names.
+        SetupError: Some files were changed; the message names them.
     """
-    changed = list(_changed("/", _PASSED | mount_points(), since))
-    if changed:
-        names = ", ".join(changed[:_MOST_NAMED])
-        more = f" and {len(changed) - _MOST_NAMED} more" if len(changed) > _MOST_NAMED else ""
+    changed_paths = list(_changed("/", _PASSED | mount_points(), since))
+    if changed_paths:
+        names = ", ".join(changed_paths[:_MAX_NAMED])
+        unnamed = len(changed_paths) - _MAX_NAMED
+        suffix = f" and {unnamed} more" if unnamed > 0 else ""
         raise SetupError(
-            f"root inside has changed the container's system ({names}{more}), which no reset takes"
-            " back; start a fresh container"
+            f"root inside has changed the container's system ({names}{suffix}), which no reset"
+            " takes back; start a fresh container"
         )
 
 
 def mount_points(mounts: Path = Path("/proc/self/mountinfo")) -> frozenset[str]:
-    """What is mounted over the system: by the engine (`/etc/hosts`), or by the user (`-v`).
+    """Return what is mounted over the system: by the engine (`/etc/hosts`), or by the user (`-v`).
 
     The root itself is not among them. Numbers of devices would not do: in an overlay, files of
     one folder may have different ones.
     """
     lines = mounts.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
     names = (line.split()[4] for line in lines)
-    return frozenset(_ESCAPED.sub(lambda found: chr(int(found[1], 8)), name) for name in names)
+    return frozenset(_ESCAPED.sub(lambda match: chr(int(match[1], 8)), name) for name in names)
 
 
-def _changed(folder: str, passed: frozenset[str], since: int) -> Iterator[str]:
-    with os.scandir(folder) as found:
-        entries = list(found)
+def _changed(folder: str, skipped: frozenset[str], since: int) -> Iterator[str]:
+    with os.scandir(folder) as scan:
+        entries = list(scan)
     for entry in entries:
-        if entry.path in passed:
+        if entry.path in skipped:
             continue
-        seen = entry.stat(follow_symlinks=False)
-        if seen.st_ctime_ns > since:
+        status = entry.stat(follow_symlinks=False)
+        if status.st_ctime_ns > since:
             yield entry.path
-        if stat.S_ISDIR(seen.st_mode):
-            yield from _changed(entry.path, passed, since)
+        if stat.S_ISDIR(status.st_mode):
+            yield from _changed(entry.path, skipped, since)

@@ -52,14 +52,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sockets = [_listen(host, options.port) for host in options.host.split(",") if host]
         if options.listen is not None:
             sockets.append(socket.socket(fileno=options.listen))
-        door = None if options.freeze is None else socket.socket(fileno=options.freeze)
+        freeze_listener = None if options.freeze is None else socket.socket(fileno=options.freeze)
     except (OSError, KeyError, UnicodeDecodeError) as error:
         return _refuse(f"{error}")
     os.chdir(os.environ.get("HOME", "/"))
     os.umask(0o022)
     machine = GuestMachine(options.bin)
-    if door is not None:
-        Freezer(door, machine.name, machine.screen).start()
+    if freeze_listener is not None:
+        Freezer(freeze_listener, machine.name, machine.screen).start()
     config = uvicorn.Config(
         make_app(machine, token, options.osworld),
         log_level="warning",
@@ -101,7 +101,7 @@ def _end_if_exhausted(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) 
 
 
 def _read_all(source: Path | int) -> str:
-    """The content of a file, or of the file behind a descriptor."""
+    """Return the content of a file, or of the file behind a descriptor."""
     with open(source, encoding="ascii") as file:
         return file.read().strip()
 

@@ -52,7 +52,8 @@ _VALUES = {
 class AccessibilityTree:
     """Reads the tree anew at each call; one thread at a time, the others wait.
 
-    An application that does not answer costs `reader.APP_TIMEOUT_S` seconds and is marked by a comment.
+    An application that does not answer costs `reader.APP_TIMEOUT_S` seconds and is marked by a
+    comment.
     """
 
     def __init__(self, bus: str, windows: Windows) -> None:
@@ -62,7 +63,7 @@ class AccessibilityTree:
         self._reader: AtspiReader | None = None
 
     def read(self) -> str:
-        """The tree of all applications.
+        """Return the tree of all applications.
 
         A session without an accessibility bus is a `DesktopError`.
         """
@@ -71,7 +72,7 @@ class AccessibilityTree:
         return to_xml(applications)
 
     def terminal_text(self) -> str | None:
-        """The text of the terminal that has the focus, or of one in front, or None.
+        """Return the text of the terminal that has the focus, or of one in front, or None.
 
         A session without an accessibility bus is a `DesktopError`.
         """
@@ -101,7 +102,11 @@ class AccessibilityTree:
     def _kept(
         self, reader: AtspiReader, act: Callable[[AtspiReader], list[Application]]
     ) -> list[Application]:
-        """Run `act` and keep the connection, unless it fails."""
+        """Run `act` and keep the connection, unless it fails.
+
+        Raises:
+            DesktopError: The reader's connection failed; it is closed.
+        """
         self._reader = None
         try:
             result = act(reader)
@@ -112,17 +117,17 @@ class AccessibilityTree:
         return result
 
     def _applications(
-        self, reader: AtspiReader, wanted: Callable[[str], bool] | None
+        self, reader: AtspiReader, accepts: Callable[[str], bool] | None
     ) -> list[Application]:
-        applications = reader.read(wanted)
+        applications = reader.read(accepts)
         surfaces = self._windows.surfaces()
         size = self._windows.screen_size()
         nodes: list[AtspiNode] = []
         for application in applications:
             nodes += candidates(application)
-        placed = [node for node in nodes if "Component" in node.interfaces]
-        boxes = reader.wire.ask([(node.reference, m.EXTENTS) for node in placed])
-        for node, box in zip(placed, boxes, strict=True):
+        components = [node for node in nodes if "Component" in node.interfaces]
+        boxes = reader.wire.ask([(node.reference, m.EXTENTS) for node in components])
+        for node, box in zip(components, boxes, strict=True):
             node.box = box
         visible = VisibilityFilter(list(surfaces), size)
         for application in applications:
@@ -138,7 +143,7 @@ def _is_terminal_name(name: str) -> bool:
 
 
 def _rank(node: AtspiNode, frame: AtspiNode) -> int:
-    """How likely a node is the terminal in front; 0 if it is not one."""
+    """Return how likely a node is the terminal in front; 0 if it is not one."""
     if node.role != TERMINAL:
         return 0
     rank = 0
@@ -153,28 +158,28 @@ def _rank(node: AtspiNode, frame: AtspiNode) -> int:
 
 def _fill(reader: AtspiReader, nodes: list[AtspiNode]) -> None:
     """Ask for texts, attributes, values and actions of the nodes that are seen."""
-    seen = [node for node in nodes if node.states & SHOWING]
-    written = [node for node in nodes if _has_text(node)]
-    valued = [node for node in seen if "Value" in node.interfaces]
+    showing = [node for node in nodes if node.states & SHOWING]
+    with_text = [node for node in nodes if _has_text(node)]
+    valued = [node for node in showing if "Value" in node.interfaces]
     at_once = [node for node in valued if reader.wire.is_direct(node.reference[0])]
     one_by_one = [node for node in valued if not reader.wire.is_direct(node.reference[0])]
-    acting = [node for node in seen if "Action" in node.interfaces]
-    calls = [(node.reference, m.ATTRIBUTES) for node in seen]
-    calls += [(node.reference, m.TEXT) for node in written]
+    acting = [node for node in showing if "Action" in node.interfaces]
+    calls = [(node.reference, m.ATTRIBUTES) for node in showing]
+    calls += [(node.reference, m.TEXT) for node in with_text]
     calls += [(node.reference, m.ALL_VALUES) for node in at_once]
     calls += [(node.reference, method) for node in one_by_one for method in m.VALUES.values()]
     calls += [(node.reference, m.ACTIONS) for node in acting]
     answers = iter(reader.wire.ask(calls))
-    for node in seen:
+    for node in showing:
         node.attributes = next(answers) or {}
-    for node in written:
+    for node in with_text:
         text: str = next(answers) or ""
         node.text = text[:MAX_TEXT].translate(_NOT_WRITTEN)
     for node in at_once:
         node.values = next(answers) or {}
     for node in one_by_one:
-        found = {name: next(answers) for name in m.VALUES}
-        node.values = {name: value for name, value in found.items() if value is not None}
+        values = {name: next(answers) for name in m.VALUES}
+        node.values = {name: value for name, value in values.items() if value is not None}
     for node in acting:
         node.actions = next(answers) or []
 
@@ -186,7 +191,7 @@ def _has_text(node: AtspiNode) -> bool:
 
 
 def to_xml(applications: list[Application]) -> str:
-    """The tree in OSWorld's dialect.
+    """Return the tree in OSWorld's dialect.
 
     A tag is a role, everything else is an attribute in one of `NAMESPACES`.
     """
@@ -221,7 +226,7 @@ def _write(node: AtspiNode, parts: list[str], path: set[int], depth: int) -> Non
 
 
 def _begins_name(text: str) -> bool:
-    """Whether an XML name may begin like this."""
+    """Return whether an XML name may begin like this."""
     return text[0].isalpha() or text[0] == "_"
 
 
@@ -244,8 +249,8 @@ def _attributes(node: AtspiNode) -> str:
         key = _key(name[:1].lower() + name[1:].replace(" ", "-"))
         pairs[f"act:{key}_desc"] = description
         pairs[f"act:{key}_kb"] = keys
-    rest = "".join(f" {key}={quoteattr(_clean(value))}" for key, value in pairs.items())
-    return f" name={quoteattr(_clean(node.name))}{_states(node.states)}{rest}"
+    extra = "".join(f" {key}={quoteattr(_clean(value))}" for key, value in pairs.items())
+    return f" name={quoteattr(_clean(node.name))}{_states(node.states)}{extra}"
 
 
 @functools.lru_cache(4096)

@@ -44,7 +44,7 @@ class CommandResult:
 
 
 def parse_command(command: object, shell: bool) -> list[str]:
-    """The arguments to run for a `command` field.
+    """Return the arguments to run for a `command` field.
 
     As in OSWorld's server, `~/` at the start of an argument is the home folder.
 

@@ -59,7 +59,7 @@ class Input:
         return len(rows)
 
     def position(self) -> tuple[int, int]:
-        """Where the pointer is."""
+        """Return where the pointer is."""
         with self._display.use() as connection:
             return Pointer(connection).position
 
@@ -79,8 +79,8 @@ class _Player:
             event = cast("Event", row)
         act = _ACTS.get(str(event.get("type")))
         if act is None:
-            known = ", ".join(_ACTS)
-            raise GuestError(f"type must be one of {known}; got {row!r:.200}", BAD_REQUEST)
+            event_types = ", ".join(_ACTS)
+            raise GuestError(f"type must be one of {event_types}; got {row!r:.200}", BAD_REQUEST)
         act(self, event)
 
     def go(self, event: Event, timed: bool = True) -> None:
@@ -126,7 +126,8 @@ class _Player:
         interval = number(event, "interval", 0.0, 0.0, MAX_TYPING_INTERVAL)
         if interval * len(content) > MAX_DURATION_S:
             raise GuestError(
-                f"typing {len(content)} characters at {interval:g} s each is over {MAX_DURATION_S:g} s",
+                f"typing {len(content)} characters at {interval:g} s each is over"
+                f" {MAX_DURATION_S:g} s",
                 BAD_REQUEST,
             )
         self.keyboard.type(content, interval)

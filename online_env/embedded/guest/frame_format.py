@@ -94,7 +94,7 @@ class FrozenScreen:
 
     @classmethod
     def unpack(cls, message: bytes) -> "FrozenScreen":
-        """The screen that `pack` made a message of.
+        """Return the screen that `pack` made a message of.
 
         Raises:
             ValueError: The message is not one of `pack`.

@@ -19,16 +19,16 @@ MAX_FREEZE_S = 0.2  # s for which the screen is frozen at most
 
 
 class Freezer:
-    """Answers the machine on the listening socket `door`, in threads of its own.
+    """Answers the machine on the listening socket `listener`, in threads of its own.
 
     Args:
-        door: a listening socket (`SOCK_SEQPACKET`).
+        listener: a listening socket (`SOCK_SEQPACKET`).
         name: the display.
         screen: counts the frames.
     """
 
-    def __init__(self, door: socket.socket, name: str, screen: ScreenCapture) -> None:
-        self._door = door
+    def __init__(self, listener: socket.socket, name: str, screen: ScreenCapture) -> None:
+        self._listener = listener
         self._screen = screen
         # of its own: while it has X grabbed, the others must wait
         self._display = SharedDisplay(name)
@@ -40,7 +40,7 @@ class Freezer:
 
     def _serve(self) -> None:
         while True:
-            caller, _ = self._door.accept()
+            caller, _ = self._listener.accept()
             threading.Thread(target=self._attend, args=(caller,), daemon=True).start()
 
     def _attend(self, caller: socket.socket) -> None:

@@ -42,7 +42,7 @@ class GuestMachine:
         self.recorder = Recorder(self.name, self.runner)
 
     def health(self) -> dict[str, object]:
-        """Which parts of the session answer; `ready` if all do."""
+        """Return which parts of the session answer; `ready` if all do."""
         display_answers = self._display_answers()
         parts = {
             "display": display_answers,
@@ -82,8 +82,8 @@ class GuestMachine:
         elif action in acts:
             acts[action](window.id)
         else:
-            known = ", ".join((*acts, "place", "show_desktop"))
-            raise GuestError(f"action must be one of {known}", BAD_REQUEST)
+            action_names = ", ".join((*acts, "place", "show_desktop"))
+            raise GuestError(f"action must be one of {action_names}", BAD_REQUEST)
 
     def _display_answers(self) -> bool:
         try:
@@ -110,8 +110,8 @@ class GuestMachine:
 def _box(value: object) -> Box:
     if not isinstance(value, list) or len(cast("list[object]", value)) != 4:
         raise GuestError(f"box must be [x1, y1, x2, y2], got {value!r:.200}", BAD_REQUEST)
-    given = cast("list[Any]", value)
-    numbers: dict[str, Any] = dict(zip(("x1", "y1", "x2", "y2"), given, strict=True))
+    corners = cast("list[Any]", value)
+    numbers: dict[str, Any] = dict(zip(("x1", "y1", "x2", "y2"), corners, strict=True))
     x1, y1, x2, y2 = (int(number(numbers, name, None, LOWEST, HIGHEST)) for name in numbers)
     if x2 <= x1 or y2 <= y1:
         raise GuestError(f"box {value!r} is empty: it must be [x1, y1, x2, y2]", BAD_REQUEST)

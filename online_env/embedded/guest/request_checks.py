@@ -29,7 +29,7 @@ class JsonAnswer(JSONResponse):
     """JSON in which names of files that are no text stay escaped, as in OSWorld's answers."""
 
     def render(self, content: Any) -> bytes:
-        """The body."""
+        """Return the body."""
         try:
             return super().render(content)
         except UnicodeEncodeError:  # half of a surrogate pair
@@ -93,11 +93,11 @@ class TokenMiddleware:
     def _has_token(self, headers: Mapping[bytes, bytes]) -> bool:
         if self._token is None:
             return False
-        given = headers.get(b"x-token", b"")
+        token = headers.get(b"x-token", b"")
         scheme, _, credentials = headers.get(b"authorization", b"").partition(b" ")
         if scheme.lower() == b"bearer":
-            given = credentials.strip()
-        return hmac.compare_digest(given, self._token)
+            token = credentials.strip()
+        return hmac.compare_digest(token, self._token)
 
 
 async def on_http(_: Request, error: Exception) -> JSONResponse:

@@ -13,7 +13,7 @@ UNSUPPORTED_TYPE = 415
 
 
 async def read_json_body(request: Request) -> dict[str, Any]:
-    """The JSON object that a request carries; an empty body is an empty object.
+    """Return the JSON object that a request carries; an empty body is an empty object.
 
     Like OSWorld's server, it refuses (415) a body that is not declared to be JSON: a web page may
     send any other type to a server that is not its own without asking.
@@ -47,7 +47,7 @@ def _is_json(kind: str) -> bool:
 
 
 def text(fields: dict[str, Any], name: str) -> str:
-    """A field that must be there and must be a text.
+    """Return a field that must be there and must be a text.
 
     Raises:
         GuestError: It is not.
@@ -59,7 +59,7 @@ def text(fields: dict[str, Any], name: str) -> str:
 
 
 def flag(fields: dict[str, Any], name: str, default: bool = False) -> bool:
-    """A field that is true or false; OSWorld's tasks also write the text `"true"`.
+    """Return a field that is true or false; OSWorld's tasks also write the text `"true"`.
 
     OSWorld's server takes any text for true, even "false", so other texts are refused.
 
@@ -81,7 +81,7 @@ def number(
     low: float = 0.0,
     high: float = MAX_TIMEOUT,
 ) -> float:
-    """A field that is a finite number in `[low, high]`.
+    """Return a field that is a finite number in `[low, high]`.
 
     Args:
         fields: of the request.

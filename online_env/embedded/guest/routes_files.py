@@ -36,7 +36,7 @@ class Files:
         self._machine = machine
 
     def routes(self) -> list[Route]:
-        """The routes."""
+        """Return the routes."""
         table = {
             "/file": self.file,
             "/setup/upload": self.upload,
@@ -49,7 +49,7 @@ class Files:
         return [Route(path, endpoint, methods=["POST"]) for path, endpoint in table.items()]
 
     async def file(self, request: Request) -> Response:
-        """The content of a file."""
+        """Return the content of a file."""
         async with request.form() as form:
             path = expand(form.get("file_path"))
         return await run_in_threadpool(_send, path)
@@ -78,14 +78,14 @@ class Files:
         return PlainTextResponse(f"File downloaded successfully: {size} bytes")
 
     async def list_directory(self, request: Request) -> Response:
-        """The content of a folder."""
+        """Return the content of a folder."""
         body = await read_json_body(request)
         path = expand(body.get("path"))
         tree = await run_in_threadpool(listing, path)
         return JsonAnswer({"directory_tree": tree})
 
     def desktop_path(self, _: Request) -> Response:
-        """The folder whose files lie on the desktop.
+        """Return the folder whose files lie on the desktop.
 
         Raises:
             GuestError: There is none.
@@ -96,7 +96,7 @@ class Files:
         return JSONResponse({"desktop_path": str(path)})
 
     async def wallpaper(self, _: Request) -> Response:
-        """The picture behind the icons.
+        """Return the picture behind the icons.
 
         Raises:
             GuestError: There is none.
@@ -129,7 +129,7 @@ class Files:
         return [name for name in listed.split() if name.endswith("/last-image")]
 
     async def _backdrop(self, *words: str) -> str:
-        """The output of a question to the desktop's settings."""
+        """Return the output of a question to the desktop's settings."""
         outcome = await self._machine.runner.run([*BACKDROP, *words], BACKDROP_TIMEOUT)
         return outcome.output
 
@@ -159,12 +159,12 @@ def _download(url: str, path: str) -> int:
 def _fetch(url: str, path: str) -> int:
     with (
         urllib.request.urlopen(url, timeout=DOWNLOAD_TIMEOUT) as source,
-        tempfile.TemporaryFile() as whole,
+        tempfile.TemporaryFile() as buffer,
     ):
-        wanted = source.headers.get("Content-Length")
-        shutil.copyfileobj(source, whole, DOWNLOAD_CHUNK)
-        got = whole.tell()
-        if wanted and got != int(wanted):
-            raise OSError(f"{got} of {wanted} bytes came")
-        whole.seek(0)
-        return save(path, cast(BinaryIO, whole))
+        length = source.headers.get("Content-Length")
+        shutil.copyfileobj(source, buffer, DOWNLOAD_CHUNK)
+        received = buffer.tell()
+        if length and received != int(length):
+            raise OSError(f"{received} of {length} bytes came")
+        buffer.seek(0)
+        return save(path, cast(BinaryIO, buffer))

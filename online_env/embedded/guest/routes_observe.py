@@ -21,7 +21,7 @@ class Observe:
         self._machine = machine
 
     def routes(self) -> list[Route]:
-        """The routes."""
+        """Return the routes."""
         get = ["GET"]
         post = ["POST"]
         return [
@@ -43,20 +43,20 @@ class Observe:
         ]
 
     def screenshot(self, _: Request) -> Response:
-        """The screen as PNG, with the pointer."""
+        """Return the screen as PNG, with the pointer."""
         image, number = self._machine.screen.capture()
         headers = {"X-Frame-Id": str(number), "Cache-Control": "no-store"}
         return Response(png.encode(image), media_type="image/png", headers=headers)
 
     def frame(self, _: Request) -> Response:
-        """The screen as raw RGB; `X-Width`, `X-Height`, `X-Frame-Id` tell the rest."""
+        """Return the screen as raw RGB; `X-Width`, `X-Height`, `X-Frame-Id` tell the rest."""
         image, number = self._machine.screen.capture()
         height, width, _ = image.shape
         headers = {"X-Width": str(width), "X-Height": str(height), "X-Frame-Id": str(number)}
         return Response(image.tobytes(), media_type="application/octet-stream", headers=headers)
 
     def accessibility(self, _: Request) -> Response:
-        """The accessibility tree, read now."""
+        """Return the accessibility tree, read now."""
         return JSONResponse({"AT": self._machine.tree.read()})
 
     def tree(self, _: Request) -> Response:
@@ -65,7 +65,7 @@ class Observe:
         return JSONResponse({"xml": self._machine.tree.read(), "frame_id": number})
 
     def terminal(self, _: Request) -> Response:
-        """The text of the terminal in front, or null."""
+        """Return the text of the terminal in front, or null."""
         return JSONResponse({"output": self._machine.tree.terminal_text(), "status": "success"})
 
     def platform(self, _: Request) -> Response:
@@ -73,16 +73,16 @@ class Observe:
         return PlainTextResponse("Linux")
 
     def cursor_position(self, _: Request) -> Response:
-        """The place of the pointer."""
+        """Return the place of the pointer."""
         return JSONResponse(list(self._machine.input.position()))
 
     def screen_size(self, _: Request) -> Response:
-        """The size of the screen."""
+        """Return the size of the screen."""
         width, height = self._machine.windows.screen_size()
         return JSONResponse({"width": width, "height": height})
 
     async def window_size(self, request: Request) -> Response:
-        """The size of the first window of a class.
+        """Return the size of the first window of a class.
 
         Raises:
             GuestError: There is none.
@@ -112,14 +112,14 @@ class Observe:
         )
 
     def health(self, _: Request) -> Response:
-        """Whether all of the session answers.
+        """Return whether all of the session answers.
 
         Always 200: the answer itself shows that the server lives.
         """
         return JSONResponse(self._machine.health())
 
     def windows(self, _: Request) -> Response:
-        """The windows."""
+        """Return the windows."""
         windows = self._machine.windows
         rows = [window.to_dict() for window in windows.all()]
         return JSONResponse({"windows": rows, "desktop_shown": windows.desktop_shown})
@@ -139,5 +139,5 @@ class Observe:
             return problem(
                 'events is required: {"events": [{"type": "click", "x": 10, "y": 20}]}', 400
             )
-        played = await run_in_threadpool(self._machine.input.play, body["events"])
-        return JSONResponse({"status": "success", "played": played})
+        count = await run_in_threadpool(self._machine.input.play, body["events"])
+        return JSONResponse({"status": "success", "played": count})

@@ -1,4 +1,4 @@
-"""Running things: commands, scripts, applications, windows."""
+"""Routes that run commands and scripts, start applications and act on windows."""
 
 import shutil
 import tempfile
@@ -38,7 +38,7 @@ class RunRoutes:
         self._machine = machine
 
     def routes(self) -> list[Route]:
-        """The routes."""
+        """Return the routes."""
         table = {
             "/execute": self.execute,
             "/setup/execute": self.execute,
@@ -70,37 +70,37 @@ class RunRoutes:
             GuestError: What is to be verified is not an object.
         """
         body = await read_json_body(request)
-        wanted = body.get("verification") or {}
-        if not isinstance(wanted, dict):
-            raise GuestError(f"verification must be an object, got {wanted!r:.200}", 400)
-        wanted = cast("dict[str, Any]", wanted)
+        verification = body.get("verification") or {}
+        if not isinstance(verification, dict):
+            raise GuestError(f"verification must be an object, got {verification!r:.200}", 400)
+        verification = cast("dict[str, Any]", verification)
         timeout = number(body, "max_wait_time", 10.0)
         pause = number(body, "check_interval", 1.0, 0.01)
         outcome = _success(await self._execute(body))
-        if not wanted:
+        if not verification:
             return JSONResponse(outcome)
         start = time.monotonic()
-        passed = await self._verify(wanted)
-        while not passed and time.monotonic() - start < timeout:
+        verified = await self._verify(verification)
+        while not verified and time.monotonic() - start < timeout:
             await sleep(pause)
-            passed = await self._verify(wanted)
+            verified = await self._verify(verification)
         waited = {
-            "verification": "passed" if passed else "failed",
+            "verification": "passed" if verified else "failed",
             "wait_time": time.monotonic() - start,
         }
-        if passed:
+        if verified:
             return JSONResponse(outcome | waited)
         return JSONResponse(outcome | {"status": "verification_failed"} | waited, 500)
 
-    async def _verify(self, wanted: dict[str, Any]) -> bool:
-        if "window_exists" in wanted:
-            window = await self._find(str(wanted["window_exists"]), False, False)
+    async def _verify(self, verification: dict[str, Any]) -> bool:
+        if "window_exists" in verification:
+            window = await self._find(str(verification["window_exists"]), False, False)
             if window is None:
                 return False
-        if "command_success" not in wanted:
+        if "command_success" not in verification:
             return True
         try:
-            argv = parse_command(wanted["command_success"], shell=True)
+            argv = parse_command(verification["command_success"], shell=True)
             outcome = await self._machine.runner.run(argv, VERIFY_TIMEOUT)
             return outcome.returncode == 0
         except DesktopError:
@@ -119,8 +119,8 @@ class RunRoutes:
         tool = text(body, "tool")
         operation = text(body, "operation")
         arguments = cast("dict[str, Any]", fields)
-        found = await run_in_threadpool(self._machine.tools.run, tool, operation, arguments)
-        return JSONResponse(found)
+        result = await run_in_threadpool(self._machine.tools.run, tool, operation, arguments)
+        return JSONResponse(result)
 
     async def launch(self, request: Request) -> Response:
         """Start a program and leave it running."""
@@ -157,7 +157,7 @@ class RunRoutes:
         return PlainTextResponse("File opened and window activated successfully")
 
     async def _await_window(self, before: set[int], path: Path, timeout: float) -> Window | None:
-        """A window that names the file, or a new one that has stayed a while.
+        """Return a window that names the file, or a new one that has stayed a while.
 
         An application may show another window first.
         """
@@ -166,9 +166,9 @@ class RunRoutes:
         while time.monotonic() < deadline:
             windows = await run_in_threadpool(self._machine.windows.all)
             mapped = [window for window in windows if window.mapped and window.type != "desktop"]
-            named = [window for window in mapped if path.stem in window.title]
-            if named:
-                return named[-1]
+            matches = [window for window in mapped if path.stem in window.title]
+            if matches:
+                return matches[-1]
             fresh = [window for window in mapped if _is_fresh(window, before)]
             if not fresh:
                 fresh_since = None
@@ -189,7 +189,7 @@ class RunRoutes:
         """Ask a window to close."""
         return await self._act(request, self._machine.windows.close, "Window closed successfully.")
 
-    async def _act(self, request: Request, act: Callable[[int], None], done: str) -> Response:
+    async def _act(self, request: Request, act: Callable[[int], None], message: str) -> Response:
         body = await read_json_body(request)
         name, strict, by_class = (
             text(body, "window_name"),
@@ -205,7 +205,7 @@ class RunRoutes:
                 f"There is no window whose {kind} fits {name!r:.200}; nothing was done"
             )
         await run_in_threadpool(act, window.id)
-        return PlainTextResponse(done)
+        return PlainTextResponse(message)
 
     async def _find(self, name: str, strict: bool, by_class: bool) -> Window | None:
         return await run_in_threadpool(

@@ -42,7 +42,7 @@ class ScreenCapture:
             return image, self.count()
 
     def count(self) -> int:
-        """The number of a new frame."""
+        """Return the number of a new frame."""
         self.frame_id = number = next(self._numbers)
         return number
 
@@ -70,7 +70,7 @@ class ScreenCapture:
 
 
 def read_pointer(connection: Connection) -> PointerImage:
-    """The pointer as it is now; raises the errors that `SharedDisplay.use` handles."""
+    """Return the pointer as it is now; raises the errors that `SharedDisplay.use` handles."""
     try:
         return PointerImage.of(connection.display.xfixes_get_cursor_image(connection.root))
     except error.BadAccess:

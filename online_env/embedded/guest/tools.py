@@ -82,20 +82,20 @@ class Tools:
         Raises:
             DesktopTimeoutError: It did not end; the message says where it waits.
         """
-        found: Future[_Facts] = Future()
+        future: Future[_Facts] = Future()
         # a thread of its own: one that never ends must not be waited for when the server ends
         thread = threading.Thread(
-            target=_carry_out, args=(found, partial(self._on_screen, work, fields)), daemon=True
+            target=_carry_out, args=(future, partial(self._on_screen, work, fields)), daemon=True
         )
         limit = self._limit + float(fields.get("timeout", 0.0))
         thread.start()
         thread.join(limit)
-        if not found.done():
+        if not future.done():
             raise DesktopTimeoutError(
                 f"{label} did not end within {limit:g} s: the display {self._name} does not answer"
                 f" at {_place(thread)}; a program may hold the X server"
             )
-        return found.result()
+        return future.result()
 
     def _on_screen(self, work: _Work, fields: _Facts) -> _Facts:
         with self._lock:
@@ -122,30 +122,31 @@ class Tools:
             DesktopError: It is another.
         """
         with self._display.use() as connection:
-            known = _served_by(connection)
-        if _served_by(screen) != known:
+            server_pid = _served_by(connection)
+        if _served_by(screen) != server_pid:
             raise DesktopError(
                 f"another program than the X server answers on the display {self._name}"
             )
 
 
-def _carry_out(found: "Future[_Facts]", work: Callable[[], _Facts]) -> None:
+def _carry_out(future: "Future[_Facts]", work: Callable[[], _Facts]) -> None:
     try:
-        found.set_result(work())
+        future.set_result(work())
     except Exception as problem:  # noqa: BLE001  (raised again where the result is asked for)
-        found.set_exception(problem)
+        future.set_exception(problem)
 
 
 def _place(thread: threading.Thread) -> str:
-    """Where a thread is now: functions with their files, the innermost last."""
+    """Return where a thread is now: functions with their files, the innermost last."""
     frame = sys._current_frames().get(thread.ident or 0)
     stack = traceback.extract_stack(frame) if frame is not None else []
     return " > ".join(
-        f"{one.name} ({Path(one.filename).name}:{one.lineno})" for one in stack[-PLACES:]
+        f"{summary.name} ({Path(summary.filename).name}:{summary.lineno})"
+        for summary in stack[-PLACES:]
     )
 
 
 def _served_by(connection: "Screen | Connection") -> int:
-    """The process that made the socket on the other side."""
+    """Return the process that made the socket on the other side."""
     line: socket.socket = connection.display.display.socket
     return _PEER.unpack(line.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size))[0]

@@ -23,7 +23,7 @@ NO_ROOM = 507
 
 
 def expand(path: object) -> str:
-    """A path with `~` and variables filled in, as OSWorld's server reads it.
+    """Return a path with `~` and variables filled in, as OSWorld's server reads it.
 
     Raises:
         GuestError: It is not a path (400).
@@ -36,7 +36,7 @@ def expand(path: object) -> str:
 
 
 def refusal(path: str, problem: OSError) -> GuestError:
-    """The answer if a file cannot be had: 404, 403, 507 (no room) or 500."""
+    """Return the answer if a file cannot be had: 404, 403, 507 (no room) or 500."""
     if isinstance(problem, FileNotFoundError | NotADirectoryError):
         return GuestError(f"File not found: {path}", NOT_FOUND)
     if isinstance(problem, PermissionError):
@@ -73,7 +73,7 @@ def open_file(path: str) -> tuple[BinaryIO, int]:
 
 
 def chunks(file: BinaryIO) -> Iterator[bytes]:
-    """The content of a file piece by piece; closes it."""
+    """Yield the content of a file piece by piece; closes it."""
     with file:
         data = file.read(CHUNK)
         while data:
@@ -120,7 +120,7 @@ def save(path: str, source: BinaryIO) -> int:
 
 
 def listing(path: str) -> dict[str, Any]:
-    """A folder as OSWorld's server describes it; links to folders are not entered.
+    """Return a folder as OSWorld's server describes it; links to folders are not entered.
 
     Returns:
         `type`, `name` and `children`, which are described in the same way.
@@ -141,7 +141,7 @@ class _Listing:
 
     def folder(self, path: str, depth: int) -> dict[str, Any]:
         children: list[dict[str, Any]] = []
-        found: dict[str, Any] = {
+        row: dict[str, Any] = {
             "type": "directory",
             "name": os.path.basename(path),
             "children": children,
@@ -150,13 +150,13 @@ class _Listing:
             with os.scandir(path) as entries:
                 for entry in entries:
                     if self._left <= 0 or depth > MAX_DEPTH:
-                        found["truncated"] = True
+                        row["truncated"] = True
                         break
                     self._left -= 1
                     children.append(self._entry(entry, depth))
         except OSError as problem:
             return {"error": str(problem)}
-        return found
+        return row
 
     def _entry(self, entry: os.DirEntry[str], depth: int) -> dict[str, Any]:
         if entry.is_dir(follow_symlinks=False):

@@ -37,7 +37,7 @@ class Window:
     active: bool
 
     def to_dict(self) -> dict[str, Any]:
-        """The window as JSON."""
+        """Return the window as JSON."""
         row = asdict(self)
         row["class"] = row.pop("class_name")
         row["box"] = list(self.box)
@@ -75,19 +75,19 @@ class Windows:
             yield Screen(connection.display)
 
     def all(self) -> list[Window]:
-        """All managed windows, the oldest first."""
+        """Return all managed windows, the oldest first."""
         with self._screen() as screen:
             active = screen.active()
             numbers = screen.numbers(screen.root, "_NET_CLIENT_LIST")
-            found = [describe(screen, number) for number in numbers]
-        return [_window(row, row["id"] == active) for row in found if row is not None]
+            windows = [describe(screen, number) for number in numbers]
+        return [_window(row, row["id"] == active) for row in windows if row is not None]
 
     def surfaces(self) -> list[Surface]:
-        """The windows on the screen, topmost first, menus and the like included."""
+        """Return the windows on the screen, topmost first, menus and the like included."""
         with self._screen() as screen:
             tops = reversed(screen.root.query_tree().children)
-            found = [_surface(screen, window) for window in tops]
-        return [surface for surface in found if surface is not None]
+            surfaces = [_surface(screen, window) for window in tops]
+        return [surface for surface in surfaces if surface is not None]
 
     def screen_size(self) -> tuple[int, int]:
         """`(width, height)` of the screen in pixels, asked from the server now."""
@@ -95,16 +95,16 @@ class Windows:
             return screen.size()
 
     def workarea(self) -> Box:
-        """The screen without its panels, as the window manager reports it."""
+        """Return the screen without its panels, as the window manager reports it."""
         with self._screen() as screen:
-            found = screen.numbers(screen.root, "_NET_WORKAREA")[:4]
-            if len(found) < 4:
+            corners = screen.numbers(screen.root, "_NET_WORKAREA")[:4]
+            if len(corners) < 4:
                 return 0, 0, *screen.size()
-        x, y, width, height = found
+        x, y, width, height = corners
         return x, y, x + width, y + height
 
     def find(self, name: str, *, strict: bool = False, by_class: bool = False) -> Window | None:
-        """The first window whose title (or class) contains `name`, in whatever case.
+        """Return the first window whose title (or class) contains `name`, in whatever case.
 
         With `strict` it must equal it, as in wmctrl.
         """
@@ -154,13 +154,13 @@ class Windows:
             return screen.is_desktop_shown()
 
     def manager_is_there(self) -> bool:
-        """Whether a window manager runs."""
+        """Return whether a window manager runs."""
         with self._screen() as screen:
             return screen.has_manager()
 
 
 def require(windows: Windows, number: int) -> Window:
-    """The window of that id.
+    """Return the window of that id.
 
     Raises:
         DesktopError: There is none.
@@ -190,11 +190,11 @@ def _surface(screen: Screen, top: Any) -> Surface | None:
         if not screen.is_drawn(top):
             return None
         client = screen.client(top, depth=1)
-        known = top if client is None else client
+        window = top if client is None else client
         return Surface(
             frame=_box(screen, top),
-            client=_box(screen, known),
-            pid=screen.number(known, "_NET_WM_PID"),
+            client=_box(screen, window),
+            pid=screen.number(window, "_NET_WM_PID"),
             popup=client is None,
             title="" if client is None else screen.title(client),
         )

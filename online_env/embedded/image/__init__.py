@@ -1,5 +1,6 @@
 """Images of the desktop: a Debian 12 root file system that any Linux builds, keeps and starts from.
 
-`debian` and `sources` choose and fetch packages, `chamber` runs dpkg, `build` puts it together;
-`manifest`, `tree` and `archive` pin, check and pack it; `cache` holds what is there.
+`debian` and `sources` choose and fetch packages, `unprivileged_chroot` runs dpkg, `build` puts the
+image together; `manifest`, `file_entries` and `archive` pin, check and pack it; `cache` holds the
+images of this machine.
 """

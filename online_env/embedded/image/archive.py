@@ -85,7 +85,11 @@ def _add(tar: tarfile.TarFile, folder: Path, entry: Entry) -> None:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[tarfile.TarFile]:
-    """The tar in a file; what is wrong with it becomes an error that names it."""
+    """Yield the tar in a file; what is wrong with it becomes an error that names it.
+
+    Raises:
+        DesktopImageError: The file is cut off or damaged.
+    """
     zstandard = _zstandard()
     try:
         with open(path, "rb") as raw:
@@ -97,7 +101,7 @@ def _opened(path: Path) -> Iterator[tarfile.TarFile]:
 
 
 def read_manifest(path: Path) -> Manifest:
-    """The manifest of an image in a file.
+    """Return the manifest of an image in a file.
 
     Raises:
         DesktopImageError: The file is missing, or holds no image.
@@ -132,9 +136,9 @@ def unpack(path: Path, folder: Path) -> Manifest:
     """
     with _opened(path) as tar:
         text = _head(tar, path, manifest.NAME)
-        found = manifest.parse(text, f"{path}:{manifest.NAME}")
+        image = manifest.parse(text, f"{path}:{manifest.NAME}")
         listed = _head(tar, path, manifest.FILES)
-        if hashlib.sha256(listed).hexdigest() != found.files_sha256:
+        if hashlib.sha256(listed).hexdigest() != image.files_sha256:
             raise DesktopImageError(f"{path}:{manifest.FILES}: is not the one of the manifest")
         write_atomic(folder / manifest.NAME, text)
         write_atomic(folder / manifest.FILES, listed)
@@ -147,7 +151,7 @@ def unpack(path: Path, folder: Path) -> Manifest:
         if tar.next() is not None:
             raise DesktopImageError(f"{path}: holds more than its manifest says; {_REMEDY}")
     _set_folders(folder, entries)
-    return found
+    return image
 
 
 def _extract(
@@ -156,6 +160,10 @@ def _extract(
     """Write the next file, which must be `entry`, below a folder that was made before.
 
     So no link can lead out of `folder`.
+
+    Raises:
+        DesktopImageError: The tar has another entry, or is cut off.
+        HijackError: The entry cannot be written.
     """
     info = tar.next()
     if info is None:

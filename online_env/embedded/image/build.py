@@ -1,7 +1,7 @@
 """Building an image: Debian's packages, unpacked and configured in a tree of their own.
 
 The essential packages are unpacked here; then dpkg, which is among them, installs itself and all
-others in the chamber, as debootstrap does in its second stage.
+others in the chroot, as debootstrap does in its second stage.
 """
 
 import io
@@ -105,18 +105,18 @@ def architecture() -> str:
     """
     machine = os.uname().machine
     if machine not in debian.ARCHITECTURES:
-        known = " and ".join(debian.ARCHITECTURES)
-        raise DesktopImageError(f"no images on {machine}: only on {known}")
+        supported = " and ".join(debian.ARCHITECTURES)
+        raise DesktopImageError(f"no images on {machine}: only on {supported}")
     return debian.ARCHITECTURES[machine]
 
 
 def normal_profiles(profiles: Iterable[str]) -> tuple[str, ...]:
     """The profiles that are meant, `core` first, each once; errors as in `packages.packages`."""
-    wanted = ("core", *profiles)
-    packages.packages(wanted)
-    if packages.ALL in wanted:
+    names = ("core", *profiles)
+    packages.packages(names)
+    if packages.ALL in names:
         return tuple(packages.PROFILES)
-    return tuple(name for name in packages.PROFILES if name in wanted)
+    return tuple(name for name in packages.PROFILES if name in names)
 
 
 def choose(recipe: Recipe) -> Choice:
@@ -138,13 +138,13 @@ def choose(recipe: Recipe) -> Choice:
     return Choice(tuple(base), tuple(everything), trust)
 
 
-def _check_pins(found: Sequence[debian.Package], pinned: Manifest) -> None:
-    wanted = {part.name: part for part in pinned.packages}
-    present = {package.name: package for package in found}
+def _check_pins(packages: Sequence[debian.Package], pinned: Manifest) -> None:
+    pins = {part.name: part for part in pinned.packages}
+    present = {package.name: package for package in packages}
     lines = [
-        f"{name} {wanted[name].version if name in wanted else '(not there)'}"
-        for name in sorted({*wanted, *present})
-        if name not in wanted or name not in present or present[name].sha256 != wanted[name].sha256
+        f"{name} {pins[name].version if name in pins else '(not there)'}"
+        for name in sorted({*pins, *present})
+        if name not in pins or name not in present or present[name].sha256 != pins[name].sha256
     ]
     if lines:
         raise DesktopImageError(
@@ -159,7 +159,7 @@ def build(recipe: Recipe, name: str | None, report: Report) -> tuple[str, Manife
     Args:
         recipe: what to build.
         name: what to call it; by its profiles, if not given.
-        report: is told the progress.
+        report: called with a line of text at each step.
 
     Returns:
         Its name, and its manifest.
@@ -168,7 +168,7 @@ def build(recipe: Recipe, name: str | None, report: Report) -> tuple[str, Manife
         DesktopImageError: An archive cannot be used, namespaces are refused, or dpkg fails.
         StorageError: The disk is full.
     """
-    called = cache.check_name(name or cache.default_name(recipe.profiles))
+    image_name = cache.check_name(name or cache.default_name(recipe.profiles))
     began = time.monotonic()
 
     def say(text: str) -> None:
@@ -183,11 +183,11 @@ def build(recipe: Recipe, name: str | None, report: Report) -> tuple[str, Manife
             log = folder / "build.log"
             log.unlink(missing_ok=True)
             python = _fill(fresh, choice, paths, log, say)
-            found = describe(fresh, recipe, choice, python)
-            cache.publish(fresh, found)
-        cache.write_name(folder, called, found.id)
-        say(f"image {called} ({found.id}): {found.summary}")
-    return called, found
+            image = describe(fresh, recipe, choice, python)
+            cache.publish(fresh, image)
+        cache.write_name(folder, image_name, image.id)
+        say(f"image {image_name} ({image.id}): {image.summary}")
+    return image_name, image
 
 
 def _fill(fresh: Path, choice: Choice, paths: dict[str, Path], log: Path, say: Report) -> list[Pin]:
@@ -206,7 +206,7 @@ def _fill(fresh: Path, choice: Choice, paths: dict[str, Path], log: Path, say: R
         root,
         commands,
         log,
-        lent={"guest": python},
+        writable={"guest": python},
         environment={"SOURCE_DATE_EPOCH": str(file_entries.EPOCH)},
     )
     _clean(root)
@@ -258,24 +258,24 @@ def _write(path: Path, text: str, mode: int = 0o644) -> None:
 def _install(root: Path, choice: Choice, paths: dict[str, Path], log: Path, say: Report) -> None:
     base = [package.name for package in choice.base]
     first = [name for name in FIRST if name in base]
-    rest = [name for name in base if name not in first]
-    more = [package.name for package in choice.all if package.name not in base]
+    later = [name for name in base if name not in first]
+    extra = [package.name for package in choice.all if package.name not in base]
     force = ["dpkg", "--force-depends"]
-    shown = {"packages": next(iter(paths.values())).parent}
+    mounts = {"packages": next(iter(paths.values())).parent}
 
     def files(names: Iterable[str]) -> list[str]:
         return [f"/run/packages/{paths[name].name}" for name in names]
 
     configure = [*force, "--configure", "--pending"]
     commands = [["ldconfig"], [*force, "--install", *files(first)]]
-    if rest:
-        commands.append([*force, "--force-overwrite", "--unpack", *files(rest)])
-    unprivileged_chroot.run(root, [*commands, configure], log, shown)
+    if later:
+        commands.append([*force, "--force-overwrite", "--unpack", *files(later)])
+    unprivileged_chroot.run(root, [*commands, configure], log, mounts)
     say("base packages configured")
-    if more:
-        unprivileged_chroot.run(root, [[*force, "--unpack", *files(more)]], log, shown)
-        say(f"{len(more)} more packages unpacked")
-    unprivileged_chroot.run(root, [["dpkg", "--configure", "--pending"]], log, shown)
+    if extra:
+        unprivileged_chroot.run(root, [[*force, "--unpack", *files(extra)]], log, mounts)
+        say(f"{len(extra)} more packages unpacked")
+    unprivileged_chroot.run(root, [["dpkg", "--configure", "--pending"]], log, mounts)
 
 
 def unpack(path: Path, root: Path) -> None:
@@ -303,12 +303,12 @@ def unpack(path: Path, root: Path) -> None:
 
 
 def _as_it_is(member: tarfile.TarInfo, path: str) -> tarfile.TarInfo:
-    """The filter for packages: their checksums were compared, and they may hold any file."""
+    """Return the filter for packages: their checksums were compared, and they may hold any file."""
     return member
 
 
 def is_wanted(name: str) -> bool:
-    """Whether a file of a package goes into an image, as dpkg's `path-exclude` decides."""
+    """Return whether a file of a package goes into an image, as dpkg's `path-exclude` decides."""
     path = f"/{name.removeprefix('./').strip('/')}"
     if any(fnmatch(path, pattern) for pattern in INCLUDED):
         return True
@@ -316,7 +316,11 @@ def is_wanted(name: str) -> bool:
 
 
 def _data(package: bytes) -> bytes:
-    """The member `data.tar` of a package, which is an `ar` archive."""
+    """Return the member `data.tar` of a package, which is an `ar` archive.
+
+    Raises:
+        ValueError: The package is no such archive, or has no `data.tar`.
+    """
     if package[: len(_AR)] != _AR:
         raise ValueError("it does not begin as one")
     at = len(_AR)
@@ -367,7 +371,7 @@ def describe(fresh: Path, recipe: Recipe, choice: Choice, python: Sequence[Pin])
     entries = [file_entries.read_entry(path, fresh) for path in file_entries.walk(fresh)]
     listed = file_entries.listing(entries)
     (fresh / manifest.FILES).write_text(listed, encoding="utf-8")
-    found = Manifest(
+    image = Manifest(
         suite=sources.SUITE,
         architecture=architecture(),
         profiles=recipe.profiles,
@@ -378,5 +382,5 @@ def describe(fresh: Path, recipe: Recipe, choice: Choice, python: Sequence[Pin])
         size=sum(entry.size for entry in entries),
         files_sha256=file_entries.digest(fresh / manifest.FILES),
     )
-    (fresh / manifest.NAME).write_text(found.to_json(), encoding="utf-8")
-    return found
+    (fresh / manifest.NAME).write_text(image.to_json(), encoding="utf-8")
+    return image

@@ -2,7 +2,7 @@
 
     images/ID/manifest.json, files.jsonl, root/ (Debian), guest/ (Python packages)
     images/names/NAME     the id that the name stands for
-    images/default        the name of the one that desktops start from if nobody says otherwise
+    images/default        the name of the image that desktops start from by default
     images/packages/      Debian's packages that were fetched
 
 A folder gets its name when it is complete. What a killed process left has another name, and the
@@ -44,17 +44,18 @@ Report = Callable[[str], None]
 
 def place() -> Path:
     """The folder of the images: `$AGENTHIJACK_IMAGES`, or `images` beside the golden homes."""
-    given = os.environ.get(VARIABLE)
-    return Path(given).absolute() if given else home.PARENT / "images"
+    folder = os.environ.get(VARIABLE)
+    return Path(folder).absolute() if folder else home.PARENT / "images"
 
 
 def ensure_place() -> Path:
-    """The folder of the images, made where it is missing.
+    """Return the folder of the images, made where it is missing.
 
     Others may not look into it: some programs of an image run as the owner of their files.
 
     Raises:
-        DesktopImageError: It belongs to somebody else, or its disk runs no programs.
+        DesktopImageError: The folder belongs to another user, or its disk runs no programs.
+        HijackError: The folder cannot be written.
     """
     folder = place()
     try:
@@ -74,7 +75,7 @@ def ensure_place() -> Path:
 
 
 def is_noexec(folder: Path) -> bool:
-    """Whether the file system of `folder`, or of what is above it, runs no programs."""
+    """Return whether the file system of `folder`, or of what is above it, runs no programs."""
     while not folder.exists():
         folder = folder.parent
     return bool(os.statvfs(folder).f_flag & os.ST_NOEXEC)
@@ -85,7 +86,7 @@ def cache_lock(report: Report) -> Iterator[Path]:
     """Hold the cache: one process at a time builds, imports or removes. Yields its folder.
 
     Args:
-        report: is told whom this one waits for.
+        report: called with the name of the process that this one waits for.
 
     Raises:
         DesktopImageError: The folder cannot be used.
@@ -93,20 +94,25 @@ def cache_lock(report: Report) -> Iterator[Path]:
     folder = ensure_place()
     path = folder / ".lock"
     try:
-        held = lock(path)
+        file_lock = lock(path)
     except LockedError as error:
         report(f"waiting: {folder} is being written by {error.holder}")
-        held = lock(path, wait=True)
-    with held:
-        held.sign()
-        for left in (*folder.glob(f"{BUILDING}*"), *folder.glob(f"{REMOVED}*")):
-            file_entries.remove(left)
+        file_lock = lock(path, wait=True)
+    with file_lock:
+        file_lock.sign()
+        for leftover in (*folder.glob(f"{BUILDING}*"), *folder.glob(f"{REMOVED}*")):
+            file_entries.remove(leftover)
         yield folder
 
 
 @contextmanager
 def build_folder(folder: Path) -> Iterator[Path]:
-    """A folder to make an image in; nothing is left of it unless `publish` renamed it."""
+    """Yield a folder to make an image in; nothing is left of it unless `publish` renamed it.
+
+    Raises:
+        StorageError: The disk is full.
+        OSError: The folder cannot be written.
+    """
     fresh = Path(tempfile.mkdtemp(prefix=BUILDING, dir=folder))
     try:
         yield fresh
@@ -118,7 +124,7 @@ def build_folder(folder: Path) -> Iterator[Path]:
         file_entries.remove(fresh)
 
 
-def publish(fresh: Path, found: Manifest) -> Path:
+def publish(fresh: Path, image: Manifest) -> Path:
     """Give a complete image its place, unless it is there already and whole.
 
     Returns:
@@ -127,11 +133,11 @@ def publish(fresh: Path, found: Manifest) -> Path:
     Raises:
         DesktopImageError: What is there is damaged, and a desktop runs from it.
     """
-    final = fresh.parent / found.id
+    final = fresh.parent / image.id
     if is_whole(final):
         return final
     if final.exists():
-        _check_unused(found.id, found.id)
+        _check_unused(image.id, image.id)
         _put_away(final)
     fresh.chmod(0o755)
     os.sync()
@@ -140,7 +146,7 @@ def publish(fresh: Path, found: Manifest) -> Path:
 
 
 def is_whole(folder: Path) -> bool:
-    """Whether there is an image at `folder`, with every file as its manifest says."""
+    """Return whether there is an image at `folder`, with every file as its manifest says."""
     try:
         return folder.is_dir() and not verify(folder)
     except (DesktopImageError, OSError):
@@ -169,18 +175,18 @@ def check_name(name: str) -> str:
 
 
 def names() -> dict[str, str]:
-    """The ids of the images by their names; names of images that are gone are left out."""
+    """Return the ids of the images by their names; names of images that are gone are left out."""
     folder = place()
-    found: dict[str, str] = {}
+    mapping: dict[str, str] = {}
     for path in sorted((folder / _NAMES).glob("[!.]*")):
         image = path.read_text(encoding="ascii", errors="replace").strip()
         if image and (folder / image / manifest.NAME).is_file():
-            found[path.name] = image
-    return found
+            mapping[path.name] = image
+    return mapping
 
 
 def images() -> dict[str, Manifest]:
-    """The manifests of all images by their ids.
+    """Return the manifests of all images by their ids.
 
     Raises:
         DesktopImageError: One is damaged.
@@ -190,47 +196,52 @@ def images() -> dict[str, Manifest]:
 
 
 def resolve(name: str) -> Path:
-    """The folder of an image, by its name or the beginning of its id.
+    """Return the folder of an image, by its name or the beginning of its id.
 
     Raises:
         DesktopImageError: There is none, or several, or it is for another architecture.
     """
-    known = names()
+    ids_by_name = names()
     folder = place()
     ids = [path.parent.name for path in sorted(folder.glob(f"[!.]*/{manifest.NAME}"))]
-    chosen = [known[name]] if name in known else [i for i in ids if name and i.startswith(name)]
-    if len(chosen) != 1:
-        listed = ", ".join([*known, *(i for i in ids if i not in known.values())]) or "none"
-        problem = f"{len(chosen)} images begin with" if chosen else "no image"
+    matches = (
+        [ids_by_name[name]]
+        if name in ids_by_name
+        else [i for i in ids if name and i.startswith(name)]
+    )
+    if len(matches) != 1:
+        unnamed = [i for i in ids if i not in ids_by_name.values()]
+        listed = ", ".join([*ids_by_name, *unnamed]) or "none"
+        problem = f"{len(matches)} images begin with" if matches else "no image"
         raise DesktopImageError(
-            f"{problem} {name!r}{suggest(name, list(known))}; there are: {listed}. `hijack desktop"
-            " image build` makes one, `hijack desktop image import FILE` reads one"
+            f"{problem} {name!r}{suggest(name, list(ids_by_name))}; there are: {listed}. `hijack"
+            " desktop image build` makes one, `hijack desktop image import FILE` reads one"
         )
-    found = folder / chosen[0]
-    check_architecture(manifest.read(found / manifest.NAME), str(found))
+    target = folder / matches[0]
+    check_architecture(manifest.read(target / manifest.NAME), str(target))
     for part in (ROOT, GUEST):
-        if not (found / part).is_dir():
-            raise DesktopImageError(f"{found / part} is missing; build or import the image again")
-    return found
+        if not (target / part).is_dir():
+            raise DesktopImageError(f"{target / part} is missing; build or import the image again")
+    return target
 
 
-def check_architecture(found: Manifest, where: str) -> None:
+def check_architecture(image: Manifest, label: str) -> None:
     """Check that this machine can run an image.
 
     Raises:
         DesktopImageError: It is for another architecture.
     """
     machine = os.uname().machine
-    own = debian.ARCHITECTURES.get(machine, machine)
-    if found.architecture != own:
+    expected = debian.ARCHITECTURES.get(machine, machine)
+    if image.architecture != expected:
         raise DesktopImageError(
-            f"{where}: is for {found.architecture}, and this machine is {own}; build one here with"
-            " `hijack desktop image build`"
+            f"{label}: is for {image.architecture}, and this machine is {expected}; build one here"
+            " with `hijack desktop image build`"
         )
 
 
 def requested_name(name: str | None) -> str:
-    """The name of the image for a desktop, or `host` for the machine's own packages.
+    """Return the name of the image for a desktop, or `host` for the machine's own packages.
 
     Args:
         name: the name, if one was given; else `$AGENTHIJACK_IMAGE` decides, then what
@@ -259,7 +270,7 @@ def make_default(name: str) -> None:
 
 
 def find_image_folder(name: str | None) -> Path | None:
-    """The image for a desktop, or `None` for the machine's own packages.
+    """Return the image for a desktop, or `None` for the machine's own packages.
 
     Args:
         name: as for `wanted`.
@@ -267,8 +278,8 @@ def find_image_folder(name: str | None) -> Path | None:
     Raises:
         DesktopImageError: There is no such image.
     """
-    found = requested_name(name)
-    return None if found == HOST else resolve(found)
+    resolved = requested_name(name)
+    return None if resolved == HOST else resolve(resolved)
 
 
 def check_room(folder: Path, size: float) -> None:
@@ -291,7 +302,7 @@ def import_file(path: Path, name: str | None, report: Report) -> tuple[str, Mani
     Args:
         path: the file.
         name: what to call it; by its profiles, if not given.
-        report: is told whom this process waits for.
+        report: called with the name of the process that this one waits for.
 
     Returns:
         The name, and the manifest.
@@ -300,34 +311,34 @@ def import_file(path: Path, name: str | None, report: Report) -> tuple[str, Mani
         DesktopImageError: The file is cut off, damaged, changed, or for another machine.
         StorageError: The disk has no room.
     """
-    found = archive.read_manifest(path)
-    check_architecture(found, str(path))
-    called = check_name(name or default_name(found.profiles))
+    image = archive.read_manifest(path)
+    check_architecture(image, str(path))
+    image_name = check_name(name or default_name(image.profiles))
     with cache_lock(report) as folder:
-        if not is_whole(folder / found.id):
-            check_room(folder, found.size)
+        if not is_whole(folder / image.id):
+            check_room(folder, image.size)
             with build_folder(folder) as fresh:
                 publish(fresh, archive.unpack(path, fresh))
-        write_name(folder, called, found.id)
-    return called, found
+        write_name(folder, image_name, image.id)
+    return image_name, image
 
 
 def default_name(profiles: tuple[str, ...]) -> str:
-    """What an image is called if nobody says otherwise: its profiles, `core` only if alone."""
+    """Return the default name of an image: its profiles; `core` only if there is no other."""
     return "-".join(name for name in profiles if name != "core") or "core"
 
 
 def verify(folder: Path) -> list[str]:
-    """What is not as the manifest says in the image at `folder`: a line for each file.
+    """Return what is not as the manifest says in the image at `folder`: a line for each file.
 
     Raises:
         DesktopImageError: The manifest itself is damaged.
     """
-    found = manifest.read(folder / manifest.NAME)
-    if found.id != folder.name:
-        return [f"{folder / manifest.NAME}: was changed: its id is {found.id}"]
+    image = manifest.read(folder / manifest.NAME)
+    if image.id != folder.name:
+        return [f"{folder / manifest.NAME}: was changed: its id is {image.id}"]
     listed = folder / manifest.FILES
-    if not listed.is_file() or file_entries.digest(listed) != found.files_sha256:
+    if not listed.is_file() or file_entries.digest(listed) != image.files_sha256:
         return [f"{listed}: is missing or was changed"]
     entries = file_entries.parse(listed.read_text(encoding="utf-8"), str(listed))
     return list(file_entries.differences(folder, entries, (manifest.NAME, manifest.FILES)))
@@ -340,20 +351,24 @@ def remove(name: str, report: Report) -> str:
         DesktopImageError: There is none, or a desktop runs from it.
     """
     with cache_lock(report) as folder:
-        known = names()
-        image = known.get(name) or resolve(name).name
+        ids_by_name = names()
+        image = ids_by_name.get(name) or resolve(name).name
         _check_unused(image, name)
-        for other, target in known.items():
+        for alias, target in ids_by_name.items():
             if target == image:
-                (folder / _NAMES / other).unlink()
-                if other == _default():
+                (folder / _NAMES / alias).unlink()
+                if alias == _default():
                     make_default(HOST)
         _put_away(folder / image)
     return image
 
 
 def _check_unused(image: str, name: str) -> None:
-    """Check that no desktop runs from the image with this id, which the error calls `name`."""
+    """Check that no desktop runs from the image with this id, which the error calls `name`.
+
+    Raises:
+        DesktopImageError: A desktop runs from it.
+    """
     users = [record["id"] for record in registry.records() if record.get("image") == image]
     if users:
         raise DesktopImageError(
@@ -364,6 +379,6 @@ def _check_unused(image: str, name: str) -> None:
 
 def _put_away(image: Path) -> None:
     """Remove an image; by another name first, so that no half image is left by an interrupt."""
-    gone = image.with_name(f"{REMOVED}{image.name}")
-    image.rename(gone)
-    file_entries.remove(gone)
+    target = image.with_name(f"{REMOVED}{image.name}")
+    image.rename(target)
+    file_entries.remove(target)

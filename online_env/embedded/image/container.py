@@ -58,8 +58,8 @@ def write(image: Path, path: Path) -> str:
         DesktopImageError: A file of the image is not as its manifest says.
         StorageError: The disk is full.
     """
-    found = manifest.read(image / manifest.NAME)
-    name = f"{REPOSITORY}:{cache.default_name(found.profiles)}"
+    image_manifest = manifest.read(image / manifest.NAME)
+    name = f"{REPOSITORY}:{cache.default_name(image_manifest.profiles)}"
 
     def pack(temporary: Path) -> None:
         with (
@@ -70,7 +70,7 @@ def write(image: Path, path: Path) -> str:
             _system(image, layers[0])
             _desktop(image, layers[1])
             digests = [file_entries.digest(layer) for layer in layers]
-            config = json.dumps(_config(found.architecture, digests)).encode()
+            config = json.dumps(_config(image_manifest.architecture, digests)).encode()
             config_name = f"{hashlib.sha256(config).hexdigest()}.json"
             names = [f"{digest}.tar" for digest in digests]
             about = [{"Config": config_name, "RepoTags": [name], "Layers": names}]
@@ -84,7 +84,7 @@ def write(image: Path, path: Path) -> str:
 
 
 def _config(architecture: str, digests: list[str]) -> dict[str, Any]:
-    """The configuration (OCI image specification)."""
+    """Return the configuration (OCI image specification)."""
     ports = {f"{port}/tcp": {} for port in (GUEST_PORT, CONTROL_PORT)}
     return {
         "architecture": architecture,
@@ -199,8 +199,8 @@ def _add_parents(tar: tarfile.TarFile, name: str, top: str) -> None:
 def _add_tree(tar: tarfile.TarFile, top: Path, name: str) -> None:
     for path in file_entries.walk(top):
         entry = replace(file_entries.read_entry(path, top), time=file_entries.EPOCH)
-        shown = f"{name}/{entry.path}".lstrip("/")
-        _add_entry(tar, shown, path, entry)
+        member = f"{name}/{entry.path}".lstrip("/")
+        _add_entry(tar, member, path, entry)
 
 
 def _add_code(tar: tarfile.TarFile, name: str) -> None:
@@ -217,15 +217,21 @@ def _add_code(tar: tarfile.TarFile, name: str) -> None:
 
 
 def _modules() -> list[Path]:
-    """The files of our modules that process 1 of a container loads."""
+    """Return the files of our modules that process 1 of a container loads.
+
+    Raises:
+        DesktopImageError: The guest server cannot be loaded.
+    """
     command = [sys.executable, "-I", "-c", _MODULES, str(_CODE), *filter(os.path.isdir, sys.path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise DesktopImageError(f"the guest server cannot be loaded: {done.stderr.strip()[-500:]}")
-    found: list[Path] = []
-    for module in done.stdout.split():
+    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    if process.returncode != 0:
+        raise DesktopImageError(
+            f"the guest server cannot be loaded: {process.stderr.strip()[-500:]}"
+        )
+    paths: list[Path] = []
+    for module in process.stdout.split():
         if module.partition(".")[0] in image_python.PACKAGES:
             place = _CODE.joinpath(*module.split("."))
             is_package = (place / "__init__.py").is_file()
-            found.append(place / "__init__.py" if is_package else place.with_suffix(".py"))
-    return found
+            paths.append(place / "__init__.py" if is_package else place.with_suffix(".py"))
+    return paths

@@ -43,7 +43,7 @@ class Package:
 
 
 def parse(text: str, base: str) -> list[Package]:
-    """The packages of an index.
+    """Return the packages of an index.
 
     Args:
         text: content of a `Packages` file.
@@ -52,12 +52,12 @@ def parse(text: str, base: str) -> list[Package]:
     Raises:
         DesktopImageError: A stanza lacks a field.
     """
-    found: list[Package] = []
+    packages: list[Package] = []
     for stanza in text.split("\n\n"):
         fields = dict(_FIELD.findall(stanza))
         if fields:
-            found.append(_package(fields, base))
-    return found
+            packages.append(_package(fields, base))
+    return packages
 
 
 def _package(fields: Mapping[str, str], base: str) -> Package:
@@ -83,12 +83,12 @@ def _package(fields: Mapping[str, str], base: str) -> Package:
 
 
 def _needs(text: str) -> list[tuple[str, ...]]:
-    found: list[tuple[str, ...]] = []
+    groups: list[tuple[str, ...]] = []
     for item in text.split(","):
         names = _names(item, "|")
         if names:
-            found.append(names)
-    return found
+            groups.append(names)
+    return groups
 
 
 def _names(text: str, separator: str) -> tuple[str, ...]:
@@ -96,45 +96,45 @@ def _names(text: str, separator: str) -> tuple[str, ...]:
     return tuple(_ALTERNATIVE_END.split(part)[0] for part in parts if part)
 
 
-def compare(one: str, other: str) -> int:
+def compare(a: str, b: str) -> int:
     """Compare two versions as dpkg does; returns -1, 0 or 1."""
-    left = _split(one)
-    right = _split(other)
-    if left[0] != right[0]:
-        return 1 if left[0] > right[0] else -1
-    return _compare_part(left[1], right[1]) or _compare_part(left[2], right[2])
+    first = _split(a)
+    second = _split(b)
+    if first[0] != second[0]:
+        return 1 if first[0] > second[0] else -1
+    return _compare_part(first[1], second[1]) or _compare_part(first[2], second[2])
 
 
 def _split(version: str) -> tuple[int, str, str]:
-    epoch, colon, rest = version.partition(":")
+    epoch, colon, remainder = version.partition(":")
     if not colon:
-        epoch, rest = "0", version
-    upstream, dash, revision = rest.rpartition("-")
+        epoch, remainder = "0", version
+    upstream, dash, revision = remainder.rpartition("-")
     if not dash:
-        upstream, revision = rest, "0"
+        upstream, revision = remainder, "0"
     return int(epoch), upstream, revision
 
 
-def _compare_part(one: str, other: str) -> int:
-    left = _pieces(one)
-    right = _pieces(other)
-    length = max(len(left), len(right))
-    left += [((0,), 0)] * (length - len(left))
-    right += [((0,), 0)] * (length - len(right))
-    if left == right:
+def _compare_part(a: str, b: str) -> int:
+    first = _pieces(a)
+    second = _pieces(b)
+    length = max(len(first), len(second))
+    first += [((0,), 0)] * (length - len(first))
+    second += [((0,), 0)] * (length - len(second))
+    if first == second:
         return 0
-    return 1 if left > right else -1
+    return 1 if first > second else -1
 
 
 def _pieces(text: str) -> list[tuple[tuple[int, ...], int]]:
     """Runs of other characters, each with the number after it, in values that compare rightly."""
-    found: list[tuple[tuple[int, ...], int]] = []
+    pieces: list[tuple[tuple[int, ...], int]] = []
     for words, digits in re.findall(r"(\D*)(\d*)", text):
         if words or digits:
             # The end of a run sorts after `~` and before everything else.
             weights = (*map(_weight, words), 0)
-            found.append((weights, int(digits or 0)))
-    return found
+            pieces.append((weights, int(digits or 0)))
+    return pieces
 
 
 def _weight(letter: str) -> int:
@@ -157,7 +157,7 @@ class PackageIndex:
 
     @classmethod
     def of(cls, packages: Iterable[Package]) -> "PackageIndex":
-        """The index of `packages`, in which a name may come several times."""
+        """Return the index of `packages`, in which a name may come several times."""
         index = cls()
         for package in packages:
             old = index.best.get(package.name)
@@ -169,18 +169,18 @@ class PackageIndex:
         return index
 
     def base(self) -> list[str]:
-        """The names of what every Debian has."""
+        """Return the names of what every Debian has."""
         return sorted(name for name, package in self.best.items() if package.is_base)
 
-    def closure(self, wanted: Iterable[str]) -> list[Package]:
-        """`wanted` with all that they need, in the order of their names.
+    def closure(self, requested: Iterable[str]) -> list[Package]:
+        """`requested` with all that they need, in the order of their names.
 
         Raises:
             DesktopImageError: Nothing provides one of them.
         """
-        chosen: dict[str, Package] = {}
+        selection: dict[str, Package] = {}
         provided: set[str] = set()
-        queue: deque[tuple[str, ...]] = deque((name,) for name in wanted)
+        queue: deque[tuple[str, ...]] = deque((name,) for name in requested)
         choices: deque[tuple[str, ...]] = deque()
         while queue or choices:
             # What leaves no choice comes first: it may settle the choices.
@@ -188,18 +188,18 @@ class PackageIndex:
             if provided.intersection(names):
                 continue
             package = self._pick(names)
-            chosen[package.name] = package
+            selection[package.name] = package
             provided.update(package.provides)
             for need in package.needs:
                 has_choice = len(need) > 1 or not self.best.keys() >= {*need}
                 (choices if has_choice else queue).append(need)
-        return [chosen[name] for name in sorted(chosen)]
+        return [selection[name] for name in sorted(selection)]
 
     def _pick(self, names: tuple[str, ...]) -> Package:
         real = [name for name in names if name in self.best]
         if real:
             return self.best[real[0]]
-        virtual = [found for name in names for found in self.providers.get(name, ())]
+        virtual = [provider for name in names for provider in self.providers.get(name, ())]
         if not virtual:
             raise DesktopImageError(
                 f"no package provides {' or '.join(names)} in the archives that were read; are all"

@@ -46,33 +46,33 @@ class Entry:
 
 
 def listing(entries: Iterable[Entry]) -> str:
-    """The list of the files, as it is kept beside the manifest."""
+    """Return the list of the files, as it is kept beside the manifest."""
     return "".join(entry.to_json() for entry in entries)
 
 
-def parse(text: str, where: str) -> list[Entry]:
-    """The entries of a `listing`.
+def parse(text: str, label: str) -> list[Entry]:
+    """Return the entries of a `listing`.
 
     Raises:
         DesktopImageError: A line is none, or its path leads out of the image.
     """
-    found: list[Entry] = []
+    entries: list[Entry] = []
     for number, line in enumerate(text.splitlines(), 1):
         try:
             entry = Entry(*json.loads(line))
             parts = entry.path.split("/")
         except (ValueError, TypeError, AttributeError, RecursionError):
-            raise DesktopImageError(f"{where}:{number}: is no entry of a file") from None
+            raise DesktopImageError(f"{label}:{number}: is no entry of a file") from None
         if entry.kind not in _KINDS.values() or {"", ".", ".."} & set(parts):
-            raise DesktopImageError(f"{where}:{number}: {entry.path!r} cannot be in an image")
-        found.append(entry)
-    return found
+            raise DesktopImageError(f"{label}:{number}: {entry.path!r} cannot be in an image")
+        entries.append(entry)
+    return entries
 
 
 def walk(top: Path) -> Iterator[Path]:
     """All that is below `top`, each folder before what it holds, in the order of the names."""
-    with os.scandir(top) as found:
-        names = sorted(entry.name for entry in found)
+    with os.scandir(top) as entries:
+        names = sorted(entry.name for entry in entries)
     for name in names:
         path = top / name
         yield path
@@ -81,27 +81,27 @@ def walk(top: Path) -> Iterator[Path]:
 
 
 def read_entry(path: Path, top: Path) -> Entry:
-    """The entry of one file as it is.
+    """Return the entry of one file as it is.
 
     Raises:
         DesktopImageError: It is a device, a socket or a pipe.
         OSError: It cannot be read.
     """
-    found = path.lstat()
-    kind = _KINDS.get(stat.S_IFMT(found.st_mode))
+    status = path.lstat()
+    kind = _KINDS.get(stat.S_IFMT(status.st_mode))
     name = path.relative_to(top).as_posix()
     if kind is None:
         raise DesktopImageError(f"{path}: is neither a file nor a folder nor a link")
     if kind == "link":
         return Entry(name, kind, content=os.readlink(path))
-    mode = stat.S_IMODE(found.st_mode)
+    mode = stat.S_IMODE(status.st_mode)
     if kind == "folder":
         return Entry(name, kind, mode)
-    return Entry(name, kind, mode, found.st_size, int(found.st_mtime), digest(path))
+    return Entry(name, kind, mode, status.st_size, int(status.st_mtime), digest(path))
 
 
 def digest(path: Path) -> str:
-    """The SHA-256 of a file, hexadecimal."""
+    """Return the SHA-256 of a file, hexadecimal."""
     with open(path, "rb") as handle:
         return hashlib.file_digest(handle, "sha256").hexdigest()
 
@@ -116,19 +116,19 @@ def set_times(top: Path, began: float) -> None:
     for path in walk(top):
         if path.is_symlink():
             continue
-        found = path.stat()
-        is_folder = stat.S_ISDIR(found.st_mode)
-        mode = stat.S_IMODE(found.st_mode)
+        status = path.stat()
+        is_folder = stat.S_ISDIR(status.st_mode)
+        mode = stat.S_IMODE(status.st_mode)
         # Whoever uses the image owns its files, and must be able to read all of them.
         path.chmod(mode | (0o700 if is_folder else 0o400))
-        if is_folder or found.st_mtime >= began:
+        if is_folder or status.st_mtime >= began:
             os.utime(path, (EPOCH, EPOCH))
         else:
-            os.utime(path, (int(found.st_mtime), int(found.st_mtime)))
+            os.utime(path, (int(status.st_mtime), int(status.st_mtime)))
 
 
 def differences(top: Path, entries: Iterable[Entry], beside: Iterable[str] = ()) -> Iterator[str]:
-    """What is not as `entries` say below `top`: one line for each file that is not.
+    """Yield what is not as `entries` say below `top`: one line for each file that is not.
 
     Modification times are not compared.
 
@@ -138,31 +138,31 @@ def differences(top: Path, entries: Iterable[Entry], beside: Iterable[str] = ())
         beside: paths that may be there, too.
     """
     expected = {entry.path: entry for entry in entries}
-    known = {*expected, *beside}
+    listed = {*expected, *beside}
     for entry in expected.values():
         yield from _difference(top / entry.path, entry, top)
     for path in walk(top):
-        if path.relative_to(top).as_posix() not in known:
+        if path.relative_to(top).as_posix() not in listed:
             yield f"{path}: is not a file of the image"
 
 
 def _difference(path: Path, entry: Entry, top: Path) -> Iterator[str]:
     try:
-        found = read_entry(path, top)
+        actual = read_entry(path, top)
     except (FileNotFoundError, NotADirectoryError):
         yield f"{path}: is missing"
         return
     except (OSError, DesktopImageError) as error:
         yield f"{path}: cannot be read ({error})"
         return
-    if found.kind != entry.kind:
-        yield f"{path}: is a {found.kind}, not a {entry.kind}"
-    elif found.size != entry.size:
-        yield f"{path}: has {found.size} bytes, not {entry.size}"
-    elif found.content != entry.content:
+    if actual.kind != entry.kind:
+        yield f"{path}: is a {actual.kind}, not a {entry.kind}"
+    elif actual.size != entry.size:
+        yield f"{path}: has {actual.size} bytes, not {entry.size}"
+    elif actual.content != entry.content:
         yield f"{path}: has another content"
-    elif found.mode != entry.mode:
-        yield f"{path}: has the permissions {found.mode:o}, not {entry.mode:o}"
+    elif actual.mode != entry.mode:
+        yield f"{path}: has the permissions {actual.mode:o}, not {entry.mode:o}"
 
 
 def remove(top: Path) -> None:

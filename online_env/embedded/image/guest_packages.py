@@ -34,7 +34,7 @@ NEEDED = (
 OPTIONAL = ("sniffio",)  # older versions of anyio
 # Debian's packages for it, beside those of the profiles.
 DEBIAN = ("python3", "python3-numpy")
-# What `chamber.run` does at last, so that no image is made in which the guest server cannot load.
+# The last command of a build: no image is made in which the guest server cannot load.
 PROOF = (
     "import sys; sys.path[:0] = ['/run/guest', '/usr/lib/python3/dist-packages'];"
     " import numpy, starlette.applications, uvicorn, anyio, h11, multipart, Xlib.display, mss,"
@@ -52,10 +52,10 @@ def install(folder: Path) -> list[Pin]:
         DesktopImageError: One is not installed here, or is not pure Python.
     """
     folder.mkdir()
-    found: list[Pin] = []
+    pins: list[Pin] = []
     for name in (*NEEDED, *OPTIONAL):
         try:
-            found.append(_copy(importlib.metadata.distribution(name), folder))
+            pins.append(_copy(importlib.metadata.distribution(name), folder))
         except importlib.metadata.PackageNotFoundError:
             if name not in OPTIONAL:
                 remedy = extras.remedy(extra.EXTRA)
@@ -63,7 +63,7 @@ def install(folder: Path) -> list[Pin]:
                     f"the Python package {name} is not installed, which the guest server needs;"
                     f" {remedy}"
                 ) from None
-    return sorted(found, key=lambda part: part.name)
+    return sorted(pins, key=lambda part: part.name)
 
 
 def _copy(distribution: importlib.metadata.Distribution, folder: Path) -> Pin:

@@ -1,4 +1,4 @@
-"""What the doctor says about images: where they are, which there are, and what is in their way."""
+"""The findings of `hijack desktop doctor` about images: their folder and their problems."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,12 +12,12 @@ _MEMORY = ("tmpfs", "ramfs")
 
 
 def is_asked_for(image: str | None) -> bool:
-    """Whether a desktop starts from an image: by `image`, the environment, or `install`."""
+    """Return whether a desktop starts from an image: by `image`, the environment, or `install`."""
     return cache.requested_name(image) != cache.HOST
 
 
 def findings(image: str | None) -> Iterator[Found]:
-    """All findings; they are `required` only if a desktop is to start from an image.
+    """Yield all findings; they are `required` only if a desktop is to start from an image.
 
     Args:
         image: its name; without it `cache.wanted` decides.
@@ -30,24 +30,24 @@ def findings(image: str | None) -> Iterator[Found]:
 def _place(required: bool) -> Found:
     name = "image folder"
     folder = cache.place()
-    other = f"export {cache.VARIABLE}=FOLDER, with a folder on another disk"
+    remedy = f"export {cache.VARIABLE}=FOLDER, with a folder on another disk"
     if cache.is_noexec(folder):
-        return name, False, f"{folder}: no programs may run there (noexec)", other, required
+        return name, False, f"{folder}: no programs may run there (noexec)", remedy, required
     kind = file_system(folder)
     if kind in _MEMORY:
         detail = f"{folder}: in memory ({kind}): images take memory and are lost at a restart"
-        return name, False, detail, other, False
+        return name, False, detail, remedy, False
     return name, True, f"{folder} ({kind})", "", False
 
 
 def file_system(folder: Path, mounts: Path = Path("/proc/self/mounts")) -> str:
-    """The kind of the file system that `folder` is on, or will be."""
+    """Return the kind of the file system that `folder` is on, or will be."""
     best = ("", "unknown")
     for line in mounts.read_text(encoding="utf-8", errors="replace").splitlines():
-        _, where, kind, *_ = line.split()
-        is_above = folder.is_relative_to(where)
-        if is_above and len(where) >= len(best[0]):
-            best = (where, kind)
+        _, mount_point, kind, *_ = line.split()
+        is_above = folder.is_relative_to(mount_point)
+        if is_above and len(mount_point) >= len(best[0]):
+            best = (mount_point, kind)
     return best[1]
 
 
@@ -55,10 +55,10 @@ def _image(image: str | None, required: bool) -> Found:
     name = "image"
     build = "hijack desktop install"
     try:
-        found = cache.find_image_folder(image)
+        folder = cache.find_image_folder(image)
     except DesktopError as error:
         return name, False, str(error), build, True
-    if found is not None:
-        return name, True, f"desktops start from {found.name}", "", required
+    if folder is not None:
+        return name, True, f"desktops start from {folder.name}", "", required
     listed = ", ".join(cache.names()) or "none"
     return name, True, f"desktops start from this machine's packages; images: {listed}", "", False

@@ -54,24 +54,24 @@ def build(
     from . import build as builder
 
     if mirror is None:
-        found = sources.from_machine()
+        archives = sources.from_machine()
     else:
-        found = sources.from_mirror(mirror, security, keyring)
+        archives = sources.from_mirror(mirror, security, keyring)
     pinned = None if like is None else manifest.read(like)
     recipe = builder.Recipe(
         profiles=pinned.profiles if pinned else builder.normal_profiles(profiles),
-        sources=tuple(found),
+        sources=tuple(archives),
         unsigned=unsigned,
         pinned=pinned,
     )
-    called, made = builder.build(recipe, name, _say)
+    image_name, entry = builder.build(recipe, name, _say)
     if out is not None:
-        archive.write(cache.place() / made.id, out)
+        archive.write(cache.place() / entry.id, out)
         _say(f"exported to {out} ({out.stat().st_size / 1e6:.0f} MB)")
     if as_json:
-        click.echo(made.to_json(), nl=False)
+        click.echo(entry.to_json(), nl=False)
         return
-    click.echo(f"start a desktop from it with: hijack desktop up --image {called}")
+    click.echo(f"start a desktop from it with: hijack desktop up --image {image_name}")
 
 
 @image.command("list")
@@ -83,22 +83,22 @@ def list_command(as_json: bool) -> None:
     names = cache.names()
     rows = [
         {
-            "id": found.id,
+            "id": entry.id,
             "names": [name for name, target in names.items() if target == key],
-            "suite": found.suite,
-            "architecture": found.architecture,
-            "profiles": found.profiles,
-            "size": found.size,
-            "packages": len(found.packages),
+            "suite": entry.suite,
+            "architecture": entry.architecture,
+            "profiles": entry.profiles,
+            "size": entry.size,
+            "packages": len(entry.packages),
         }
-        for key, found in cache.images().items()
+        for key, entry in cache.images().items()
     ]
     if as_json:
         click.echo(json.dumps(rows, indent=1))
         return
-    for key, found in cache.images().items():
-        called = ", ".join(name for name, target in names.items() if target == key) or "-"
-        click.echo(f"{called:16} {key}  {found.summary}")
+    for key, entry in cache.images().items():
+        aliases = ", ".join(name for name, target in names.items() if target == key) or "-"
+        click.echo(f"{aliases:16} {key}  {entry.summary}")
     if not rows:
         click.echo(f"no images in {cache.place()}; make one with: hijack desktop image build")
 
@@ -110,8 +110,8 @@ def import_command(file: Path, name: str | None) -> None:
     """Read an image from FILE, and check every file in it."""
     from . import cache
 
-    called, found = cache.import_file(file, name, _say)
-    click.echo(f"image {called} ({found.id}): {found.summary}")
+    image_name, entry = cache.import_file(file, name, _say)
+    click.echo(f"image {image_name} ({entry.id}): {entry.summary}")
 
 
 @image.command()
@@ -136,9 +136,9 @@ def container(name: str, file: Path) -> None:
     from . import cache
     from . import container as containers
 
-    called = containers.write(cache.resolve(name), file)
+    tag = containers.write(cache.resolve(name), file)
     click.echo(
-        f"{file} ({file.stat().st_size / 1e6:.0f} MB): docker load -i {file}, then run {called}"
+        f"{file} ({file.stat().st_size / 1e6:.0f} MB): docker load -i {file}, then run {tag}"
     )
 
 

@@ -22,7 +22,7 @@ _BLOCK = 1 << 20
 
 
 def prefers_packages(release: Path = Path("/etc/os-release")) -> bool:
-    """Whether desktops are made of the machine's own packages if nobody says otherwise.
+    """Return whether desktops are made of the machine's own packages by default.
 
     They are for root on Debian 12: that takes a minute and less room, and it is the system that an
     image holds. Everywhere else an image is the only way, or the one without root.
@@ -38,38 +38,38 @@ def prefers_packages(release: Path = Path("/etc/os-release")) -> bool:
 
 def ensure_image(
     profiles: Iterable[str],
-    given: str | None,
+    source: str | None,
     archives: Iterable[sources.AptSource] | None,
     report: Report,
 ) -> str:
     """Have an image here, and return its name; one that is here already is taken.
 
     Args:
-        profiles: that it must have, if none is `given`, beside those of the present one.
-        given: the file of an image, its URL, or the name of one that is here.
+        profiles: that it must have, if none is `source`, beside those of the present one.
+        source: the file of an image, its URL, or the name of one that is here.
         archives: to build from; without them those of the machine's apt configuration.
-        report: is told the progress.
+        report: called with a line of text at each step.
 
     Raises:
         DesktopImageError: The file is no image, or none can be built.
         StorageError: The disk is full.
     """
-    if given is not None:
-        return _given(given, report)
-    found = cache.images()
+    if source is not None:
+        return _given(source, report)
+    images = cache.images()
     present = cache.names().get(cache.requested_name(None), "")
-    own = found[present].profiles if present else ()
-    wanted = build.normal_profiles([*profiles, *own])
+    installed = images[present].profiles if present else ()
+    required = build.normal_profiles([*profiles, *installed])
     for name, image in cache.names().items():
-        if set(wanted) <= set(found[image].profiles):
+        if set(required) <= set(images[image].profiles):
             return name
-    recipe = build.Recipe(wanted, tuple(archives or _own_archives()))
-    called, _ = build.build(recipe, None, report)
-    return called
+    recipe = build.Recipe(required, tuple(archives or _own_archives()))
+    image_name, _ = build.build(recipe, None, report)
+    return image_name
 
 
 def lacking(profile: str) -> list[str]:
-    """The packages of a profile that a desktop would lack if no image is named for it.
+    """Return the packages of a profile that a desktop would lack if no image is named for it.
 
     Raises:
         DesktopImageError: The image that it would start from is missing.
@@ -96,8 +96,8 @@ def _given(text: str, report: Report) -> str:
         return _fetched(text, report)
     path = Path(text)
     if path.is_file():
-        called, _ = cache.import_file(path, None, report)
-        return called
+        image_name, _ = cache.import_file(path, None, report)
+        return image_name
     if os.sep in text or text.endswith(".zst"):
         raise DesktopImageError(f"{text}: there is no such file")
     cache.resolve(text)
@@ -105,7 +105,12 @@ def _given(text: str, report: Report) -> str:
 
 
 def _fetched(url: str, report: Report) -> str:
-    """Fetch an image into a file without a name, which is gone however this process ends."""
+    """Fetch an image into a file without a name, which is gone however this process ends.
+
+    Raises:
+        DesktopImageError: The image cannot be fetched.
+        HijackError: The folder of the images cannot be written.
+    """
     folder = cache.ensure_place()
     report(f"fetching {url}")
     with tempfile.TemporaryFile(dir=folder) as file:
@@ -126,9 +131,9 @@ def _fetched(url: str, report: Report) -> str:
             ) from None
         except OSError as error:
             raise unwritable(folder, error) from None
-        here = Path(f"/proc/self/fd/{file.fileno()}")
+        path = Path(f"/proc/self/fd/{file.fileno()}")
         try:
-            called, _ = cache.import_file(here, None, report)
+            image_name, _ = cache.import_file(path, None, report)
         except DesktopImageError as error:
-            raise DesktopImageError(str(error).replace(str(here), url)) from None
-    return called
+            raise DesktopImageError(str(error).replace(str(path), url)) from None
+    return image_name

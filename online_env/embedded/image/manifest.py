@@ -92,8 +92,8 @@ def read(path: Path) -> Manifest:
     return _from_json(data, str(path))
 
 
-def parse(text: bytes, where: str) -> Manifest:
-    """The manifest in the JSON `text`; `where` begins the messages.
+def parse(text: bytes, label: str) -> Manifest:
+    """Return the manifest in the JSON `text`; `label` begins the messages.
 
     Raises:
         DesktopImageError: It is no manifest, or of a later version.
@@ -101,14 +101,14 @@ def parse(text: bytes, where: str) -> Manifest:
     try:
         data: object = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise DesktopImageError(f"{where}: is not JSON ({error})") from None
+        raise DesktopImageError(f"{label}: is not JSON ({error})") from None
     checked = check_versioned(
-        data, format=FORMAT, version=VERSION, where=where, what=WHAT, error=DesktopImageError
+        data, format=FORMAT, version=VERSION, where=label, what=WHAT, error=DesktopImageError
     )
-    return _from_json(checked, where)
+    return _from_json(checked, label)
 
 
-def _from_json(data: dict[str, Any], where: str) -> Manifest:
+def _from_json(data: dict[str, Any], label: str) -> Manifest:
     fields = {name: value for name, value in data.items() if name not in ("format", "version")}
     try:
         fields["profiles"] = tuple(fields["profiles"])
@@ -117,7 +117,7 @@ def _from_json(data: dict[str, Any], where: str) -> Manifest:
         return Manifest(**fields)
     except (KeyError, TypeError) as error:
         raise DesktopImageError(
-            f"{where}: {WHAT} lacks a field or has a wrong one: {error}"
+            f"{label}: {WHAT} lacks a field or has a wrong one: {error}"
         ) from None
 
 

@@ -55,29 +55,29 @@ class AptSource:
 
 
 def from_machine(apt: Path = APT) -> list[AptSource]:
-    """The Debian 12 archives in the machine's apt configuration.
+    """Return the Debian 12 archives in the machine's apt configuration.
 
     Raises:
         DesktopImageError: There is none, as on every other distribution.
     """
     paths = [apt / "sources.list", *sorted((apt / "sources.list.d").glob("*"))]
-    found: list[AptSource] = []
+    archives: list[AptSource] = []
     for path in paths:
         if path.suffix not in (".list", ".sources") or not path.is_file():
             continue
         text = path.read_text(encoding="utf-8", errors="replace")
-        found += _stanzas(text) if path.suffix == ".sources" else _lines(text)
-    if not found:
+        archives += _stanzas(text) if path.suffix == ".sources" else _lines(text)
+    if not archives:
         raise DesktopImageError(
             f"{apt} names no archive of Debian 12 ({SUITE}); give one with --mirror URL"
         )
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(archives))
 
 
 def from_mirror(
     mirror: str, security: str | None = None, keyring: Path | None = None
 ) -> list[AptSource]:
-    """The suites of a mirror of Debian.
+    """Return the suites of a mirror of Debian.
 
     Args:
         mirror: URL of the archive: `http`, `https` or `file`.
@@ -90,10 +90,10 @@ def from_mirror(
     if keyring is not None and not keyring.is_file():
         raise DesktopImageError(f"--keyring {keyring}: there is no such file")
     keys = keyring or _default_keyring()
-    found = [AptSource(_url(mirror), suite, keys) for suite in (SUITE, f"{SUITE}-updates")]
+    archives = [AptSource(_url(mirror), suite, keys) for suite in (SUITE, f"{SUITE}-updates")]
     if security:
-        found.append(AptSource(_url(security), f"{SUITE}-security", keys))
-    return found
+        archives.append(AptSource(_url(security), f"{SUITE}-security", keys))
+    return archives
 
 
 def _url(text: str) -> str:
@@ -108,32 +108,32 @@ def _default_keyring() -> Path | None:
 
 def _stanzas(text: str) -> list[AptSource]:
     """Sources in the format deb822 (sources.list(5))."""
-    found: list[AptSource] = []
-    said = re.sub(r"^#.*\n?", "", text, flags=re.M)
-    for stanza in re.split(r"\n\s*\n", said):
+    archives: list[AptSource] = []
+    body = re.sub(r"^#.*\n?", "", text, flags=re.M)
+    for stanza in re.split(r"\n\s*\n", body):
         fields = message_from_string(stanza.strip("\n"))  # values may go on in indented lines
         is_off = fields.get("Enabled", "yes").strip().lower() in ("no", "false", "0")
         if is_off or "deb" not in fields.get("Types", "").split():
             continue
-        found += _sources(
+        archives += _sources(
             fields.get("URIs", "").split(),
             fields.get("Suites", "").split(),
             fields.get("Components", "").split(),
             fields.get("Signed-By", "").strip(),
         )
-    return found
+    return archives
 
 
 def _lines(text: str) -> list[AptSource]:
     """Sources in the format of one line each (sources.list(5))."""
-    found: list[AptSource] = []
+    archives: list[AptSource] = []
     for line in re.findall(r"^\s*deb\s+(.*)$", text, re.M):
         options = re.match(r"\[([^]]*)\]\s*", line)
-        rest = line[options.end() :] if options else line
-        url, suite, *components = [*rest.partition("#")[0].split(), "", ""]
+        remainder = line[options.end() :] if options else line
+        url, suite, *components = [*remainder.partition("#")[0].split(), "", ""]
         signed = re.search(r"signed-by=(\S+)", options[1]) if options else None
-        found += _sources([url], [suite], components, signed[1] if signed else "")
-    return found
+        archives += _sources([url], [suite], components, signed[1] if signed else "")
+    return archives
 
 
 def _sources(
@@ -142,12 +142,12 @@ def _sources(
     if COMPONENT not in components:
         return []
     keyring = Path(signed_by)
-    known = keyring if signed_by.startswith("/") and keyring.is_file() else _default_keyring()
-    wanted = [s for s in suites if s in (SUITE, f"{SUITE}-updates", f"{SUITE}-security")]
+    key_file = keyring if signed_by.startswith("/") and keyring.is_file() else _default_keyring()
+    accepted = [s for s in suites if s in (SUITE, f"{SUITE}-updates", f"{SUITE}-security")]
     return [
-        AptSource(url.rstrip("/"), suite, known)
+        AptSource(url.rstrip("/"), suite, key_file)
         for url in urls
-        for suite in wanted
+        for suite in accepted
         if urlsplit(url).scheme in SCHEMES
     ]
 
@@ -171,8 +171,8 @@ def read(
     packages: list[debian.Package] = []
     trust = TRUST[-1]
     for source in sources:
-        release, known = _release(source, unsigned)
-        trust = min(trust, known, key=TRUST.index)
+        release, trust_kind = _release(source, unsigned)
+        trust = min(trust, trust_kind, key=TRUST.index)
         packages += debian.parse(_index(source, release, architecture), source.url)
     return debian.PackageIndex.of(packages), trust
 
@@ -200,34 +200,34 @@ def _release(source: AptSource, unsigned: bool) -> tuple[str, str]:
 
 
 def _check_signature(raw: bytes, keyring: Path) -> str | None:
-    """The text that was signed, or `None` where no key of `keyring` signed it."""
+    """Return the text that was signed, or `None` where no key of `keyring` signed it."""
     with tempfile.TemporaryDirectory(prefix="agenthijack-release-") as folder:
         signed = Path(folder, "InRelease")
-        plain = Path(folder, "Release")
+        release = Path(folder, "Release")
         signed.write_bytes(raw)
-        command = ["gpgv", "--keyring", str(keyring), "--output", str(plain), str(signed)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode != 0 or not plain.exists():
+        command = ["gpgv", "--keyring", str(keyring), "--output", str(release), str(signed)]
+        process = subprocess.run(command, capture_output=True, text=True, check=False)
+        if process.returncode != 0 or not release.exists():
             return None
-        return plain.read_text(encoding="utf-8", errors="replace")
+        return release.read_text(encoding="utf-8", errors="replace")
 
 
 def _index(source: AptSource, release: str, architecture: str) -> str:
     name = f"{COMPONENT}/binary-{architecture}/Packages.xz"
     _, _, sums = release.partition("\nSHA256:")
     line = re.search(rf"^ ([0-9a-f]{{64}}) +\d+ {re.escape(name)}$", sums, re.M)
-    where = f"{source.url}/dists/{source.suite}"
+    base = f"{source.url}/dists/{source.suite}"
     if line is None:
-        raise DesktopImageError(f"{where}: its InRelease lists no {name}")
-    data = fetch(f"{where}/{name}", line[1])
+        raise DesktopImageError(f"{base}: its InRelease lists no {name}")
+    data = fetch(f"{base}/{name}", line[1])
     try:
         return lzma.decompress(data).decode()
     except (lzma.LZMAError, UnicodeDecodeError) as error:
-        raise DesktopImageError(f"{where}/{name}: is damaged ({error})") from None
+        raise DesktopImageError(f"{base}/{name}: is damaged ({error})") from None
 
 
 def fetch(url: str, sha256: str | None = None) -> bytes:
-    """The content behind `url`; tries a few times.
+    """Return the content behind `url`; tries a few times.
 
     Raises:
         DesktopImageError: It cannot be read, or has another checksum.
@@ -247,10 +247,10 @@ def fetch(url: str, sha256: str | None = None) -> bytes:
         except (OSError, ValueError, HTTPException) as error:
             problem = str(error) or type(error).__name__
             continue
-        found = hashlib.sha256(data).hexdigest()
-        if sha256 is None or found == sha256:
+        digest = hashlib.sha256(data).hexdigest()
+        if sha256 is None or digest == sha256:
             return data
-        problem = f"its SHA-256 is {found}, and the index says {sha256}"
+        problem = f"its SHA-256 is {digest}, and the index says {sha256}"
     raise DesktopImageError(f"{url}: cannot be fetched ({problem}); is there a network?")
 
 
@@ -262,7 +262,7 @@ def fetch_packages(
     Args:
         packages: what to fetch.
         folder: where the files are kept, by checksum.
-        report: is told the progress.
+        report: called with a line of text at each step.
 
     Returns:
         The files by the names of their packages.

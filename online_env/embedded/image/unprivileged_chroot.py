@@ -49,8 +49,8 @@ class _Job:
     root: Path
     commands: Sequence[Sequence[str]]
     log: Path
-    shown: Mapping[str, Path]
-    lent: Mapping[str, Path]
+    mounts: Mapping[str, Path]
+    writable: Mapping[str, Path]
     environment: Mapping[str, str]
 
 
@@ -58,8 +58,8 @@ def run(
     root: Path,
     commands: Sequence[Sequence[str]],
     log: Path,
-    shown: Mapping[str, Path] | None = None,
-    lent: Mapping[str, Path] | None = None,
+    mounts: Mapping[str, Path] | None = None,
+    writable: Mapping[str, Path] | None = None,
     environment: Mapping[str, str] | None = None,
 ) -> None:
     """Run commands in a tree, one after the other.
@@ -68,8 +68,8 @@ def run(
         root: of the tree.
         commands: their arguments.
         log: gets their output.
-        shown: folders of the machine to show below `/run`, read-only, by name.
-        lent: the same, for folders that the commands may write to.
+        mounts: folders of the machine to show below `/run`, read-only, by name.
+        writable: the same, for folders that the commands may write to.
         environment: more variables.
 
     Raises:
@@ -80,7 +80,12 @@ def run(
     between = os.fork()
     if between == 0:
         job = _Job(
-            root, commands, log, shown or {}, lent or {}, {**ENVIRONMENT, **(environment or {})}
+            root,
+            commands,
+            log,
+            mounts or {},
+            writable or {},
+            {**ENVIRONMENT, **(environment or {})},
         )
         _enter_and_run(parent, job)
     _, status = os.waitpid(between, 0)
@@ -107,7 +112,7 @@ def _enter_and_run(parent: int, job: _Job) -> NoReturn:
         if first:
             os._exit(os.waitstatus_to_exitcode(os.waitpid(first, 0)[1]) & 0xFF)
         kernel.die_with_parent()
-        _come_in(job)
+        _mount_root(job)
         fake_ownership()
         for command in job.commands:
             _run(command, job.environment)
@@ -136,7 +141,7 @@ def _unshare() -> None:
     kernel.mount("none", "/", flags=kernel.MS_REC | kernel.MS_PRIVATE)
 
 
-def _come_in(job: _Job) -> None:
+def _mount_root(job: _Job) -> None:
     root = job.root
     quiet = kernel.MS_NOSUID | kernel.MS_NODEV
     kernel.mount(str(root), str(root), flags=kernel.MS_BIND | kernel.MS_REC)
@@ -152,10 +157,10 @@ def _come_in(job: _Job) -> None:
     for name, target in LINKS.items():
         (root / "dev" / name).symlink_to(target)
     (root / "dev/shm").mkdir()
-    for name, path in {**job.shown, **job.lent}.items():
+    for name, path in {**job.mounts, **job.writable}.items():
         target = root / "run" / name
         target.mkdir()
-        kernel.bind(str(path), str(target), read_only=name in job.shown)
+        kernel.bind(str(path), str(target), read_only=name in job.mounts)
     os.chdir(root)
     kernel.pivot_root()
     kernel.unmount(".")
@@ -212,5 +217,5 @@ def _run(command: Sequence[str], environment: Mapping[str, str]) -> None:
         if pid == child:
             break
     if status:
-        shown = " ".join(command[:4])
-        raise OSError(f"`{shown}` failed with exit code {os.waitstatus_to_exitcode(status)}")
+        text = " ".join(command[:4])
+        raise OSError(f"`{text}` failed with exit code {os.waitstatus_to_exitcode(status)}")

@@ -1,6 +1,6 @@
-"""Parts that the processes of a desktop share with the controller: its order, and plain errors.
+"""The configuration of a desktop and the error of its setup, for the controller and the processes.
 
-Light on purpose: the first process of a desktop must not wait for NumPy.
+The module imports little: the first process of a desktop must not wait for NumPy.
 """
 
 import json
@@ -62,7 +62,7 @@ class DesktopConfig:
 
     @classmethod
     def from_json(cls, text: str) -> "DesktopConfig":
-        """The order that `to_json` wrote."""
+        """Return the order that `to_json` wrote."""
         raw = json.loads(text)
         for name in ("screen", "search_path", "hidden", "apps"):
             raw[name] = tuple(raw[name])

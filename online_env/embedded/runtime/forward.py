@@ -1,8 +1,8 @@
-"""The machine's way to a desktop: ports of its loopback interface.
+"""Forwarding of ports of the machine's loopback interface to a desktop.
 
-A process of the keeper's serves them. It stands on the machine; only the connection to a port of
-the desktop's is in the desktop's network. The desktop itself has no socket of the machine's and no
-interface that leads to it.
+A child process of the keeper serves the ports. It runs on the machine; only its connection to a
+port of the desktop is in the desktop's network. The desktop itself has no socket of the machine's
+and no interface that leads to it.
 
 Only the desktop's owner is let in; the kernel names the user who opened a connection.
 """
@@ -47,15 +47,15 @@ class Owners:
         self._tables = [os.open(name, os.O_RDONLY) for name in names if os.path.exists(name)]
 
     def allow(self, caller: socket.socket) -> bool:
-        """Whether the other end of an accepted connection is one of them.
+        """Return whether the other end of an accepted connection is one of them.
 
         Only a connection that its owner holds counts: the kernel gives the others to root.
         """
-        theirs = _shown(caller.getpeername())
-        ours = _shown(caller.getsockname())
+        remote = _shown(caller.getpeername())
+        local = _shown(caller.getsockname())
         for table in self._tables:
             for row in _rows(table):
-                if row.is_between(theirs, ours):
+                if row.is_between(remote, local):
                     return row.inode != "0" and row.uid in self._allowed
         return False
 
@@ -71,7 +71,7 @@ class _Row:
     inode: str
 
     def is_between(self, local: str, remote: str) -> bool:
-        """Whether it is open between these two addresses."""
+        """Return whether it is open between these two addresses."""
         if self.state != _ESTABLISHED:
             return False
         return self.local.endswith(local) and self.remote.endswith(remote)
@@ -83,11 +83,11 @@ def _rows(table: int) -> "list[_Row]":
     while piece:
         text += piece
         piece = os.pread(table, CHUNK, len(text))
-    found: list[_Row] = []
+    rows: list[_Row] = []
     for line in text.decode("ascii").splitlines()[1:]:
         words = line.split()
-        found.append(_Row(words[1], words[2], words[3], int(words[7]), words[9]))
-    return found
+        rows.append(_Row(words[1], words[2], words[3], int(words[7]), words[9]))
+    return rows
 
 
 def _shown(address: tuple[str, int]) -> str:
@@ -107,16 +107,16 @@ class Port:
     target: "str | int"
 
 
-def listen(host: str, wanted: int = 0) -> socket.socket:
-    """A listening socket on `host`: at port `wanted`, or any other if that is taken.
+def listen(host: str, port: int = 0) -> socket.socket:
+    """Return a listening socket on `host`: at port `port`, or any other if that is taken.
 
     Raises:
         OSError: There is no such address.
     """
     try:
-        return socket.create_server((host, wanted), backlog=128)
+        return socket.create_server((host, port), backlog=128)
     except OSError:
-        if not wanted:
+        if not port:
             raise
         return socket.create_server((host, 0), backlog=128)
 
@@ -181,18 +181,18 @@ def _connect(caller: socket.socket, target: "str | int", owners: Owners) -> None
             caller.recv(CHUNK)  # otherwise its request makes the answer be thrown away
             return
         with _reach(target) as desktop:
-            back = threading.Thread(target=_pump, args=(desktop, caller), daemon=True)
-            back.start()
+            backward = threading.Thread(target=_pump, args=(desktop, caller), daemon=True)
+            backward.start()
             _pump(caller, desktop)
-            back.join()
+            backward.join()
 
 
 def _reach(target: "str | int") -> socket.socket:
     if isinstance(target, int):
         return socket.create_connection((LOOPBACK, target), timeout=None)
-    other = socket.socket(socket.AF_UNIX)
-    other.connect(target)
-    return other
+    connection = socket.socket(socket.AF_UNIX)
+    connection.connect(target)
+    return connection
 
 
 def _pump(source: socket.socket, sink: socket.socket) -> None:

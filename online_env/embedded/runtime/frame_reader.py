@@ -41,13 +41,14 @@ class FrameReader:
         self._pixels: UInt8Array | None = None
 
     def read(self) -> UInt8Array:
-        """The screen with the pointer drawn, the picture that the guest server would send.
-
-        If the guest does not answer, it is an `OSError`; if it answers with something else, or the
-        memory is of another kind, a `ValueError`.
+        """Return the screen with the pointer drawn, the picture that the guest server would send.
 
         Returns:
             uint8 RGB `[H, W, 3]`.
+
+        Raises:
+            OSError: The guest does not answer.
+            ValueError: The guest answers with something else, or the memory is of another kind.
         """
         with self._lock:
             try:
@@ -108,7 +109,7 @@ class FrameReader:
 
 
 def _pixels(path: str) -> UInt8Array:
-    """The pixels in the memory at `path`: BGRX `[H, W, 4]`.
+    """Return the pixels in the memory at `path`: BGRX `[H, W, 4]`.
 
     Raises:
         ValueError: They lie otherwise.

@@ -1,4 +1,4 @@
-"""The memory that a desktop's X server draws in, and the door to the guest that freezes it.
+"""The memory that a desktop's X server draws in, and the sockets of its guest server.
 
 The keeper makes both before the desktop exists, so nothing inside has a say in what the machine
 opens; and the memory is sealed: no one can make it shorter, which would kill a process that reads
@@ -21,7 +21,7 @@ _ROOM = 1 << 16
 
 
 class Framebuffer:
-    """Memory for the screen and a door to the guest, made by the keeper.
+    """The screen's memory and the socket by which the guest freezes it, made by the keeper.
 
     Args:
         screen: its size `(width, height)` in pixels.
@@ -44,7 +44,7 @@ class Framebuffer:
         self.freeze_socket.listen(8)
 
     def close(self) -> None:
-        """Close the memory and the door; what has them open keeps them."""
+        """Close the memory and the socket; processes that have them open keep them."""
         os.close(self.memory)
         self.freeze_socket.close()
 

@@ -1,9 +1,9 @@
-"""The process that starts guest servers; it has loaded all of one before it comes into the desktop.
+"""The spawner process forks guest servers; it loads their code before it enters the desktop.
 
-Process 1 forks it while both can see the machine's files. It loads the guest server, follows
-process 1 into the desktop's file system, and forks there what it is asked for. So no Python,
-package or path of ours has to be shown inside, not even to root; and a guest server that has died
-is there again at once.
+Process 1 forks the spawner while both can see the machine's files. The spawner loads the guest
+server, joins process 1's mount namespace, and forks a child for each request of process 1. So no
+Python, package or path of ours has to be shown inside, not even to root; and a guest server that
+has died is there again at once.
 """
 
 import gc
@@ -21,84 +21,98 @@ from .desktop_config import DesktopConfig
 from .identity import Identity
 
 MAX_MESSAGE_BYTES = 4096
-SERVER_PROCESS_NAME = "desktop-server"  # how a guest server is called in lists of processes
+SERVER_PROCESS_NAME = "desktop-server"  # the name of guest servers in lists of processes
 
 
 class GuestServerSpawner:
-    """Process 1's hold on it.
+    """Forks guest servers on behalf of process 1.
+
+    All methods raise `OSError` if the spawner process has ended.
 
     Args:
-        order: of the desktop.
-        identity: of the desktop's processes.
-        log: descriptor that it writes its own log to.
-
-    All methods raise `OSError` where it has ended.
+        order: The desktop's configuration.
+        identity: The users of the desktop's processes.
+        log: The descriptor of the spawner's own log.
     """
 
     def __init__(self, order: DesktopConfig, identity: Identity, log: int) -> None:
-        self._line, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._line, child_socket = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self.pid = os.fork()
         if self.pid == 0:
             self._line.close()
-            _SpawnerProcess(order, identity, theirs).begin(log)
-        theirs.close()
+            _SpawnerProcess(order, identity, child_socket).start(log)
+        child_socket.close()
 
     def close(self) -> None:
-        """Let it go."""
+        """Close the socket; the spawner exits."""
         self._line.close()
 
-    def follow(self) -> None:
-        """Have it come into this process' file system."""
-        own = os.open("/proc/self/ns/mnt", os.O_RDONLY | os.O_CLOEXEC)
-        self._send({}, [own])
-        os.close(own)
+    def send_mount_namespace(self) -> None:
+        """Let the spawner join this process' mount namespace."""
+        namespace = os.open("/proc/self/ns/mnt", os.O_RDONLY | os.O_CLOEXEC)
+        self._send({}, [namespace])
+        os.close(namespace)
 
-    def show_windows(
-        self, wanted: Iterable[str], environment: Mapping[str, str], descriptors: tuple[int, int]
+    def report_windows(
+        self, windows: Iterable[str], environment: Mapping[str, str], descriptors: tuple[int, int]
     ) -> None:
-        """Have it report on windows to the first descriptor, and log to the other."""
-        what = {"windows": list(wanted), "environment": dict(environment)}
-        self._send(what, list(descriptors))
+        """Start a process that reports windows as they appear.
 
-    def serve(
+        Args:
+            windows: The windows to wait for (see `window_report.report`).
+            environment: The environment of the process.
+            descriptors: Where the process writes its report, and its log.
+        """
+        request = {"windows": list(windows), "environment": dict(environment)}
+        self._send(request, list(descriptors))
+
+    def start_guest_server(
         self, environment: Mapping[str, str], osworld: bool, descriptors: tuple[int, ...]
     ) -> None:
-        """Have it start a guest server, which becomes a child of process 1.
+        """Start a guest server, which becomes a child of process 1.
 
-        `started` gives its number.
-        The `descriptors` are: a listening socket for requests, one to freeze the screen by, the
-        reading end of a pipe with the token, a pipe that gets a line when it serves, and a log.
+        `read_server_pid` returns its process number.
+
+        Args:
+            environment: The environment of the server.
+            osworld: Whether it serves OSWorld's routes without a token.
+            descriptors: A listening socket for requests, one for requests to freeze the screen, the
+                reading end of a pipe with the token, a pipe that gets a line when the server
+                serves, and a log.
         """
-        what = {"serve": osworld, "environment": dict(environment)}
-        self._send(what, list(descriptors))
+        request = {"serve": osworld, "environment": dict(environment)}
+        self._send(request, list(descriptors))
 
-    def started(self, timeout: float) -> int:
-        """The number of the process that `serve` asked for, which may take `timeout` seconds.
+    def read_server_pid(self, timeout: float) -> int:
+        """Return the process number of the guest server that was started last.
+
+        Args:
+            timeout: Seconds until it must have started.
 
         Raises:
-            ConnectionError: There is none.
+            ConnectionError: The spawner has ended.
         """
         self._line.settimeout(timeout)
         text = self._line.recv(MAX_MESSAGE_BYTES)
         self._line.settimeout(None)
         if not text:
-            raise ConnectionError("it said nothing")
+            raise ConnectionError("the spawner sent no process number")
         return int(text)
 
-    def _send(self, what: Mapping[str, object], descriptors: list[int]) -> None:
-        socket.send_fds(self._line, [json.dumps(what).encode()], descriptors)
+    def _send(self, request: Mapping[str, object], descriptors: list[int]) -> None:
+        socket.send_fds(self._line, [json.dumps(request).encode()], descriptors)
 
 
 class _SpawnerProcess:
-    """The process itself."""
+    """The spawner: the loop that runs in the forked process."""
 
     def __init__(self, order: DesktopConfig, identity: Identity, line: socket.socket) -> None:
         self.order = order
         self.identity = identity
         self.line = line
 
-    def begin(self, log: int) -> NoReturn:
-        """Run, in the image's Python if the desktop has an image; `log` is where to report."""
+    def start(self, log: int) -> NoReturn:
+        """Run with the descriptor `log`, in the image's Python if the desktop has an image."""
         try:
             _to_log(log)
             if self.order.image:
@@ -108,13 +122,13 @@ class _SpawnerProcess:
             _end()
 
     def run(self) -> NoReturn:
-        """Load a guest server, come into the desktop, and do what process 1 asks for."""
+        """Load a guest server, enter the desktop, and answer the requests of process 1."""
         try:
             kernel.set_process_name("session")
             self._load()
-            self._come_in()
+            self._enter_desktop()
             while True:
-                self._once()
+                self._fork_child()
         finally:  # whatever happened, it must not go on as a second process 1
             _end()
 
@@ -124,7 +138,7 @@ class _SpawnerProcess:
             signal.signal(number, signal.SIG_DFL)
         os.environ["OPENBLAS_NUM_THREADS"] = "1"  # no threads: they would not survive a fork
         sys.path[:0] = () if self.order.image else self.order.search_path
-        from .. import window_report  # what `_become` reports with  # noqa: F401
+        from .. import window_report  # `_run_child` uses it  # noqa: F401
         from ..guest import __main__ as guest
         from ..guest import preload
 
@@ -134,7 +148,7 @@ class _SpawnerProcess:
         self.guest = guest
         gc.freeze()
 
-    def _come_in(self) -> None:
+    def _enter_desktop(self) -> None:
         if self.identity.namespace < 0:  # in a container, where there is no other file system
             kernel.forbid_reading()
             return
@@ -151,8 +165,8 @@ class _SpawnerProcess:
             raise EOFError
         return json.loads(text), list(descriptors)
 
-    def _once(self) -> None:
-        what, descriptors = self._receive()
+    def _fork_child(self) -> None:
+        request, descriptors = self._receive()
         reader, writer = os.pipe()
         between = os.fork()
         if between == 0:
@@ -161,7 +175,7 @@ class _SpawnerProcess:
             if child == 0:
                 os.close(reader)
                 os.close(writer)
-                self._become(what, descriptors)
+                self._run_child(request, descriptors)
             os.write(writer, str(child).encode())
             os._exit(0)
         os.close(writer)
@@ -169,10 +183,10 @@ class _SpawnerProcess:
         child_text = os.read(reader, 32)
         for descriptor in (reader, *descriptors):
             os.close(descriptor)
-        if "serve" in what:
+        if "serve" in request:
             self.line.send(child_text)
 
-    def _become(self, what: dict[str, object], descriptors: list[int]) -> NoReturn:
+    def _run_child(self, request: dict[str, object], descriptors: list[int]) -> NoReturn:
         try:
             os.setsid()
             _to_log(descriptors.pop())
@@ -182,17 +196,17 @@ class _SpawnerProcess:
             kernel.forbid_reading()
             close_others({0, 1, 2, *descriptors})
             os.environ.clear()
-            os.environ.update(what["environment"])  # type: ignore[call-overload]
+            os.environ.update(request["environment"])  # type: ignore[call-overload]
             os.chdir(session.HOME)
-            if "serve" not in what:
+            if "serve" not in request:
                 from .. import window_report
 
-                window_report.report(descriptors[0], what["windows"])  # type: ignore[arg-type]
+                window_report.report(descriptors[0], request["windows"])  # type: ignore[arg-type]
                 os._exit(0)
             requests, freeze, token, ready = map(str, descriptors)
             arguments = ["--host", "", "--listen", requests, "--freeze", freeze]
             arguments += ["--token-from", token, "--ready", ready]
-            arguments += ["--osworld"] if what["serve"] else []
+            arguments += ["--osworld"] if request["serve"] else []
             os._exit(self.guest.main(arguments))
         finally:
             _end()
@@ -204,14 +218,14 @@ def _to_log(log: int) -> None:
 
 
 def resume(text: int, line: int, namespace: int, base: int, rootless: int) -> NoReturn:
-    """Go on where `image_python.become` stopped, in the image's Python.
+    """Run the spawner in the image's Python, after `image_python.become`.
 
     Args:
-        text: descriptor of the order, in JSON.
-        line: descriptor of the socket to process 1.
-        namespace: descriptor of the identity's user namespace.
-        base: of the identity.
-        rootless: of the identity.
+        text: The descriptor of the desktop's configuration, in JSON.
+        line: The descriptor of the socket to process 1.
+        namespace: The descriptor of the identity's user namespace.
+        base: `Identity.base`.
+        rootless: `Identity.rootless`, as 0 or 1.
     """
     with open(text, encoding="utf-8") as file:
         order = DesktopConfig.from_json(file.read())
@@ -229,10 +243,10 @@ def _end() -> NoReturn:
     os._exit(1)
 
 
-def close_others(kept: set[int]) -> None:
-    """Close all descriptors of this process but `kept`."""
+def close_others(exempt: set[int]) -> None:
+    """Close all descriptors of this process but `exempt`."""
     low = 0
-    for descriptor in [*sorted(kept), os.sysconf("SC_OPEN_MAX")]:
+    for descriptor in [*sorted(exempt), os.sysconf("SC_OPEN_MAX")]:
         if low < descriptor:  # of an empty range from 0 the system makes all there are
             os.closerange(low, descriptor)
         low = descriptor + 1

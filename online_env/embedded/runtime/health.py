@@ -1,4 +1,4 @@
-"""Whether the guest server still accepts connections, asked from the machine.
+"""A health check from the machine: whether the guest server still accepts connections.
 
 A guest server that ends is started again by process 1. One that hangs, or that has no descriptors
 or memory left, does neither end nor answer: its clients would wait for their whole time-outs.
@@ -19,11 +19,11 @@ class GuestHealth:
     """Asks one guest server again and again; waits for nothing.
 
     Args:
-        door: path of the socket that it listens on.
+        path: the socket that it listens on.
     """
 
-    def __init__(self, door: str) -> None:
-        self._door = door
+    def __init__(self, path: str) -> None:
+        self._path = path
         self._line: socket.socket | None = None
         self._failures = 0
         self._looked = time.monotonic()
@@ -31,20 +31,20 @@ class GuestHealth:
 
     def is_stuck(self) -> bool:
         """Return whether the server has left `MAX_FAILURES` questions unanswered; call it often."""
-        now = time.monotonic()
-        if now - self._looked > MAX_GAP_S:
+        now_s = time.monotonic()
+        if now_s - self._looked > MAX_GAP_S:
             self._failures = 0
-            self._hang_up(now)
-        self._looked = now
+            self._hang_up(now_s)
+        self._looked = now_s
         if self._line is None:
-            if now >= self._deadline:
-                self._ask(now)
+            if now_s >= self._deadline:
+                self._ask(now_s)
         elif _has_answered(self._line):
             self._failures = 0
-            self._hang_up(now)
-        elif now >= self._deadline:
+            self._hang_up(now_s)
+        elif now_s >= self._deadline:
             self._failures += 1
-            self._hang_up(now)
+            self._hang_up(now_s)
         return self._failures >= MAX_FAILURES
 
     def close(self) -> None:
@@ -53,19 +53,19 @@ class GuestHealth:
             self._line.close()
         self._line = None
 
-    def _ask(self, now: float) -> None:
-        self._deadline = now + TIMEOUT_S
+    def _ask(self, now_s: float) -> None:
+        self._deadline = now_s + TIMEOUT_S
         self._line = socket.socket(socket.AF_UNIX)
         self._line.setblocking(False)
         try:
-            self._line.connect(self._door)
+            self._line.connect(self._path)
             self._line.send(_QUESTION)
         except OSError:  # nobody accepts, and the queue is full: no answer will come
             return
 
-    def _hang_up(self, now: float) -> None:
+    def _hang_up(self, now_s: float) -> None:
         self.close()
-        self._deadline = now + (0.0 if self._failures else INTERVAL_S)
+        self._deadline = now_s + (0.0 if self._failures else INTERVAL_S)
 
 
 def _has_answered(line: socket.socket) -> bool:

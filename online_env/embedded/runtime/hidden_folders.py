@@ -17,7 +17,7 @@ from hijack_data.extras import DISTRIBUTION
 from .. import home
 
 PACKAGES = ("hijack_data", "online_env", "pipelines")
-_given: dict[str, None] = {}
+_hidden_by_caller: dict[str, None] = {}
 
 
 def hide(path: str | os.PathLike[str]) -> None:
@@ -28,13 +28,13 @@ def hide(path: str | os.PathLike[str]) -> None:
     Args:
         path: the folder; it may come into being later.
     """
-    _given[os.path.realpath(os.fspath(path))] = None
+    _hidden_by_caller[os.path.realpath(os.fspath(path))] = None
 
 
 def hidden() -> tuple[str, ...]:
-    """All absolute paths to cover: our own, and those that were given to `hide`."""
-    own = [os.path.realpath(os.fspath(path)) for path in _own()]
-    return tuple(dict.fromkeys([*own, *_given]))
+    """Return all absolute paths to cover: our own, and those that `hide` named."""
+    paths = [os.path.realpath(os.fspath(path)) for path in _own()]
+    return tuple(dict.fromkeys([*paths, *_hidden_by_caller]))
 
 
 def _own() -> Iterator[str | Path]:
@@ -53,7 +53,7 @@ def _own() -> Iterator[str | Path]:
 
 
 def _places(name: str) -> list[str]:
-    """The folders of a package."""
+    """Return the folders of a package."""
     spec = importlib.util.find_spec(name)
     if spec is None:
         return []

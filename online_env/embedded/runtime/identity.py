@@ -1,7 +1,7 @@
-"""Who the processes inside a desktop are for the machine: nobody.
+"""User and group numbers of the processes in a desktop: none that the machine uses.
 
-They live in a user namespace of the desktop's own. What is root there owns nothing outside and has
-no rights over the desktop's mounts and network, which belong to the namespace above.
+The processes run in a user namespace of the desktop's own. Its root user owns nothing outside and
+has no rights over the desktop's mounts and network, which belong to the namespace above.
 
 With root, the desktop's user numbers 0 to 65535 are others on the machine, one range for each
 desktop, and the files of the machine are shown to it as if shifted (ID-mapped mounts). Where the
@@ -81,8 +81,8 @@ class Identity:
         os.setresuid(account.UID, account.UID, account.UID)
 
 
-def make(slot: int, rootless: bool, shown: Iterable[str]) -> Identity:
-    """The identity of the desktop in `slot`, which is to see the folders `shown`.
+def make(slot: int, rootless: bool, folders: Iterable[str]) -> Identity:
+    """Return the identity of the desktop in `slot`, which is to see the folders `folders`.
 
     If none can be made, it is a `SetupError`.
     """
@@ -90,19 +90,19 @@ def make(slot: int, rootless: bool, shown: Iterable[str]) -> Identity:
         return Identity(_namespace(f"{account.UID} 0 1"), 0, True)
     base = (_FIRST + slot) * RANGE
     mapped = _namespace(f"0 {base} {RANGE}")
-    if can_shift(mapped, shown):
+    if can_shift(mapped, folders):
         return Identity(mapped, base, False)
     os.close(mapped)
     return Identity(_namespace(f"0 0 {RANGE}"), 0, False)
 
 
-def can_shift(namespace: int, shown: Iterable[str]) -> bool:
-    """Whether all folders of `shown` can be shown with the numbers of `namespace`."""
+def can_shift(namespace: int, folders: Iterable[str]) -> bool:
+    """Return whether all folders of `folders` can be shown with the numbers of `namespace`."""
     release = os.uname().release.split(".")
     if (int(release[0]), int(release[1].split("-")[0])) < _OLDEST_KERNEL:
         return False
     try:
-        for path in shown:
+        for path in folders:
             os.close(kernel.open_mapped_tree(path, namespace))
     except OSError:
         return False
@@ -110,7 +110,7 @@ def can_shift(namespace: int, shown: Iterable[str]) -> bool:
 
 
 def _namespace(numbers: str) -> int:
-    """A descriptor of a new user namespace.
+    """Return a descriptor of a new user namespace.
 
     Args:
         numbers: the map of users, and of groups.

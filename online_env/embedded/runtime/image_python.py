@@ -1,7 +1,7 @@
-"""From the machine's Python to the image's, for the process that starts guest servers.
+"""Replaces the machine's Python by the image's in the spawner of guest servers.
 
-It takes the image for its root, where our packages and those of the guest server are shown to it
-alone, and becomes the image's own Python. So the Python of the machine, its version and its C
+The process takes the image for its root, in which it alone sees our packages and those of the guest
+server, and executes the image's own Python. So the Python of the machine, its version and its C
 library do not matter to what runs inside; and no desktop shows that code.
 """
 
@@ -21,14 +21,14 @@ PACKAGES = ("hijack_data", "online_env")
 # Below the root of the image, while the guest server loads.
 SEARCH_PATH = ("/run/code", "/run/guest", "/usr/lib/python3/dist-packages")
 _CODE = (
-    f"import sys; sys.path[:0] = {list(SEARCH_PATH)}; from online_env.embedded.runtime.guest_spawner import"
-    " resume; resume(*map(int, sys.argv[1:]))"
+    f"import sys; sys.path[:0] = {list(SEARCH_PATH)};"
+    " from online_env.embedded.runtime.guest_spawner import resume; resume(*map(int, sys.argv[1:]))"
 )
 _HERE = Path(__file__).resolve().parents[3]
 
 
 def become(order: DesktopConfig, identity: Identity, line: socket.socket) -> NoReturn:
-    """Go on as `nest.resume` in the image's Python.
+    """Go on as `guest_spawner.resume` in the image's Python.
 
     Args:
         order: of the desktop.
@@ -44,10 +44,10 @@ def become(order: DesktopConfig, identity: Identity, line: socket.socket) -> NoR
     text = os.memfd_create("order", 0)
     os.write(text, order.to_json().encode())
     os.lseek(text, 0, os.SEEK_SET)
-    kept = (text, line.fileno(), identity.namespace)
-    for descriptor in kept:
+    inherited = (text, line.fileno(), identity.namespace)
+    for descriptor in inherited:
         os.set_inheritable(descriptor, True)
-    numbers = (*kept, identity.base, int(identity.rootless))
+    numbers = (*inherited, identity.base, int(identity.rootless))
     argv = [PYTHON, "-I", "-S", "-B", "-c", _CODE, *map(str, numbers)]
     # No threads of BLAS: they would not survive a fork.
     os.execve(PYTHON, argv, {"LANG": "C.UTF-8", "OPENBLAS_NUM_THREADS": "1"})
@@ -59,8 +59,8 @@ def _take_root(root: Path, guest: Path) -> None:
         flags = kernel.MS_BIND | kernel.MS_REC
         kernel.mount(f"/{name}", str(root / name), flags=flags)
     kernel.mount("tmpfs", str(root / "run"), "tmpfs", 0, "size=1m,mode=755")
-    shown = {f"code/{name}": _HERE / name for name in PACKAGES}
-    for name, path in {**shown, "guest": guest}.items():
+    mounts = {f"code/{name}": _HERE / name for name in PACKAGES}
+    for name, path in {**mounts, "guest": guest}.items():
         target = root / "run" / name
         target.mkdir(parents=True)
         kernel.bind(str(path), str(target), read_only=True)

@@ -42,7 +42,7 @@ class Init:
         folder: the desktop's run folder on the machine.
         token: what clients of the guest server must show.
         identity: who the processes inside are.
-        doors: the memory to draw in, and sockets to serve.
+        endpoints: the memory to draw in, and sockets to serve.
         logs: descriptor of the folder of the logs, if it is not the one in `folder`.
     """
 
@@ -52,14 +52,14 @@ class Init:
         folder: Path,
         token: str,
         identity: Identity,
-        doors: DesktopEndpoints,
+        endpoints: DesktopEndpoints,
         logs: int | None = None,
     ) -> None:
         self.order = order
         self.folder = folder
         self.token = token
         self.identity = identity
-        self.doors = doors
+        self.endpoints = endpoints
         # Attached nowhere: who looks at the descriptors of a program sees no path of the machine's.
         self.logs = BoundedLogs(kernel.open_tree(str(folder / "logs")) if logs is None else logs)
         self.environment = session.environment() | order.environment
@@ -78,7 +78,7 @@ class Init:
         self._start_spawner()
         kernel.unshare(kernel.CLONE_NEWNS)
         root_file_system.enter_root(self.order, self.identity, self.folder)
-        self._ask_spawner(self.spawner.follow)
+        self._ask_spawner(self.spawner.send_mount_namespace)
         kernel.set_host_name(account.HOST_NAME)
         self.identity.enter()
         kernel.forbid_reading()
@@ -98,48 +98,48 @@ class Init:
         self.spawner = GuestServerSpawner(self.order, self.identity, self.logs.writer(SPAWNER))
         self.running[self.spawner.pid] = SPAWNER
 
-    def attend(self, timeout: float, others: Iterable[int] = ()) -> set[int]:
-        """Keep logs and look after processes until one of `others` can be read.
+    def attend(self, timeout: float, descriptors: Iterable[int] = ()) -> set[int]:
+        """Keep logs and look after processes until one of `descriptors` can be read.
 
         Args:
             timeout: seconds that it may take at most.
-            others: descriptors.
+            descriptors: what else to wait for.
 
         Returns:
-            Those of `others` that can be read.
+            Those of `descriptors` that can be read.
 
         Raises:
             SetupError: A process has ended that the desktop cannot go on without.
         """
-        ready = self.logs.wait(timeout, (self.wake, *others))
+        ready = self.logs.wait(timeout, (self.wake, *descriptors))
         if self.wake in ready:
             os.read(self.wake, WAKE_BYTES)
         self._reap()
         return ready - {self.wake}
 
     def start(
-        self, name: str, argv: tuple[str, ...], kept: tuple[int, ...] = (), again: bool = True
+        self, name: str, argv: tuple[str, ...], inherited: tuple[int, ...] = (), again: bool = True
     ) -> int:
-        """Start a program of the session with its own log and the descriptors `kept`.
+        """Start a program of the session with its own log and the descriptors `inherited`.
 
         With `again` it is started again when it ends.
         """
         log = self.logs.writer(name)
         pid = os.fork()
         if pid == 0:
-            self._become(log, argv, kept)
+            self._become(log, argv, inherited)
         self.running[pid] = name
         if again:
             self.commands[name] = argv
         return pid
 
-    def _become(self, log: int, argv: tuple[str, ...], kept: tuple[int, ...]) -> NoReturn:
+    def _become(self, log: int, argv: tuple[str, ...], inherited: tuple[int, ...]) -> NoReturn:
         try:
             os.setsid()
             os.dup2(os.open("/dev/null", os.O_RDONLY), 0)
             for descriptor in (1, 2):
                 os.dup2(log, descriptor)
-            for descriptor in kept:
+            for descriptor in inherited:
                 os.set_inheritable(descriptor, True)
             limits.limit_process(self.order)
             self.identity.become_user()
@@ -160,7 +160,7 @@ class Init:
 
     def _start_servers(self) -> None:
         """Start the display and the bus side by side, and wait until both answer."""
-        framebuffer = self.doors.framebuffer
+        framebuffer = self.endpoints.framebuffer
         framebuffer.show(Path(session.SCREEN_FOLDER))
 
         def display_server(report: int) -> tuple[str, ...]:
@@ -175,10 +175,10 @@ class Init:
             os.close(reader)
 
     def _start_server(
-        self, name: str, command: Callable[[int], tuple[str, ...]], kept: tuple[int, ...] = ()
+        self, name: str, command: Callable[[int], tuple[str, ...]], inherited: tuple[int, ...] = ()
     ) -> int:
         reader, writer = os.pipe()
-        self.start(name, command(writer), (writer, *kept), again=False)
+        self.start(name, command(writer), (writer, *inherited), again=False)
         os.close(writer)
         return reader
 
@@ -188,32 +188,34 @@ class Init:
         for name, program in session.SERVICES.items():
             self.start(name, program.argv)
         programs = [*session.SHELL.values(), *apps.values()]
-        wanted = [program.window for program in programs]
-        named = [window_report.MANAGER, window_report.SETTINGS, *wanted]
+        expected = [program.window for program in programs]
+        announced = [window_report.MANAGER, window_report.SETTINGS, *expected]
         reader, writer = os.pipe()
         log = self.logs.writer("windows")
-        self._ask_spawner(lambda: self.spawner.show_windows(named, self.environment, (writer, log)))
+        self._ask_spawner(
+            lambda: self.spawner.report_windows(announced, self.environment, (writer, log))
+        )
         os.close(writer)
         # A program that starts before the fonts are published may keep drawing with others.
-        seen = self._await(reader, {window_report.SETTINGS}, set())
+        present = self._await(reader, {window_report.SETTINGS}, set())
         for name, program in session.SHELL.items():
             self.start(name, program.argv)
-        seen = self._await(reader, {window_report.MANAGER}, seen)
+        present = self._await(reader, {window_report.MANAGER}, present)
         for name, program in apps.items():
             self.start(name, program.argv, again=False)
-        self._await(reader, set(wanted), seen)
+        self._await(reader, set(expected), present)
         os.close(reader)
-        self._guest_started()
+        self._register_guest()
         self._read(serving, "guest", "the guest server to answer")
         os.close(serving)
 
-    def _await(self, reader: int, wanted: set[str], seen: set[str]) -> set[str]:
-        while not wanted <= seen:
-            left = ", ".join(sorted(wanted - seen))
-            seen |= set(self._read(reader, "windows", f"the window of {left}").split())
-        return seen
+    def _await(self, reader: int, expected: set[str], present: set[str]) -> set[str]:
+        while not expected <= present:
+            missing = ", ".join(sorted(expected - present))
+            present |= set(self._read(reader, "windows", f"the window of {missing}").split())
+        return present
 
-    def _read(self, reader: int, name: str, what: str) -> str:
+    def _read(self, reader: int, name: str, event: str) -> str:
         """Read whole lines: Xvfb dies when the pipe closes before its second write.
 
         Raises:
@@ -221,29 +223,29 @@ class Init:
         """
         text = ""
         while not text.endswith("\n"):
-            left = self.deadline - time.monotonic()
-            if not self.logs.wait(left, (reader,)):
-                if left <= 0:
-                    raise self._not_read(name, what, has_ended=False)
+            remaining_s = self.deadline - time.monotonic()
+            if not self.logs.wait(remaining_s, (reader,)):
+                if remaining_s <= 0:
+                    raise self._not_read(name, event, has_ended=False)
                 continue
             piece = os.read(reader, 4096).decode()
             if not piece:
-                raise self._not_read(name, what, has_ended=True)
+                raise self._not_read(name, event, has_ended=True)
             text += piece
         return text
 
-    def _not_read(self, name: str, what: str, has_ended: bool) -> SetupError:
+    def _not_read(self, name: str, event: str, has_ended: bool) -> SetupError:
         waited = f"waited {self.order.time_out:.0f} s in vain"
         looks = 1
         if has_ended:
             waited = "stopped waiting"
             looks = 50  # a server that closed its pipe may take a little to be gone
         for _ in range(looks):
-            self._blame_servers()
+            self._check_servers()
             time.sleep(0.02)
-        return SetupError(f"{waited} for {what}; {self._tail(name)}")
+        return SetupError(f"{waited} for {event}; {self._tail(name)}")
 
-    def _blame_servers(self) -> None:
+    def _check_servers(self) -> None:
         """Check that the display and the bus run: their end is the reason for what followed.
 
         Raises:
@@ -255,31 +257,33 @@ class Init:
 
     def _start_guest(self) -> int:
         """Have a guest server started; returns a pipe that has a line once it serves."""
-        secret, told = os.pipe()
+        secret, token_writer = os.pipe()
         serving, writer = os.pipe()
-        os.write(told, self.token.encode())
-        os.close(told)
-        doors = (
-            self.doors.guest.fileno(),
-            self.doors.framebuffer.freeze_socket.fileno(),
+        os.write(token_writer, self.token.encode())
+        os.close(token_writer)
+        endpoints = (
+            self.endpoints.guest.fileno(),
+            self.endpoints.framebuffer.freeze_socket.fileno(),
             secret,
             writer,
             self.logs.writer(GUEST),
         )
-        self._ask_spawner(lambda: self.spawner.serve(self.environment, self.order.osworld, doors))
+        self._ask_spawner(
+            lambda: self.spawner.start_guest_server(self.environment, self.order.osworld, endpoints)
+        )
         for descriptor in (secret, writer):
             os.close(descriptor)
         return serving
 
-    def _guest_started(self) -> None:
+    def _register_guest(self) -> None:
         timeout = max(20.0, self.deadline - time.monotonic())
-        self.running[self._ask_spawner(lambda: self.spawner.started(timeout))] = GUEST
+        self.running[self._ask_spawner(lambda: self.spawner.read_server_pid(timeout))] = GUEST
 
     def _ask_spawner(self, ask: "Callable[[], Found]") -> "Found":
         try:
             return ask()
         except OSError as error:
-            reason = f"what starts the guest server does not answer ({error})"
+            reason = f"the spawner of guest servers does not answer ({error})"
             raise SetupError(f"{reason}; {self._tail(SPAWNER)}") from None
 
     def _tail(self, name: str) -> str:
@@ -287,8 +291,8 @@ class Init:
 
     def _reap(self) -> None:
         with contextlib.suppress(ChildProcessError):
-            while (changed := os.waitpid(-1, os.WNOHANG | os.WUNTRACED))[0]:
-                self._handle_exit(*changed)
+            while (child := os.waitpid(-1, os.WNOHANG | os.WUNTRACED))[0]:
+                self._handle_exit(*child)
 
     def _handle_exit(self, pid: int, status: int) -> None:
         if os.WIFSTOPPED(status):
@@ -298,23 +302,24 @@ class Init:
         name = self.running.pop(pid, None)
         if name in SERVERS:
             raise SetupError(
-                f"{name} ended ({_how(status)}), and with it the desktop; {self._tail(name)}"
+                f"{name} ended ({_describe_status(status)}), and with it the desktop;"
+                f" {self._tail(name)}"
             )
         if name == SPAWNER:
-            raise SetupError(f"what starts the guest server ended; {self._tail(SPAWNER)}")
+            raise SetupError(f"the spawner of guest servers ended; {self._tail(SPAWNER)}")
         if name == GUEST or name in self.commands:
-            self._again(name, status)
+            self._restart(name, status)
 
-    def _again(self, name: str, status: int) -> None:
-        now = time.monotonic()
+    def _restart(self, name: str, status: int) -> None:
+        now_s = time.monotonic()
         before = self.deaths.get(name, [])
-        recent = [death for death in before if now - death < RESTART_WINDOW_S]
-        recent.append(now)
+        recent = [death for death in before if now_s - death < RESTART_WINDOW_S]
+        recent.append(now_s)
         self.deaths[name] = recent
         if len(recent) > MAX_RESTARTS:
             raise SetupError(
-                f"{name} ended {len(recent)} times within {RESTART_WINDOW_S:.0f} s ({_how(status)});"
-                f" {self._tail(name)}"
+                f"{name} ended {len(recent)} times within {RESTART_WINDOW_S:.0f} s"
+                f" ({_describe_status(status)}); {self._tail(name)}"
             )
         if len(recent) > 1:
             time.sleep(0.1)
@@ -322,7 +327,7 @@ class Init:
             self.start(name, self.commands[name])
             return
         os.close(self._start_guest())
-        self._guest_started()
+        self._register_guest()
 
 
 def wake_on_children() -> int:
@@ -337,7 +342,7 @@ def wake_on_children() -> int:
     return reader
 
 
-def _how(status: int) -> str:
+def _describe_status(status: int) -> str:
     code = os.waitstatus_to_exitcode(status)
     return f"signal {-code}" if code < 0 else f"exit code {code}"
 
@@ -349,8 +354,8 @@ def _authority_entries() -> bytes:
     """
     cookie = os.urandom(16)
     number = session.DISPLAY.lstrip(":").encode()
-    named = _authority_entry(FAMILY_LOCAL, os.uname().nodename.encode(), number, cookie)
-    return named + _authority_entry(FAMILY_WILD, b"", b"", cookie)
+    entry = _authority_entry(FAMILY_LOCAL, os.uname().nodename.encode(), number, cookie)
+    return entry + _authority_entry(FAMILY_WILD, b"", b"", cookie)
 
 
 def _authority_entry(family: int, host: bytes, display: bytes, cookie: bytes) -> bytes:

@@ -43,7 +43,7 @@ from .identity import Identity
 from .internet import Internet
 from .logs import BoundedLogs
 
-# Mounts follow later: the guest server is loaded before (nest.py).
+# Mounts follow later: the guest server is loaded before (guest_spawner.py).
 NAMESPACES = (
     kernel.CLONE_NEWPID | kernel.CLONE_NEWUTS | kernel.CLONE_NEWIPC | kernel.CLONE_NEWCGROUP
 )
@@ -133,10 +133,10 @@ def _keep(
     token_file.write_text(token, encoding="ascii")
     logs = BoundedLogs(os.open(folder / "logs", os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC))
     internet = Internet(order, name, logs)
-    shown = [*map(str, root_file_system.shown_folders(order.system)), f"{order.layer}/home"]
-    who = identity.make(record["slot"], order.rootless, shown)
-    who.chown(folder / "logs", 0)  # process 1 writes there
-    doors = DesktopEndpoints.make(order.screen, folder, who)
+    folders = [*map(str, root_file_system.shown_folders(order.system)), f"{order.layer}/home"]
+    user = identity.make(record["slot"], order.rootless, folders)
+    user.chown(folder / "logs", 0)  # process 1 writes there
+    endpoints = DesktopEndpoints.make(order.screen, folder, user)
     ports, reached = _ports(order, record["slot"], str(folder / GUEST_SOCKET), listener)
     record |= {
         **reached,
@@ -144,15 +144,15 @@ def _keep(
         "web_netns": network.web_namespace(name),
         "token_file": str(token_file),
         "door": str(folder / GUEST_SOCKET),
-        "memory": doors.framebuffer.memory,
+        "memory": endpoints.framebuffer.memory,
         "sites": str(internet.state),
-        "shifted": bool(who.base),
+        "shifted": bool(user.base),
     }
     forwarder = forward.start(
         ports, owners, network.NETNS / network.desktop_namespace(name), logs.writer("ports")
     )
-    reader, launcher = _launch(order, name, token, who, doors)
-    doors.close()
+    reader, launcher = _launch(order, name, token, user, endpoints)
+    endpoints.close()
     try:
         return _follow(record, reader, ends, internet, logs, [launcher, forwarder])
     finally:
@@ -165,27 +165,27 @@ def _keep(
 
 
 def _ports(
-    order: DesktopConfig, slot: int, door: str, listener: socket.socket
+    order: DesktopConfig, slot: int, guest_socket: str, listener: socket.socket
 ) -> tuple[list[forward.Port], dict[str, Any]]:
-    """The machine's ports of the desktop, and what its record says of them.
+    """Return the machine's ports of the desktop, and what its record says of them.
 
     OSWorld's clients expect certain ports: so a desktop of theirs has an address of its own.
     """
     ports: dict[str, int] = {}
-    found: list[forward.Port] = []
+    ports_opened: list[forward.Port] = []
     host = forward.LOOPBACK
     if order.osworld:
         listener.close()
         host = network.address(slot)
         listener = forward.listen(host, OSWORLD_PORT)
         for name, target in forward.OSWORLD_PORTS.items():
-            more = forward.listen(host, target)
-            ports[name] = more.getsockname()[1]
-            found.append(forward.Port(more, target))
+            application_port = forward.listen(host, target)
+            ports[name] = application_port.getsockname()[1]
+            ports_opened.append(forward.Port(application_port, target))
     port = listener.getsockname()[1]
-    found.append(forward.Port(listener, door))
-    told = {"address": host, "source": host, "guest": f"http://{host}:{port}", "ports": ports}
-    return found, told
+    ports_opened.append(forward.Port(listener, guest_socket))
+    fields = {"address": host, "source": host, "guest": f"http://{host}:{port}", "ports": ports}
+    return ports_opened, fields
 
 
 def _follow(
@@ -252,7 +252,7 @@ def _fail(record: dict[str, Any], reason: str) -> int:
 
 
 def _launch(
-    order: DesktopConfig, name: str, token: str, who: Identity, doors: DesktopEndpoints
+    order: DesktopConfig, name: str, token: str, user: Identity, endpoints: DesktopEndpoints
 ) -> tuple[int, int]:
     """Fork the launcher, which forks process 1.
 
@@ -276,7 +276,7 @@ def _launch(
         kernel.unshare(NAMESPACES)
         child = os.fork()
         if child == 0:
-            _first_process(order, name, token, who, doors, writer)
+            _first_process(order, name, token, user, endpoints, writer)
         _say(writer, "init", child)
         os.waitpid(child, 0)
     except OSError as error:
@@ -290,13 +290,18 @@ def _launch(
 
 
 def _first_process(
-    order: DesktopConfig, name: str, token: str, who: Identity, doors: DesktopEndpoints, writer: int
+    order: DesktopConfig,
+    name: str,
+    token: str,
+    user: Identity,
+    endpoints: DesktopEndpoints,
+    writer: int,
 ) -> NoReturn:
     try:
         kernel.die_with_parent()
         init.quit_on_signals()
         os.dup2(os.open("/dev/null", os.O_WRONLY), 1)  # the reports are the keeper's
-        first = init.Init(order, registry.folder(name), token, who, doors)
+        first = init.Init(order, registry.folder(name), token, user, endpoints)
         first.run(lambda: _say(writer, "ready", True))
     except (SetupError, OSError) as error:
         _say(writer, "error", str(error))

@@ -55,10 +55,10 @@ _ARGUMENTS = slice(45, 47)  # of /proc/PID/stat after the name: where its comman
 _libc = ctypes.CDLL(None, use_errno=True)
 
 
-def _check(result: int, what: str) -> None:
+def _check(result: int, operation: str) -> None:
     if result != 0:
         number = ctypes.get_errno()
-        raise OSError(number, f"{what}: {os.strerror(number)}")
+        raise OSError(number, f"{operation}: {os.strerror(number)}")
 
 
 def unshare(flags: int) -> None:
@@ -86,8 +86,8 @@ def mount(
     """Mount a file system by the system call of that name."""
     fstype = None if kind is None else kind.encode()
     data = None if options is None else options.encode()
-    done = _libc.mount(source.encode(), target.encode(), fstype, ctypes.c_ulong(flags), data)
-    _check(done, f"mount {source} on {target}")
+    result = _libc.mount(source.encode(), target.encode(), fstype, ctypes.c_ulong(flags), data)
+    _check(result, f"mount {source} on {target}")
 
 
 def bind(source: str, target: str, read_only: bool = False) -> None:
@@ -97,9 +97,9 @@ def bind(source: str, target: str, read_only: bool = False) -> None:
         # What the mount below forbids must stay forbidden: in a user namespace, the kernel insists.
         present = os.statvfs(target).f_flag
         flags = MS_BIND | MS_REMOUNT | MS_RDONLY
-        for found, kept in _KEPT_FLAGS.items():
-            if present & found:
-                flags |= kept
+        for statvfs_flag, mount_flag in _KEPT_FLAGS.items():
+            if present & statvfs_flag:
+                flags |= mount_flag
         mount("none", target, flags=flags)
 
 
@@ -133,12 +133,12 @@ def drop_capabilities() -> None:
     """
     for number in range(_LAST_CAPABILITY + 1):
         if number not in _KEPT_CAPABILITIES:
-            done = _libc.prctl(_PR_CAPBSET_DROP, number, 0, 0, 0)
-            _check(done, f"prctl(PR_CAPBSET_DROP, {number})")
+            result = _libc.prctl(_PR_CAPBSET_DROP, number, 0, 0, 0)
+            _check(result, f"prctl(PR_CAPBSET_DROP, {number})")
 
 
 def open_tree(path: str) -> int:
-    """A descriptor of a copy of the mount at `path`, attached nowhere.
+    """Return a descriptor of a copy of the mount at `path`, attached nowhere.
 
     What is opened below it has its path from there on, so that /proc tells nothing of what is
     above.
@@ -160,13 +160,13 @@ def open_mapped_tree(path: str, namespace: int) -> int:
         OSError: The file system of `path`, or the kernel, cannot.
     """
     descriptor = open_tree(path)
-    wanted = _MountAttributes(set=_MOUNT_ATTR_IDMAP, namespace=namespace)
-    size = ctypes.sizeof(wanted)
+    attributes = _MountAttributes(set=_MOUNT_ATTR_IDMAP, namespace=namespace)
+    size = ctypes.sizeof(attributes)
     try:
-        done = _libc.syscall(
-            _MOUNT_SETATTR, descriptor, b"", _AT_EMPTY_PATH, ctypes.byref(wanted), size
+        result = _libc.syscall(
+            _MOUNT_SETATTR, descriptor, b"", _AT_EMPTY_PATH, ctypes.byref(attributes), size
         )
-        _check(done, f"mount_setattr({path})")
+        _check(result, f"mount_setattr({path})")
     except OSError:
         os.close(descriptor)
         raise
@@ -177,8 +177,8 @@ def attach_tree(descriptor: int, target: str) -> None:
     """Mount what `open_tree` gave at `target`; closes the descriptor."""
     flags = _MOVE_MOUNT_F_EMPTY_PATH
     try:
-        done = _libc.syscall(_MOVE_MOUNT, descriptor, b"", _AT_FDCWD, target.encode(), flags)
-        _check(done, f"move_mount to {target}")
+        result = _libc.syscall(_MOVE_MOUNT, descriptor, b"", _AT_FDCWD, target.encode(), flags)
+        _check(result, f"move_mount to {target}")
     finally:
         os.close(descriptor)
 
@@ -220,6 +220,6 @@ def set_process_name(title: str) -> None:
     start, end = map(int, fields[_ARGUMENTS])
     room = end - start
     if room > 0:
-        shown = name[: room - 1]
+        visible = name[: room - 1]
         ctypes.memset(start, 0, room)
-        ctypes.memmove(start, shown, len(shown))
+        ctypes.memmove(start, visible, len(visible))

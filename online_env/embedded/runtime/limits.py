@@ -16,7 +16,7 @@ from pathlib import Path
 from .desktop_config import DesktopConfig
 
 GROUPS = Path("/sys/fs/cgroup")
-WHAT = ("processes", "memory")
+RESOURCES = ("processes", "memory")
 EXIT_TIMEOUT_S = 10.0  # s for the last process of a group to be reaped
 POLL_S = 0.01
 MAX_OPEN_FILES = 8192
@@ -29,18 +29,18 @@ class Group:
     """The control group that limits one thing for a whole desktop.
 
     Attributes:
-        what: `"processes"` or `"memory"`.
+        resource: `"processes"` or `"memory"`.
         folder: of the group.
         settings: its files and the numbers to write; a file marked with a `?` may be missing.
     """
 
-    what: str
+    resource: str
     folder: Path
     settings: tuple[tuple[str, int], ...]
 
 
 def groups(name: str, order: "DesktopConfig | None" = None) -> list[Group]:
-    """The groups that this machine's kernel offers to a desktop.
+    """Return the groups that this machine's kernel offers to a desktop.
 
     Args:
         name: of the desktop.
@@ -63,24 +63,24 @@ def groups(name: str, order: "DesktopConfig | None" = None) -> list[Group]:
 def _unified_groups(folder: Path, processes: int, memory: int) -> list[Group]:
     """Version 2: one folder for all controllers."""
     offered = _words(GROUPS / "cgroup.controllers")
-    found: list[Group] = []
+    groups: list[Group] = []
     if "pids" in offered:
-        found.append(Group("processes", folder, (("pids.max", processes),)))
+        groups.append(Group("processes", folder, (("pids.max", processes),)))
     if "memory" in offered:
         settings = (("memory.max", memory), ("?memory.swap.max", 0))
-        found.append(Group("memory", folder, settings))
-    return found
+        groups.append(Group("memory", folder, settings))
+    return groups
 
 
 def _older_groups(group: str, processes: int, memory: int) -> list[Group]:
     """Version 1: a hierarchy for each controller."""
     limit = ("memory.limit_in_bytes", memory)
     with_swap = ("?memory.memsw.limit_in_bytes", memory)
-    found = (
+    groups = (
         Group("processes", GROUPS / "pids" / group, (("pids.max", processes),)),
         Group("memory", GROUPS / "memory" / group, (limit, with_swap)),
     )
-    return [one for one in found if (one.folder.parent / "tasks").exists()]
+    return [group_ for group_ in groups if (group_.folder.parent / "tasks").exists()]
 
 
 def join_groups(name: str, order: DesktopConfig) -> list[str]:
@@ -91,7 +91,7 @@ def join_groups(name: str, order: DesktopConfig) -> list[str]:
         order: its limits.
 
     Returns:
-        Which of `WHAT` they limit.
+        Which of `RESOURCES` they limit.
     """
     limited: list[str] = []
     with contextlib.suppress(OSError):
@@ -100,9 +100,11 @@ def join_groups(name: str, order: DesktopConfig) -> list[str]:
         try:
             _join(group)
         except OSError as error:
-            print(f"no limit for the desktop's {group.what}: {error}", file=sys.stderr, flush=True)
+            print(
+                f"no limit for the desktop's {group.resource}: {error}", file=sys.stderr, flush=True
+            )
         else:
-            limited.append(group.what)
+            limited.append(group.resource)
     return limited
 
 
@@ -132,11 +134,11 @@ def leave_groups(name: str, timeout: float = EXIT_TIMEOUT_S) -> None:
             time.sleep(POLL_S)
 
 
-def leftovers(known: set[str]) -> list[str]:
-    """Desktops (by name) that have a control group but are not in `known`."""
+def leftovers(ids: set[str]) -> list[str]:
+    """Desktops (by name) that have a control group but are not in `ids`."""
     parents = (GROUPS, GROUPS / "pids", GROUPS / "memory")
     paths = (path for parent in parents for path in parent.glob(f"{_PREFIX}*"))
-    return sorted({path.name.removeprefix(_PREFIX) for path in paths} - known)
+    return sorted({path.name.removeprefix(_PREFIX) for path in paths} - ids)
 
 
 def limit_process(order: DesktopConfig) -> None:

@@ -59,18 +59,18 @@ class BoundedLogs:
             self._names[reader] = name
         return self._logs[name].writer
 
-    def wait(self, timeout: float, others: Iterable[int] = ()) -> set[int]:
-        """Keep what programs write until one of `others` can be read, or a program has written.
+    def wait(self, timeout: float, descriptors: Iterable[int] = ()) -> set[int]:
+        """Keep what programs write until a descriptor can be read or a program has written.
 
         Args:
             timeout: seconds that it may take at most.
-            others: descriptors.
+            descriptors: what else to wait for.
 
         Returns:
-            Those of `others` that can be read.
+            Those of `descriptors` that can be read.
         """
         poller = select.poll()
-        for descriptor in (*self._names, *others):
+        for descriptor in (*self._names, *descriptors):
             poller.register(descriptor, select.POLLIN)
         ready = {descriptor for descriptor, _ in poller.poll(max(0.0, timeout) * 1000)}
         for descriptor in ready & self._names.keys():
@@ -105,9 +105,9 @@ class BoundedLogs:
         log.tail = (log.tail + data)[-TAIL_BYTES:]
         with contextlib.suppress(OSError):  # the machine's disk is full: the program goes on
             if log.size + len(data) > MAX_LOG_BYTES:
-                kept = NOTE + os.pread(log.file, _KEPT_BYTES, max(0, log.size - _KEPT_BYTES))
+                tail = NOTE + os.pread(log.file, _KEPT_BYTES, max(0, log.size - _KEPT_BYTES))
                 os.ftruncate(log.file, 0)
-                log.size = os.pwrite(log.file, kept, 0)
+                log.size = os.pwrite(log.file, tail, 0)
             log.size += os.pwrite(log.file, data, log.size)
         return True
 

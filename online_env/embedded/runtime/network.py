@@ -25,12 +25,12 @@ _SETTINGS = {"ip_unprivileged_port_start": "0", "ping_group_range": "0 429496729
 
 
 def desktop_namespace(name: str) -> str:
-    """The network namespace that the desktop's processes live in."""
+    """Return the network namespace that the desktop's processes live in."""
     return f"ah-{name}"
 
 
 def web_namespace(name: str) -> str:
-    """The network namespace that its local internet lives in.
+    """Return the network namespace that its local internet lives in.
 
     No desktop's name has a dot, so it is never that of another desktop.
     """
@@ -38,7 +38,7 @@ def web_namespace(name: str) -> str:
 
 
 def address(slot: int) -> str:
-    """An address of the machine's loopback interface for the desktop in `slot`."""
+    """Return an address of the machine's loopback interface for the desktop in `slot`."""
     return f"127.199.{slot // 256}.{slot % 256}"
 
 
@@ -95,15 +95,15 @@ def remove(name: str) -> None:
             path.unlink()
 
 
-def leftovers(known: set[str]) -> list[str]:
-    """Desktops (by name) that have a network namespace but are not in `known`."""
+def leftovers(ids: set[str]) -> list[str]:
+    """Desktops (by name) that have a network namespace but are not in `ids`."""
     with contextlib.suppress(FileNotFoundError):
         names = {
             p.name.removeprefix("ah-").removesuffix(_WEB)
             for p in NETNS.iterdir()
             if p.name.startswith("ah-")
         }
-        return sorted(names - known)
+        return sorted(names - ids)
     return []
 
 
@@ -111,14 +111,14 @@ def _batch(ip: list[str], lines: list[str], namespace: str | None = None) -> Non
     argv = [*ip, *(["-n", namespace] if namespace else []), "-batch", "-"]
     text = "".join(f"{line}\n" for line in lines)
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             argv, input=text, capture_output=True, text=True, timeout=20, check=False
         )
     except subprocess.TimeoutExpired:
         raise SetupError(f"`{' '.join(argv)}` did not end within 20 s") from None
-    if done.returncode != 0:
+    if process.returncode != 0:
         raise SetupError(
-            f"`{' '.join(argv)}` failed ({done.returncode}): {done.stderr.strip() or text}"
+            f"`{' '.join(argv)}` failed ({process.returncode}): {process.stderr.strip() or text}"
         )
 
 

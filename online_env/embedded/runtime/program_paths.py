@@ -20,7 +20,7 @@ _LIBRARIES = {
 
 
 def command(name: str, system: str = "/") -> list[str]:
-    """How the program `name` is called.
+    """Return how the program `name` is called.
 
     Args:
         name: of the program.
@@ -30,9 +30,9 @@ def command(name: str, system: str = "/") -> list[str]:
         SetupError: Neither the machine nor the image has it.
     """
     path = f"{os.environ.get('PATH', os.defpath)}:/usr/sbin:/sbin"
-    found = shutil.which(name, path=path)
-    if found is not None:
-        return [found]
+    path_found = shutil.which(name, path=path)
+    if path_found is not None:
+        return [path_found]
     for folder in _FOLDERS:
         program = Path(system, folder, name)
         if system != "/" and program.is_file() and not program.is_symlink():

@@ -6,8 +6,8 @@
 
 Nothing else of the machine is there, and nothing of ours: what the desktop needs written is made in
 the upper folders before they are laid over the machine's, and what it must not see is covered there
-(masks.py). No Python of ours is shown either: the guest server has loaded all it needs before it
-comes in (nest.py).
+(hidden_folders.py). No Python of ours is shown either: the guest server has loaded all it needs
+before it comes in (guest_spawner.py).
 """
 
 import os
@@ -72,7 +72,7 @@ def enter_root(order: DesktopConfig, identity: Identity, folder: Path) -> None:
 
 
 def shown_folders(system: str = "/") -> list[Path]:
-    """The folders that a desktop is laid over, below the root `system`."""
+    """Return the folders that a desktop is laid over, below the root `system`."""
     paths = [Path(system, name) for name in SYSTEM_FOLDERS]
     return [path for path in paths if path.is_dir() and not path.is_symlink()]
 
@@ -97,8 +97,8 @@ def fill_upper(upper: Path, order: DesktopConfig, identity: Identity) -> None:
     for path in () if order.image else order.hidden:
         hide(Path(path), upper)
     for path in (upper, *upper.rglob("*")):
-        found = path.lstat()
-        identity.chown(path, found.st_uid, found.st_gid)
+        status = path.lstat()
+        identity.chown(path, status.st_uid, status.st_gid)
 
 
 def hide(path: Path, upper: Path) -> None:
@@ -110,9 +110,9 @@ def hide(path: Path, upper: Path) -> None:
         if not above.is_dir():
             path = above
             break
-        shown = upper.joinpath(*above.parts[1:])
-        _same_folder(shown, above)
-        if not shown.is_dir():
+        shown_path = upper.joinpath(*above.parts[1:])
+        _same_folder(shown_path, above)
+        if not shown_path.is_dir():
             return  # what is above it is covered
     cover = upper.joinpath(*path.parts[1:])
     if cover.is_dir():
@@ -130,26 +130,26 @@ def _same_folder(target: Path, original: Path) -> None:
     target.mkdir()
     if not original.is_dir():
         return
-    found = original.stat()
-    if os.geteuid() == 0 and _is_mapped(found):
-        os.chown(target, found.st_uid, found.st_gid)
-    target.chmod(stat.S_IMODE(found.st_mode))
+    status = original.stat()
+    if os.geteuid() == 0 and _is_mapped(status):
+        os.chown(target, status.st_uid, status.st_gid)
+    target.chmod(stat.S_IMODE(status.st_mode))
 
 
-def _is_mapped(found: os.stat_result) -> bool:
+def _is_mapped(status: os.stat_result) -> bool:
     """Whether this process may give a file to that owner; without root there is one owner only."""
     text = Path("/proc/self/uid_map").read_text(encoding="ascii").split()
-    return int(text[2]) > max(found.st_uid, found.st_gid)
+    return int(text[2]) > max(status.st_uid, status.st_gid)
 
 
 def _copy(source: Path, target: Path) -> None:
     is_readable = os.access(source, os.R_OK)
     target.write_bytes(source.read_bytes() if is_readable else b"")
     if source.exists():
-        found = source.stat()
-        target.chmod(stat.S_IMODE(found.st_mode))
-        if _is_mapped(found):
-            os.chown(target, found.st_uid, found.st_gid)
+        status = source.stat()
+        target.chmod(stat.S_IMODE(status.st_mode))
+        if _is_mapped(status):
+            os.chown(target, status.st_uid, status.st_gid)
 
 
 def _merge(source: Path, upper: Path, system: Path) -> None:
@@ -205,10 +205,10 @@ def name_browser(upper: Path, system: Path = ROOT) -> None:
 
 def _system(root: Path, order: DesktopConfig, identity: Identity) -> None:
     kernel.bind(str(root), str(root))  # a mount of its own, to become the root
-    shown = shown_folders(order.system)
+    lower = shown_folders(order.system)
     for name in SYSTEM_FOLDERS:
         path = Path(order.system, name)
-        if path in shown:
+        if path in lower:
             (root / name).mkdir()
             _overlay(path, name, root / name, order, identity)
         elif path.is_symlink():
@@ -268,10 +268,10 @@ def _own_folder(path: Path, identity: Identity, mode: int = 0o755, uid: int = 0)
 
 def _system_mounts(root: Path, order: DesktopConfig, identity: Identity) -> None:
     none = kernel.MS_NOEXEC | QUIET
-    own = identity.owner()
-    _memory_folder(root / "run", QUIET, f"size={64 << 20},mode=755{own}")
-    _memory_folder(root / "tmp", QUIET, f"size={order.storage // 2},mode=1777{own}")
-    _memory_folder(root / "dev", kernel.MS_NOSUID, f"size={1 << 20},mode=755{own}")
+    owner = identity.owner()
+    _memory_folder(root / "run", QUIET, f"size={64 << 20},mode=755{owner}")
+    _memory_folder(root / "tmp", QUIET, f"size={order.storage // 2},mode=1777{owner}")
+    _memory_folder(root / "dev", kernel.MS_NOSUID, f"size={1 << 20},mode=755{owner}")
     for name in ("proc", "sys"):
         (root / name).mkdir()
     kernel.mount("proc", str(root / "proc"), "proc", none)

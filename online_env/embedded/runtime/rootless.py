@@ -41,7 +41,7 @@ def switched_off() -> str:
 
 
 def way_out(reason: str) -> str:
-    """What lets namespaces be made where the kernel refused them, in one line.
+    """Return what lets namespaces be made where the kernel refused them, in one line.
 
     Args:
         reason: the kernel's refusal, as `kernel` words it.
@@ -65,7 +65,7 @@ def way_out(reason: str) -> str:
 
 
 def in_container() -> bool:
-    """Whether this process runs in a container of Docker, Podman or Kubernetes."""
+    """Return whether this process runs in a container of Docker, Podman or Kubernetes."""
     if any(Path(path).exists() for path in ("/.dockerenv", "/run/.containerenv")):
         return True
     return "KUBERNETES_SERVICE_HOST" in os.environ

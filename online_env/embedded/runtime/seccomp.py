@@ -103,7 +103,7 @@ def forbid() -> None:
 
 
 def program(machine: str) -> bytes:
-    """The filter as the kernel reads it."""
+    """Return the filter as the kernel reads it."""
     architecture, socket, calls = _CALLS[machine]
     refused = _statement(_RETURN, _ERRNO | errno.ENOSYS)
     steps = [

@@ -54,7 +54,7 @@ APPS: dict[str, Program] = {
 
 
 def environment() -> dict[str, str]:
-    """What every program of the session gets."""
+    """Return what every program of the session gets."""
     return {
         "PATH": PATH,
         "HOME": account.HOME,
@@ -88,7 +88,7 @@ def environment() -> dict[str, str]:
 
 
 def display_server(screen: tuple[int, int], report: int) -> tuple[str, ...]:
-    """The X server for a screen of (width, height).
+    """Return the X server for a screen of (width, height).
 
     It writes its number to the descriptor `report` when it is ready.
     """
@@ -117,7 +117,7 @@ def display_server(screen: tuple[int, int], report: int) -> tuple[str, ...]:
 
 
 def session_bus(report: int) -> tuple[str, ...]:
-    """The session bus; it writes its address to the descriptor `report` when ready."""
+    """Return the session bus; it writes its address to the descriptor `report` when ready."""
     return (
         "dbus-daemon",
         "--session",

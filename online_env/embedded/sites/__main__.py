@@ -70,13 +70,13 @@ def main(argv: list[str] | None = None) -> int:
         signal.signal(number, _end)  # uvicorn closes what is open, then raises the signal again
     try:
         sites = SiteState(arguments.state)
-        bound = bind(arguments.address, arguments.dns_port, arguments.http_port)
+        sockets = bind(arguments.address, arguments.dns_port, arguments.http_port)
     except RuntimeError as error:  # SiteStateError, SiteAddressError: naming them would load NumPy
         print(error, file=sys.stderr)
         return 2
-    dns, http = bound.ports
+    dns, http = sockets.ports
     print(json.dumps({"address": str(arguments.address), "dns": dns, "http": http}), flush=True)
-    asyncio.run(serve(bound, arguments.answer or arguments.address, sites))
+    asyncio.run(serve(sockets, arguments.answer or arguments.address, sites))
     return 0
 
 

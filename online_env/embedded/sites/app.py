@@ -76,12 +76,12 @@ class _Static:
 
     async def __call__(self, scope: AsgiScope, receive: Receive, send: Send) -> None:
         path = self._files.get_path(scope)
-        found = (
+        file_path = (
             "\0" not in path
             and (status := self._files.lookup_path(path)[1])
             and stat.S_ISREG(status.st_mode)
         )
-        if found and scope["method"] in ("GET", "HEAD"):
+        if file_path and scope["method"] in ("GET", "HEAD"):
             await self._files(scope, receive, send)
         else:
             scope["root_path"] = ""
@@ -89,7 +89,7 @@ class _Static:
 
 
 async def _read_body(scope: AsgiScope, receive: Receive) -> bytes | None:
-    """The body of a request, or `None` for one beyond `MAX_BODY`."""
+    """Return the body of a request, or `None` for one beyond `MAX_BODY`."""
     declared = dict(scope["headers"]).get(b"content-length", b"0")
     if not declared.isdigit() or len(declared) > 12 or int(declared) > MAX_BODY:
         return None
@@ -115,12 +115,12 @@ def _replay(body: bytes, receive: Receive) -> Receive:
 def _with_headers(send: Send) -> Send:
     async def sender(message: MutableMapping[str, Any]) -> None:
         if message["type"] == "http.response.start":
-            kept = [
+            headers = [
                 (k, v)
                 for k, v in message["headers"]
                 if k.lower() not in (b"cache-control", b"etag", b"last-modified")
             ]
-            message = {**message, "headers": [*kept, *_HEADERS]}
+            message = {**message, "headers": [*headers, *_HEADERS]}
         await send(message)
 
     return sender

@@ -56,7 +56,7 @@ def answer(packet: bytes, names: Collection[str], address: IPv4Address) -> bytes
 
 
 def _end_of_name(packet: bytes) -> int | None:
-    """Where the name of the first question ends.
+    """Return where the name of the first question ends.
 
     `None` if it is cut short, too long or compressed.
     """
@@ -85,9 +85,9 @@ def _name(question: bytes) -> str:
 
 
 def _reply(ident: int, flags: int, code: int, question: bytes = b"", record: bytes = b"") -> bytes:
-    kept = flags & (_OPCODE | _RECURSION_DESIRED)
+    copied = flags & (_OPCODE | _RECURSION_DESIRED)
     set_here = _RESPONSE | _AUTHORITATIVE | _RECURSION_AVAILABLE
-    header = _HEADER.pack(ident, set_here | kept | code, bool(question), bool(record), 0, 0)
+    header = _HEADER.pack(ident, set_here | copied | code, bool(question), bool(record), 0, 0)
     return header + question + record
 
 

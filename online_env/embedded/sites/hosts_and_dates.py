@@ -20,7 +20,7 @@ TODAY = date(2026, 3, 4)
 
 
 def host_name(header: str) -> str:
-    """The name in a Host header, without port, final dot or capitals.
+    """Return the name in a Host header, without port, final dot or capitals.
 
     `"Shop.test.:80"` is `"shop.test"`.
     """
@@ -32,7 +32,7 @@ def host_name(header: str) -> str:
 
 
 def day(text: str) -> date:
-    """The date at the start of `2026-03-04T09:12`."""
+    """Return the date at the start of `2026-03-04T09:12`."""
     return date.fromisoformat(text[:10])
 
 

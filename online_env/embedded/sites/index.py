@@ -54,8 +54,8 @@ class Hit:
 
 def words(text: str) -> list[str]:
     """Lower-case words without a plural `s`: enough to find *bees* by *bee*."""
-    found = re.findall(r"\w+", text.lower())
-    return [_stem(word) for word in found]
+    tokens = re.findall(r"\w+", text.lower())
+    return [_stem(word) for word in tokens]
 
 
 def _stem(word: str) -> str:
@@ -76,22 +76,22 @@ def find(text: str, documents: Sequence[Document]) -> list[Hit]:
         The documents that contain every word, or if there are none, those that contain any; best
         first, ties in the given order.
     """
-    wanted = list(dict.fromkeys(words(text)))[:MAX_WORDS]
-    if not wanted:
+    terms = list(dict.fromkeys(words(text)))[:MAX_WORDS]
+    if not terms:
         return []
-    rarity = _rarity(wanted, documents)
+    rarity = _rarity(terms, documents)
     scored = [(_score(document, rarity), document) for document in documents]
-    some = [pair for pair in scored if pair[0] > 0]
-    full = [pair for pair in some if all(pair[1].weights[word] for word in wanted)]
-    chosen = full or some
-    chosen.sort(key=lambda pair: -pair[0])
-    return [Hit(document, _snippet(document.text, set(wanted))) for _, document in chosen]
+    partial = [pair for pair in scored if pair[0] > 0]
+    full = [pair for pair in partial if all(pair[1].weights[word] for word in terms)]
+    candidates = full or partial
+    candidates.sort(key=lambda pair: -pair[0])
+    return [Hit(document, _snippet(document.text, set(terms))) for _, document in candidates]
 
 
-def _rarity(wanted: list[str], documents: Sequence[Document]) -> dict[str, float]:
-    """The weight of each word that occurs: more if it occurs in few documents."""
+def _rarity(terms: list[str], documents: Sequence[Document]) -> dict[str, float]:
+    """Return the weight of each word that occurs: more if it occurs in few documents."""
     rarity: dict[str, float] = {}
-    for word in wanted:
+    for word in terms:
         count = sum(1 for document in documents if document.weights[word])
         if count:
             rarity[word] = math.log(1 + len(documents) / count)
@@ -107,9 +107,9 @@ def _score(document: Document, rarity: dict[str, float]) -> float:
     return score
 
 
-def _snippet(text: str, wanted: set[str]) -> tuple[Piece, ...]:
+def _snippet(text: str, terms: set[str]) -> tuple[Piece, ...]:
     tokens = text.split()
-    is_match = [not wanted.isdisjoint(words(token)) for token in tokens]
+    is_match = [not terms.isdisjoint(words(token)) for token in tokens]
     first = is_match.index(True) if True in is_match else 0
     start = max(0, first - WORDS_BEFORE)
     end = start + SNIPPET_WORDS

@@ -39,7 +39,7 @@ class Rendered:
 
 
 def load(name: str) -> Any:
-    """The data in `content/NAME.yaml`."""
+    """Return the data in `content/NAME.yaml`."""
     path = HERE / "content" / f"{name}.yaml"
     return _parse(path.read_bytes())
 
@@ -51,17 +51,17 @@ def _parse(text: str | bytes) -> Any:
 
 @cache
 def articles(folder: str) -> dict[str, Article]:
-    """The articles of `content/FOLDER`, by slug.
+    """Return the articles of `content/FOLDER`, by slug.
 
     They come in the order that their heads ask for, then by slug.
     """
-    found: list[Article] = []
+    pages: list[Article] = []
     for path in sorted((HERE / "content" / folder).glob("*.md")):
         _, head, body = path.read_text("utf-8").split("---\n", 2)
         fields = cast("dict[str, Any]", _parse(head))
-        found.append(Article(path.stem, fields, body.strip()))
-    found.sort(key=lambda article: (article.head.get("order", 0), article.slug))
-    return {article.slug: article for article in found}
+        pages.append(Article(path.stem, fields, body.strip()))
+    pages.sort(key=lambda article: (article.head.get("order", 0), article.slug))
+    return {article.slug: article for article in pages}
 
 
 @cache
@@ -90,7 +90,7 @@ def render(text: str) -> Rendered:
 
 
 def plain(text: str) -> str:
-    """The words of a Markdown text, without its marks, on one line."""
+    """Return the words of a Markdown text, without its marks, on one line."""
     text = re.sub(r"!\[[^\]]*\]\([^)]*\)", " ", text)
     text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
     text = re.sub(

@@ -43,7 +43,7 @@ def money(cents: int) -> str:
 
 
 def page(request: Request, template: str, code: int = 200, /, **values: Any) -> HTMLResponse:
-    """A rendered template of the site that was asked, such as `"cart.html"`."""
+    """Return a rendered template of the site that was asked, such as `"cart.html"`."""
     site = request.app.state
     common = {"site": site.name, "path": request.url.path, **site.common(request)}
     html = _templates().get_template(f"{site.name}/{template}").render({**common, **values})
@@ -61,12 +61,12 @@ def clean(text: str) -> str:
     It is `MAX_FIELD` long at most.
     """
     text = text.replace("\r\n", "\n").replace("\r", "\n")
-    kept = (c for c in text if c in "\n\t" or unicodedata.category(c) not in ("Cc", "Cs"))
-    return "".join(kept).strip()[:MAX_FIELD]
+    characters = (c for c in text if c in "\n\t" or unicodedata.category(c) not in ("Cc", "Cs"))
+    return "".join(characters).strip()[:MAX_FIELD]
 
 
 async def fields(request: Request) -> dict[str, list[str]]:
-    """The fields of a posted form, cleaned.
+    """Return the fields of a posted form, cleaned.
 
     Raises:
         HTTPException: The body is not an urlencoded form (415), or has over `MAX_FIELDS` (400).
@@ -78,24 +78,24 @@ async def fields(request: Request) -> dict[str, list[str]]:
         )
     body = (await request.body()).decode("utf-8", "replace")
     try:
-        found = parse_qs(body, keep_blank_values=True, max_num_fields=MAX_FIELDS)
+        form = parse_qs(body, keep_blank_values=True, max_num_fields=MAX_FIELDS)
     except ValueError:
         raise HTTPException(400, f"A form has at most {MAX_FIELDS} fields.") from None
-    return {name: [clean(v) for v in values] for name, values in found.items()}
+    return {name: [clean(v) for v in values] for name, values in form.items()}
 
 
 def first(form: Mapping[str, Sequence[str]], name: str, default: str = "") -> str:
-    """The first value of a field."""
+    """Return the first value of a field."""
     return form.get(name, [default])[0]
 
 
 def query(request: Request, name: str) -> str:
-    """A cleaned parameter of the address, one line, at most 200 characters."""
+    """Return a cleaned parameter of the address, one line, at most 200 characters."""
     return " ".join(clean(request.query_params.get(name, "")).split())[:200]
 
 
 def site_state(request: Request) -> SiteState:
-    """The state folder that this server was started with."""
+    """Return the state folder that this server was started with."""
     return request.app.state.sites
 
 
@@ -120,7 +120,7 @@ def _refused(request: Request, error: Exception) -> Response:
 
 
 def nothing(request: Request) -> dict[str, Any]:
-    """The `common` values of a site whose pages need none."""
+    """Return the `common` values of a site whose pages need none."""
     del request
     return {}
 

@@ -41,34 +41,34 @@ def bind(address: IPv4Address, dns_port: int, http_port: int) -> Bound:
     return Bound(dns, http)
 
 
-def _open(kind: socket.SocketKind, address: IPv4Address, port: int, what: str) -> socket.socket:
+def _open(kind: socket.SocketKind, address: IPv4Address, port: int, role: str) -> socket.socket:
     # Named, or asyncio does not know that it is TCP, leaves out TCP_NODELAY, and every page takes
     # 40 ms.
     protocol = socket.IPPROTO_TCP if kind == socket.SOCK_STREAM else socket.IPPROTO_UDP
-    opened = socket.socket(socket.AF_INET, kind, protocol)
+    listener = socket.socket(socket.AF_INET, kind, protocol)
     try:
         if kind == socket.SOCK_STREAM:
-            opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        opened.bind((str(address), port))
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((str(address), port))
         if kind == socket.SOCK_STREAM:
-            opened.listen(128)
+            listener.listen(128)
     except OSError as error:
-        opened.close()
-        _refuse(what, address, port, error)
-    opened.setblocking(False)
-    return opened
+        listener.close()
+        _refuse(role, address, port, error)
+    listener.setblocking(False)
+    return listener
 
 
-def _refuse(what: str, address: IPv4Address, port: int, error: OSError) -> NoReturn:
+def _refuse(role: str, address: IPv4Address, port: int, error: OSError) -> NoReturn:
     from .errors import SiteAddressError
 
     raise SiteAddressError(
-        f"{what} of the local internet cannot listen on {address} port {port}: {error.strerror}; "
+        f"{role} of the local internet cannot listen on {address} port {port}: {error.strerror}; "
         "give another --address or port (ports below 1024 need root)"
     ) from error
 
 
-async def serve(bound: Bound, address: IPv4Address, sites: SiteState) -> None:
+async def serve(sockets: Bound, address: IPv4Address, sites: SiteState) -> None:
     """Serve until SIGINT or SIGTERM. `address` is what DNS answers with."""
     config = uvicorn.Config(
         SitesApp(sites),
@@ -83,10 +83,10 @@ async def serve(bound: Bound, address: IPv4Address, sites: SiteState) -> None:
     )
     loop = asyncio.get_running_loop()
     transport, _ = await loop.create_datagram_endpoint(
-        lambda: Responder(HOSTS, address), sock=bound.dns
+        lambda: Responder(HOSTS, address), sock=sockets.dns
     )
     try:
-        await uvicorn.Server(config).serve(sockets=[bound.http])
+        await uvicorn.Server(config).serve(sockets=[sockets.http])
     finally:
         transport.close()
-        bound.http.close()
+        sockets.http.close()

@@ -38,7 +38,7 @@ class SiteState:
             _refuse(self.folder, problem, error)
 
     def path(self, site: str) -> Path:
-        """The file of one of `SITES`.
+        """Return the file of one of `SITES`.
 
         Another name is a `SiteStateError`.
         """
@@ -47,7 +47,7 @@ class SiteState:
         return self.folder / f"{site}.json"
 
     def read(self, site: str) -> dict[str, Any]:
-        """The stored state of `site`; empty if nothing was done there.
+        """Return the stored state of `site`; empty if nothing was done there.
 
         A file that cannot be read, or is damaged, or a folder that is gone is a `SiteStateError`.
         """

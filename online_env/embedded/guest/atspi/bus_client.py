@@ -116,7 +116,7 @@ class Method:
     heads: dict[str, bytes] = field(default_factory=dict[str, bytes])
 
     def message(self, reference: Reference, serial: int) -> bytes:
-        """The call as bytes.
+        """Return the call as bytes.
 
         The path comes last, so that the rest is made once for each application.
         """
@@ -166,11 +166,11 @@ class _Channel:
         self._buffer = bytearray()
 
     def fileno(self) -> int:
-        """The descriptor, for `select`."""
+        """Return the descriptor, for `select`."""
         return self.socket.fileno()
 
     def replies(self) -> Iterator[tuple[int, Cursor | None]]:
-        """The serial and the body of each reply that has come; errors have no body.
+        """Yield the serial and the body of each reply that has come; errors have no body.
 
         Raises:
             EOFError: The other side has closed the connection.
@@ -229,7 +229,7 @@ class BusClient:
             return
 
     def is_direct(self, name: str) -> bool:
-        """Whether an application is asked directly, so it is on AT-SPI's bridge for ATK."""
+        """Return whether an application is asked directly, so it is on AT-SPI's bridge for ATK."""
         return name in self._direct
 
     def keep(self, names: Collection[str]) -> None:
@@ -238,7 +238,7 @@ class BusClient:
             self._direct.pop(name).socket.close()
 
     def ask(self, calls: Iterable[_Call]) -> list[Any]:
-        """The answer to each call, None if it failed or its application is silent.
+        """Return the answer to each call, None if it failed or its application is silent.
 
         A `DesktopError` means that the bus itself has gone.
         """
@@ -247,12 +247,14 @@ class BusClient:
             self._send(run)
             if not run.waiting:
                 continue
-            left = self._end - time.monotonic()
-            if left <= 0:
+            remaining_s = self._end - time.monotonic()
+            if remaining_s <= 0:
                 self._give_up(run, 0.0)
                 continue
             channels = [self._bus, *self._direct.values()]
-            ready = select.select(channels, [], [], min(left, run.time_left(self._patience)))[0]
+            ready = select.select(
+                channels, [], [], min(remaining_s, run.time_left(self._patience))
+            )[0]
             if not ready:
                 self._give_up(run, self._patience)
             for channel in ready:
@@ -347,9 +349,9 @@ class _Run:
         """Put the calls to `name` that are under way, if any, back into its queue."""
         if name not in self._queues:
             return
-        lost = [serial for serial, at in self.waiting.items() if self.calls[at][0][0] == name]
+        serials = [serial for serial, at in self.waiting.items() if self.calls[at][0][0] == name]
         self._flying[name] = 0
-        self._queues[name].extendleft(self.waiting.pop(serial) for serial in reversed(lost))
+        self._queues[name].extendleft(self.waiting.pop(serial) for serial in reversed(serials))
 
     def time_left(self, timeout: float) -> float:
         """Seconds until the next application has been silent for too long."""
@@ -358,11 +360,11 @@ class _Run:
 
     def give_up(self, timeout: float) -> None:
         """Leave the applications alone that have not answered for `timeout` seconds."""
-        now = time.monotonic()
+        now_s = time.monotonic()
         for name in [
             name
             for name, count in self._flying.items()
-            if count and now - self._heard[name] >= timeout
+            if count and now_s - self._heard[name] >= timeout
         ]:
             self._silent.add(name)
             self._queues.pop(name, None)
@@ -371,7 +373,7 @@ class _Run:
 
 
 def _reply_serial(buffer: bytearray, start: int, end: int) -> int:
-    """The header field with the number of the call that is answered.
+    """Return the header field with the number of the call that is answered.
 
     Fields begin at multiples of 8 from `start`.
     """

@@ -37,8 +37,8 @@ def add_icons(application: Application, workarea: Box) -> None:
         settings = (home / SETTINGS).read_text("utf-8", "replace")
     except (OSError, configparser.Error):
         return
-    found = _SIZE.search(settings)
-    size = int(found[1]) if found else ICON_SIZE
+    match = _SIZE.search(settings)
+    size = int(match[1]) if match else ICON_SIZE
     for section in places.sections():
         name = _label(section, home)
         try:
@@ -53,7 +53,7 @@ def add_icons(application: Application, workarea: Box) -> None:
 
 
 def _label(section: str, home: Path) -> str:
-    """The text under an icon; empty if its file is gone."""
+    """Return the text under an icon; empty if its file is gone."""
     if not section.startswith("/"):
         return section
     if section == str(home):
@@ -77,7 +77,7 @@ def _cell(row: int, column: int, size: int, workarea: Box) -> tuple[int, int, in
 
 
 def _start(index: int, cell: float, length: int) -> float:
-    """Where a row or column begins.
+    """Return where a row or column begins.
 
     The rest of `length` goes between the cells, and what then is left to both ends.
     """
@@ -86,5 +86,5 @@ def _start(index: int, cell: float, length: int) -> float:
     gap = 0
     if count > 1:
         gap = int((room - count * cell) / (count - 1))
-    rest = room - count * cell - (count - 1) * gap
-    return MARGIN + rest / 2 + index * (cell + gap)
+    leftover = room - count * cell - (count - 1) * gap
+    return MARGIN + leftover / 2 + index * (cell + gap)

@@ -1,4 +1,4 @@
-"""What is drawn elsewhere than its application says, or not at all."""
+"""Corrections of boxes that LibreOffice reports wrongly."""
 
 from hijack_data.types import Box
 

@@ -85,10 +85,10 @@ def _items(cursor: Cursor) -> list[CacheItem]:
 
 def _references(cursor: Cursor) -> list[Reference]:
     end = cursor.array(8)
-    found: list[Reference] = []
+    references: list[Reference] = []
     while cursor.position < end:
-        found.append(cursor.reference())
-    return found
+        references.append(cursor.reference())
+    return references
 
 
 def _pairs(cursor: Cursor) -> dict[str, str]:
@@ -124,12 +124,12 @@ def _property(interface: str, name: str) -> Method:
 
 def _values(cursor: Cursor) -> dict[str, Any]:
     end = cursor.array(8)
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     while cursor.position < end:
         cursor.align(8)
         name = cursor.text()
-        found[name] = cursor.variant()
-    return {name: found[name] for name in VALUES if found.get(name) is not None}
+        values[name] = cursor.variant()
+    return {name: values[name] for name in VALUES if values.get(name) is not None}
 
 
 def _one_text(text: str) -> bytes:
@@ -137,20 +137,20 @@ def _one_text(text: str) -> bytes:
 
 
 def process_id(name: str) -> Method:
-    """The process behind a bus name."""
+    """Return the process behind a bus name."""
     return Method(
         "org.freedesktop.DBus", "GetConnectionUnixProcessID", Cursor.uint, "s", _one_text(name)
     )
 
 
 def cell_at(row: int, column: int) -> Method:
-    """The cell of a table."""
+    """Return the cell of a table."""
     body = struct.pack("<ii", row, column)
     return Method(NAMESPACE + "Table", "GetAccessibleAt", Cursor.reference, "ii", body)
 
 
 def at_point(x: int, y: int) -> Method:
-    """The child at a point of the screen."""
+    """Return the child at a point of the screen."""
     body = struct.pack("<iiI", x, y, 0)
     return Method(NAMESPACE + "Component", "GetAccessibleAtPoint", Cursor.reference, "iiu", body)
 

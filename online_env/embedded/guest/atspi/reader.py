@@ -66,7 +66,9 @@ class AtspiNode:
                 return
             above = above.parent
         if child.parent is not None:
-            child.parent.children = [other for other in child.parent.children if other is not child]
+            child.parent.children = [
+                sibling for sibling in child.parent.children if sibling is not child
+            ]
         child.parent = self
         self.children.append(child)
 
@@ -80,14 +82,14 @@ class Application:
 
 
 def walk(node: AtspiNode) -> list[AtspiNode]:
-    """A node and all below it, in order."""
-    found: list[AtspiNode] = []
+    """Return a node and all below it, in order."""
+    nodes: list[AtspiNode] = []
     stack = [node]
     while stack:
         node = stack.pop()
-        found.append(node)
+        nodes.append(node)
         stack += reversed(node.children)
-    return found
+    return nodes
 
 
 class AtspiReader:
@@ -121,22 +123,22 @@ class AtspiReader:
         self.wire.close()
         self._listener.close()
 
-    def read(self, wanted: Callable[[str], bool] | None = None) -> list[Application]:
-        """All applications with their nodes: names, roles, states and order.
+    def read(self, accepts: Callable[[str], bool] | None = None) -> list[Application]:
+        """Return all applications with their nodes: names, roles, states and order.
 
         A node without an answer from its application is left out; the root of a silent application
         has a note.
 
         Args:
-            wanted: picks applications by name; all of them by default.
+            accepts: picks applications by name; all of them by default.
         """
         self.wire.begin()
         references: list[Reference] = self.wire.ask([(m.REGISTRY, m.CHILDREN)])[0] or []
-        if wanted is not None:
-            references = self._picked(references, wanted)
+        if accepts is not None:
+            references = self._picked(references, accepts)
         caches = self.wire.ask([((reference[0], m.CACHE), m.ITEMS) for reference in references])
         self._connect(
-            [one for one, items in zip(references, caches, strict=True) if items is not None]
+            [item for item, items in zip(references, caches, strict=True) if items is not None]
         )
         pids = self.wire.ask([(m.BUS, m.process_id(name)) for name, _ in references])
         nodes: dict[Reference, AtspiNode] = {}
@@ -147,7 +149,10 @@ class AtspiReader:
         self._name_roles(nodes.values())
         for root in roots:
             if root.reference[0] in self.wire.silent:
-                root.note = f"did not answer within {APP_TIMEOUT_S:g} s; this part of the tree may be incomplete"
+                root.note = (
+                    f"did not answer within {APP_TIMEOUT_S:g} s; this part of the tree may be"
+                    " incomplete"
+                )
         return [Application(root, pid or 0) for root, pid in zip(roots, pids, strict=True)]
 
     def _connect(self, present: list[Reference]) -> None:
@@ -163,14 +168,14 @@ class AtspiReader:
                 self.wire.connect(name, address)
 
     def _picked(
-        self, references: list[Reference], wanted: Callable[[str], bool]
+        self, references: list[Reference], accepts: Callable[[str], bool]
     ) -> list[Reference]:
         names = self.wire.ask([(reference, m.NAME) for reference in references])
-        found: list[Reference] = []
+        picked: list[Reference] = []
         for reference, name in zip(references, names, strict=True):
-            if wanted(name or ""):
-                found.append(reference)
-        return found
+            if accepts(name or ""):
+                picked.append(reference)
+        return picked
 
     def _plant(
         self, reference: Reference, items: Iterable[m.CacheItem], nodes: dict[Reference, AtspiNode]
@@ -233,7 +238,7 @@ class AtspiReader:
             todo = [node for node in fresh if node.states & SHOWING]
 
     def _plugs(self, nodes: dict[Reference, AtspiNode], roots: list[AtspiNode]) -> list[AtspiNode]:
-        """The nodes that an application without a window shows in a window of another.
+        """Return the nodes that an application without a window shows in a window of another.
 
         That is a GtkPlug, such as the dialog of a locked screen. The window's side does not list
         it; it is found by climbing from the application's first object.
@@ -244,7 +249,7 @@ class AtspiReader:
             if not at:
                 break
             above: list[Reference] = []
-            parents: list[Reference | None] = self.wire.ask([(one, m.PARENT) for one in at])
+            parents: list[Reference | None] = self.wire.ask([(item, m.PARENT) for item in at])
             for reference, parent in zip(at, parents, strict=True):
                 if parent is None:
                     continue
@@ -266,7 +271,7 @@ class AtspiReader:
         Chromium's cache holds on to the page that its error page has replaced.
         """
         pages = [node for node in nodes.values() if _is_shown_page(node)]
-        known = [page.reference for page in pages]
+        page_references = [page.reference for page in pages]
         parents = {id(page.parent): page.parent for page in pages if page.parent is not None}
         holders = list(parents.values())
         fresh: list[AtspiNode] = []
@@ -276,7 +281,7 @@ class AtspiReader:
                     page = nodes[reference] = AtspiNode(reference)
                     fresh.append(page)
                     holder.adopt(page)
-            old = {reference for reference in known if reference not in present}
+            old = {reference for reference in page_references if reference not in present}
             if present:  # otherwise it did not answer
                 holder.children = [child for child in holder.children if child.reference not in old]
         self._describe(fresh)
@@ -329,11 +334,13 @@ class AtspiReader:
 
     def _describe(self, nodes: list[AtspiNode]) -> None:
         """Ask for the facts that a cache would have given."""
-        asked = (m.NAME, m.ROLE, m.STATES, m.INTERFACES)
-        answers = self.wire.ask([(node.reference, method) for node in nodes for method in asked])
+        properties = (m.NAME, m.ROLE, m.STATES, m.INTERFACES)
+        answers = self.wire.ask(
+            [(node.reference, method) for node in nodes for method in properties]
+        )
         for index, node in enumerate(nodes):
-            start = len(asked) * index
-            name, role, states, interfaces = answers[start : start + len(asked)]
+            start = len(properties) * index
+            name, role, states, interfaces = answers[start : start + len(properties)]
             node.name = name or ""
             node.role = role or 0
             node.states = states or 0
@@ -355,14 +362,14 @@ class AtspiReader:
         if len(self._role_names) > MAX_NODES:
             self._role_names.clear()
         for _ in range(_ASKED_FOR_ROLE):
-            answers = self.wire.ask([(rest[0], m.ROLE_NAME) for rest in unknown.values()])
+            answers = self.wire.ask([(group[0], m.ROLE_NAME) for group in unknown.values()])
             for key, name in zip(unknown, answers, strict=True):
                 if name and (name != INVALID_NAME or key[1] == INVALID):
                     self._role_names[key] = name
             unknown = {
-                key: rest[1:]
-                for key, rest in unknown.items()
-                if key not in self._role_names and rest[1:]
+                key: group[1:]
+                for key, group in unknown.items()
+                if key not in self._role_names and group[1:]
             }
             if not unknown:
                 break
@@ -379,7 +386,7 @@ def _is_shown_page(node: AtspiNode) -> bool:
 
 
 def _is_short(node: AtspiNode) -> bool:
-    """Whether a visible node has more children than its cache contained."""
+    """Return whether a visible node has more children than its cache contained."""
     if not node.states & SHOWING:
         return False
     return bool(node.states & MANAGES_DESCENDANTS) or node.count > len(node.children)

@@ -94,8 +94,8 @@ class VisibilityFilter:
     def apply(self, application: Application) -> None:
         """Go through the tree of an application; its nodes have their boxes."""
         owners = {application.pid, _parent_pid(application.pid)} - {0}
-        mine = [surface for surface in self._surfaces if surface.pid in owners]
-        is_told = _has_known_window(application, mine)
+        app_surfaces = [surface for surface in self._surfaces if surface.pid in owners]
+        is_told = _has_known_window(application, app_surfaces)
         stack = [_Visit(application.root, None, False, self._screen)]
         while stack:
             visit = stack.pop()
@@ -104,9 +104,9 @@ class VisibilityFilter:
             part = visit.clip
             if node.box is not None:
                 if node.role in TOP_LEVEL:
-                    surface = _find_window(node, mine, surface, is_told)
+                    surface = _find_window(node, app_surfaces, surface, is_told)
                 part = _common(corners(node), visit.clip)
-                self._mark(node, part, surface, visit.in_menu, mine)
+                self._mark(node, part, surface, visit.in_menu, app_surfaces)
             below = self._clip_below(node, part, visit.clip)
             in_menu = visit.in_menu or node.role in MENUS
             stack += [_Visit(child, surface, in_menu, below) for child in node.children]
@@ -117,17 +117,17 @@ class VisibilityFilter:
         part: Box,
         surface: SurfaceLike | None,
         in_menu: bool,
-        mine: list[SurfaceLike],
+        app_surfaces: list[SurfaceLike],
     ) -> None:
         """Note which part of a node is seen."""
-        if not self._is_seen(part, surface, in_menu, mine):
+        if not self._is_seen(part, surface, in_menu, app_surfaces):
             node.states &= ~SHOWING
         elif part != corners(node):
             x1, y1, x2, y2 = part
             node.box = (x1, y1, x2 - x1, y2 - y1)
 
     def _clip_below(self, node: AtspiNode, part: Box, clip: Box) -> Box:
-        """The part of the screen that a node leaves to its children."""
+        """Return the part of the screen that a node leaves to its children."""
         if node.role in CLIPPING:
             return part
         if node.role in MENUS:
@@ -135,13 +135,13 @@ class VisibilityFilter:
         return clip
 
     def _is_seen(
-        self, box: Box, surface: SurfaceLike | None, in_menu: bool, mine: list[SurfaceLike]
+        self, box: Box, surface: SurfaceLike | None, in_menu: bool, app_surfaces: list[SurfaceLike]
     ) -> bool:
         x1, y1, x2, y2 = box
         if x2 <= x1 or y2 <= y1:
             return False
         top = self._top((x1 + x2) // 2, (y1 + y2) // 2)
-        if top is None or not any(top is one for one in mine):
+        if top is None or not any(top is item for item in app_surfaces):
             return False
         if in_menu:
             return top.popup
@@ -156,34 +156,34 @@ class VisibilityFilter:
 
 
 def candidates(application: Application) -> list[AtspiNode]:
-    """The nodes that claim to be on the screen."""
-    found: list[AtspiNode] = []
+    """Return the nodes that claim to be on the screen."""
+    nodes: list[AtspiNode] = []
     stack = [application.root]
     while stack:
         node = stack.pop()
         if node.states & SHOWING and node.states & VISIBLE:
-            found.append(node)
+            nodes.append(node)
         stack += node.children
-    return found
+    return nodes
 
 
-def _has_known_window(application: Application, mine: list[SurfaceLike]) -> bool:
-    """Whether one of an application's top nodes is a window on the screen."""
+def _has_known_window(application: Application, app_surfaces: list[SurfaceLike]) -> bool:
+    """Return whether one of an application's top nodes is a window on the screen."""
     for node in application.root.children:
-        if node.box is not None and _matching(mine, corners(node), node.name):
+        if node.box is not None and _matching(app_surfaces, corners(node), node.name):
             return True
     return False
 
 
 def _find_window(
-    node: AtspiNode, mine: list[SurfaceLike], above: SurfaceLike | None, is_told: bool
+    node: AtspiNode, app_surfaces: list[SurfaceLike], above: SurfaceLike | None, is_told: bool
 ) -> SurfaceLike | None:
-    """The window that a top-level node is."""
-    found = _matching(mine, corners(node), node.name) or above
-    if found is None and is_told and not node.name:
+    """Return the window that a top-level node is."""
+    window = _matching(app_surfaces, corners(node), node.name) or above
+    if window is None and is_told and not node.name:
         # Chromium keeps windows for suggestions ready and does not show them
         return _NOWHERE
-    return found
+    return window
 
 
 def corners(node: AtspiNode) -> Box:
@@ -193,27 +193,27 @@ def corners(node: AtspiNode) -> Box:
 
 
 def _matching(surfaces: list[SurfaceLike], box: Box, name: str) -> SurfaceLike | None:
-    """The window with a node's box; if several lie on one another, the one with its name."""
-    found = [surface for surface in surfaces if _fits(surface, box)]
-    for surface in found:
+    """Return the window with a node's box; if several lie on one another, the one with its name."""
+    matches = [surface for surface in surfaces if _fits(surface, box)]
+    for surface in matches:
         if surface.title == name:
             return surface
-    return found[0] if found else None
+    return matches[0] if matches else None
 
 
 def _fits(surface: SurfaceLike, box: Box) -> bool:
     return _is_close(surface.client, box) or _is_close(surface.frame, box)
 
 
-def _is_close(one: Box, other: Box) -> bool:
-    return all(abs(a - b) <= SLACK for a, b in zip(one, other, strict=True))
+def _is_close(box: Box, measured: Box) -> bool:
+    return all(abs(a - b) <= SLACK for a, b in zip(box, measured, strict=True))
 
 
-def _common(one: Box, other: Box) -> Box:
-    x1 = max(one[0], other[0])
-    y1 = max(one[1], other[1])
-    x2 = min(one[2], other[2])
-    y2 = min(one[3], other[3])
+def _common(a: Box, b: Box) -> Box:
+    x1 = max(a[0], b[0])
+    y1 = max(a[1], b[1])
+    x2 = min(a[2], b[2])
+    y2 = min(a[3], b[3])
     return x1, y1, x2, y2
 
 

@@ -28,7 +28,7 @@ module.main(sys.argv[1], sys.argv[2])
 
 @cache
 def source(name: str) -> str:
-    """A tool as one program text for a guest that has none of our files.
+    """Return a tool as one program text for a guest that has none of our files.
 
     Args:
         name: of the tool, such as `xtool`.
@@ -37,5 +37,5 @@ def source(name: str) -> str:
         The text; `python3 -I -c TEXT OPERATION JSON` carries out an operation and prints JSON.
     """
     names = (*_SHARED.get(name, ()), name)
-    texts = {one: (_FOLDER / f"{one}.py").read_text(encoding="utf-8") for one in names}
+    texts = {module: (_FOLDER / f"{module}.py").read_text(encoding="utf-8") for module in names}
     return _LOADER.format(texts=texts)

@@ -49,40 +49,40 @@ class Screen:
         self.display.close()
 
     def atom(self, name: str) -> int:
-        """The number of a name."""
+        """Return the number of a name."""
         return self.display.intern_atom(name)
 
     def window(self, number: int) -> Any:
-        """The window with that id."""
+        """Return the window with that id."""
         return self.display.create_resource_object("window", number)
 
     def size(self) -> tuple[int, int]:
         """`(width, height)` in pixels, asked from the server now."""
-        found = self.root.get_geometry()
-        return found.width, found.height
+        geometry = self.root.get_geometry()
+        return geometry.width, geometry.height
 
     def numbers(self, window: Any, name: str) -> list[int]:
-        """A property that is a list of numbers; empty if the window does not have it."""
-        found = window.get_full_property(self.atom(name), X.AnyPropertyType)
-        if not found or found.format != 32:
+        """Return a property that is a list of numbers; empty if the window does not have it."""
+        prop = window.get_full_property(self.atom(name), X.AnyPropertyType)
+        if not prop or prop.format != 32:
             return []
-        return [int(value) for value in found.value]
+        return [int(value) for value in prop.value]
 
     def number(self, window: Any, name: str) -> int:
-        """The first number of a property; 0 if the window does not have it."""
-        found = self.numbers(window, name)
-        return found[0] if found else 0
+        """Return the first number of a property; 0 if the window does not have it."""
+        values = self.numbers(window, name)
+        return values[0] if values else 0
 
     def text(self, window: Any, name: str) -> str:
-        """A property that is a text; empty if the window does not have it."""
-        found = window.get_full_property(self.atom(name), X.AnyPropertyType)
-        value = found.value if found else b""
+        """Return a property that is a text; empty if the window does not have it."""
+        prop = window.get_full_property(self.atom(name), X.AnyPropertyType)
+        value = prop.value if prop else b""
         if isinstance(value, bytes):
             return value.decode("utf-8", "replace")
         return str(value)
 
     def title(self, window: Any) -> str:
-        """The title of a window."""
+        """Return the title of a window."""
         return self.text(window, "_NET_WM_NAME") or self.text(window, "WM_NAME")
 
     def window_class(self, window: Any) -> str:
@@ -90,13 +90,13 @@ class Screen:
         return ".".join(window.get_wm_class() or ())
 
     def box(self, window: Any) -> list[int]:
-        """The place of a window without its border and frame, xyxy."""
+        """Return the place of a window without its border and frame, xyxy."""
         size = window.get_geometry()
         corner = self.root.translate_coords(window, 0, 0)
         return [corner.x, corner.y, corner.x + size.width, corner.y + size.height]
 
     def is_mapped(self, window: Any) -> bool:
-        """Whether a window is on the screen (not minimised)."""
+        """Return whether a window is on the screen (not minimised)."""
         return window.get_attributes().map_state == X.IsViewable
 
     def is_drawn(self, window: Any) -> bool:
@@ -105,7 +105,7 @@ class Screen:
         return attributes.map_state == X.IsViewable and attributes.win_class == X.InputOutput
 
     def client(self, top: Any, depth: int = 2) -> Any:
-        """The application's own window, at most `depth` levels below a frame, or None.
+        """Return the application's own window, at most `depth` levels below a frame, or None.
 
         Menus, bubbles and lockers have none: no window manager holds them.
         """
@@ -114,41 +114,41 @@ class Screen:
         if depth == 0:
             return None
         for child in top.query_tree().children:
-            found = self.client(child, depth - 1)
-            if found is not None:
-                return found
+            client = self.client(child, depth - 1)
+            if client is not None:
+                return client
         return None
 
     def has(self, window: Any, states: Sequence[str]) -> bool:
-        """Whether a window is in any of these states."""
-        wanted = {self.atom(name) for name in states}
-        return not wanted.isdisjoint(self.numbers(window, "_NET_WM_STATE"))
+        """Return whether a window is in any of these states."""
+        atoms = {self.atom(name) for name in states}
+        return not atoms.isdisjoint(self.numbers(window, "_NET_WM_STATE"))
 
     def margins(self, window: Any) -> list[int]:
-        """The visible decoration around a window's content: left, top, right, bottom.
+        """Return the visible decoration around a window's content: left, top, right, bottom.
 
         Shadows count as less.
         """
-        drawn = self.numbers(window, "_NET_FRAME_EXTENTS")[:4] or [0] * 4
+        extents = self.numbers(window, "_NET_FRAME_EXTENTS")[:4] or [0] * 4
         shadow = self.numbers(window, "_GTK_FRAME_EXTENTS")[:4] or [0] * 4
-        left, right, top, bottom = (a - b for a, b in zip(drawn, shadow, strict=False))
+        left, right, top, bottom = (a - b for a, b in zip(extents, shadow, strict=False))
         return [left, top, right, bottom]
 
     def has_manager(self) -> bool:
-        """Whether a window manager runs."""
+        """Return whether a window manager runs."""
         return bool(self.numbers(self.root, "_NET_SUPPORTING_WM_CHECK"))
 
     def has_settings(self) -> bool:
-        """Whether a daemon publishes fonts, themes and hinting for the first screen."""
+        """Return whether a daemon publishes fonts, themes and hinting for the first screen."""
         atom = self.display.get_atom("_XSETTINGS_S0")
         return bool(self.display.get_selection_owner(atom))
 
     def active(self) -> int:
-        """The id of the window that has the focus; 0 if none has."""
+        """Return the id of the window that has the focus; 0 if none has."""
         return self.number(self.root, "_NET_ACTIVE_WINDOW")
 
     def is_desktop_shown(self) -> bool:
-        """Whether the window manager reports that it shows the desktop."""
+        """Return whether the window manager reports that it shows the desktop."""
         return self.numbers(self.root, "_NET_SHOWING_DESKTOP")[:1] == [1]
 
     def send(self, window: Any, kind: str, data: Sequence[int]) -> None:
@@ -190,7 +190,7 @@ class Screen:
 
 
 def describe(screen: Screen, number: int) -> dict[str, Any] | None:
-    """A managed window as JSON data; None if it has closed.
+    """Return a managed window as JSON data; None if it has closed.
 
     Its `type` is `normal`, `dialog`, `dock`, `desktop` ...; its `box` is without the frame, xyxy.
     """
@@ -212,7 +212,7 @@ def describe(screen: Screen, number: int) -> dict[str, Any] | None:
 
 
 def poll_until(condition: Callable[[], Any], timeout: float) -> Any:
-    """The first true value of `condition` within `timeout` seconds, or its last value."""
+    """Return the first true value of `condition` within `timeout` seconds, or its last value."""
     end = time.monotonic() + timeout
     while True:
         value = condition()

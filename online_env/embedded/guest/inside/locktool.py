@@ -21,7 +21,7 @@ _Facts = dict[str, Any]
 
 
 def lock(screen: Screen, typed: bool) -> _Facts:
-    """The owner of screen and input: the window on top, and both grabs.
+    """Return the owner of screen and input: the window on top, and both grabs.
 
     With `typed` also whether a key reaches a client of ours.
     """
@@ -37,13 +37,13 @@ def lock(screen: Screen, typed: bool) -> _Facts:
 
 
 def covers(box: list[int], width: int, height: int) -> bool:
-    """Whether a window, `xyxy`, leaves nothing of a screen of this size to be seen."""
+    """Return whether a window, `xyxy`, leaves nothing of a screen of this size to be seen."""
     x1, y1, x2, y2 = box
     return x1 <= 0 and y1 <= 0 and x2 >= width and y2 >= height
 
 
 def _topmost(screen: Screen, width: int, height: int) -> _Facts | None:
-    """The window on top of all that can be seen."""
+    """Return the window on top of all that can be seen."""
     for window in reversed(screen.root.query_tree().children):
         with contextlib.suppress(*GONE):
             x1, y1, x2, y2 = box = screen.box(window)
@@ -54,7 +54,7 @@ def _topmost(screen: Screen, width: int, height: int) -> _Facts | None:
 
 
 def _held(screen: Screen, device: str) -> bool:
-    """Whether another client holds the device; ours lets go at once."""
+    """Return whether another client holds the device; ours lets go at once."""
     if device == "keyboard":
         status = screen.root.grab_keyboard(False, X.GrabModeAsync, X.GrabModeAsync, X.CurrentTime)
         screen.display.ungrab_keyboard(X.CurrentTime)
@@ -129,15 +129,15 @@ def _keycode(screen: Screen, name: str) -> int:
     return screen.display.keysym_to_keycode(XK.string_to_keysym(name))
 
 
-def _press(screen: Screen, name: str, *held: str) -> None:
-    _strike(screen, _keycode(screen, name), [_keycode(screen, other) for other in held])
+def _press(screen: Screen, name: str, *modifiers: str) -> None:
+    _strike(screen, _keycode(screen, name), [_keycode(screen, modifier) for modifier in modifiers])
 
 
-def _strike(screen: Screen, code: int, held: list[int]) -> None:
-    for one in [*held, code]:
-        xtest.fake_input(screen.display, X.KeyPress, one)
-    for one in [code, *reversed(held)]:
-        xtest.fake_input(screen.display, X.KeyRelease, one)
+def _strike(screen: Screen, code: int, modifiers: list[int]) -> None:
+    for keycode in [*modifiers, code]:
+        xtest.fake_input(screen.display, X.KeyPress, keycode)
+    for keycode in [code, *reversed(modifiers)]:
+        xtest.fake_input(screen.display, X.KeyRelease, keycode)
     screen.display.sync()
     time.sleep(KEY_PAUSE)
 

@@ -32,19 +32,19 @@ def survey(sites: list[tuple[str, int]], timeout: float) -> _Facts:
 
 
 def interfaces() -> list[str]:
-    """The interfaces that default routes leave by, IPv4 then IPv6."""
-    found: list[str] = []
+    """Return the interfaces that default routes leave by, IPv4 then IPv6."""
+    names: list[str] = []
     for line in _lines("/proc/net/route")[1:]:
         name, destination, _, flags, _, _, _, mask = line.split()[:8]
         is_default = destination == mask == "00000000"
         if is_default and not int(flags, 16) & REJECT:
-            found.append(name)
+            names.append(name)
     for line in _lines("/proc/net/ipv6_route"):
         words = line.split()
         is_default = words[0] == "0" * 32 and words[1] == "00"
         if is_default and not int(words[8], 16) & REJECT:
-            found.append(words[9])
-    return [name for name in dict.fromkeys(found) if name != "lo"]
+            names.append(words[9])
+    return [name for name in dict.fromkeys(names) if name != "lo"]
 
 
 def name_servers() -> list[str]:
@@ -61,11 +61,11 @@ def hosts() -> list[str]:
     rows = [line.split() for line in _lines("/proc/net/tcp")[1:]]
     rows += [line.split() for line in _lines("/proc/net/tcp6")[1:]]
     listening = {_port(row[1]) for row in rows if row[3] == LISTEN}
-    found: set[str] = set()
+    names: set[str] = set()
     for row in rows:
         if row[3] == ESTABLISHED and _port(row[1]) in listening:
-            found.add(_address(row[2].rpartition(":")[0]))
-    return sorted(address for address in found if not address.startswith(LOCAL))
+            names.add(_address(row[2].rpartition(":")[0]))
+    return sorted(address for address in names if not address.startswith(LOCAL))
 
 
 def _port(text: str) -> str:
@@ -73,7 +73,7 @@ def _port(text: str) -> str:
 
 
 def _address(text: str) -> str:
-    """An address as the kernel prints it: 32-bit words in the machine's byte order."""
+    """Return an address as the kernel prints it: 32-bit words in the machine's byte order."""
     numbers = [int(text[i : i + 8], 16) for i in range(0, len(text), 8)]
     data = struct.pack(f"={len(numbers)}I", *numbers)
     if data.startswith(MAPPED) and len(data) == 16:
@@ -101,17 +101,17 @@ def reach(targets: list[_Facts], timeout: float) -> _Facts:
     with concurrent.futures.ThreadPoolExecutor(max(len(targets), 1)) as pool:
         jobs = [pool.submit(_timed, tries[target["kind"]], target, timeout) for target in targets]
         results = [job.result() for job in jobs]
-    reached = [{**target, **found} for target, found in zip(targets, results, strict=False)]
+    reached = [{**target, **result} for target, result in zip(targets, results, strict=False)]
     return {"reached": reached}
 
 
 def _timed(work: Callable[[_Facts, float], _Facts], target: _Facts, timeout: float) -> _Facts:
     start = time.monotonic()
     try:
-        found = {"ok": True, **work(target, timeout)}
+        result = {"ok": True, **work(target, timeout)}
     except OSError as error:
-        found = {"ok": False, "error": str(error) or type(error).__name__}
-    return {**found, "seconds": round(time.monotonic() - start, 4)}
+        result = {"ok": False, "error": str(error) or type(error).__name__}
+    return {**result, "seconds": round(time.monotonic() - start, 4)}
 
 
 def _tcp(target: _Facts, timeout: float) -> _Facts:

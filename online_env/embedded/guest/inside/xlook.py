@@ -21,22 +21,22 @@ _Span = tuple[int, int]  # of columns in a row
 
 
 def _outline(screen: Screen, window: Any) -> list[int]:
-    """The place of a window with its border, xyxy."""
+    """Return the place of a window with its border, xyxy."""
     x1, y1, x2, y2 = screen.box(window)
     line = window.get_geometry().border_width
     return [x1 - line, y1 - line, x2 + line, y2 + line]
 
 
 def tops(screen: Screen) -> _Facts:
-    """The windows that lie directly on the root and can be seen."""
-    found: list[_Facts] = []
+    """Return the windows that lie directly on the root and can be seen."""
+    windows: list[_Facts] = []
     for top in screen.root.query_tree().children:
         try:
             if screen.is_drawn(top):
-                found.append(_top(screen, top))
+                windows.append(_top(screen, top))
         except GONE:
             continue
-    return {"tops": found}
+    return {"tops": windows}
 
 
 def _top(screen: Screen, top: Any) -> _Facts:
@@ -52,7 +52,7 @@ def _top(screen: Screen, top: Any) -> _Facts:
 
 
 def shaped(screen: Screen, number: int) -> _Facts:
-    """The holes in the shape of a window: rows `[y, x1, x2]` in its own pixels."""
+    """Return the holes in the shape of a window: rows `[y, x1, x2]` in its own pixels."""
     top = screen.window(number)
     size = top.get_geometry()
     rows: dict[int, list[_Span]] = {}
@@ -67,7 +67,7 @@ def shaped(screen: Screen, number: int) -> _Facts:
 
 
 def _gaps(spans: list[_Span], width: int) -> Iterator[_Span]:
-    """The parts of a row of `width` pixels that no span covers."""
+    """Yield the parts of a row of `width` pixels that no span covers."""
     at = 0
     for x1, x2 in sorted(spans):
         if x1 > at:
@@ -99,7 +99,7 @@ def _drawn(screen: Screen, window: Any) -> bool:
 
 
 def gone(screen: Screen, number: int, timeout: float) -> _Facts:
-    """Whether a window goes away within `timeout` seconds."""
+    """Return whether a window goes away within `timeout` seconds."""
     window = screen.window(number)
     end = time.monotonic() + timeout
     while time.monotonic() < end:

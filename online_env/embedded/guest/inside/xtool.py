@@ -29,18 +29,18 @@ _Facts = dict[str, Any]
 def describe(screen: Screen, number: int) -> _Facts | None:
     """A window as JSON data, with its frame, smallest size, states and whose dialog it is."""
     try:
-        found = describe_window(screen, number)
-        if found is None:
+        facts = describe_window(screen, number)
+        if facts is None:
             return None
         window = screen.window(number)
         left, top, right, bottom = screen.margins(window)
-        x1, y1, x2, y2 = found["box"]
+        x1, y1, x2, y2 = facts["box"]
         hints = window.get_wm_normal_hints()
         states = [
             screen.display.get_atom_name(state) for state in screen.numbers(window, "_NET_WM_STATE")
         ]
         return {
-            **found,
+            **facts,
             "for": screen.number(window, "WM_TRANSIENT_FOR"),
             "frame": [x1 - left, y1 - top, x2 + right, y2 + bottom],
             "least": [hints.min_width, hints.min_height] if hints else [0, 0],
@@ -51,21 +51,21 @@ def describe(screen: Screen, number: int) -> _Facts | None:
 
 
 def listed(screen: Screen) -> list[_Facts]:
-    """The managed windows, bottom to top."""
+    """Return the managed windows, bottom to top."""
     numbers = screen.numbers(screen.root, "_NET_CLIENT_LIST_STACKING")
     if not numbers:
         numbers = screen.numbers(screen.root, "_NET_CLIENT_LIST")
-    found = [describe(screen, number) for number in numbers]
-    return [window for window in found if window is not None]
+    windows = [describe(screen, number) for number in numbers]
+    return [window for window in windows if window is not None]
 
 
 def visible(screen: Screen) -> list[int]:
-    """The application windows that are on the screen."""
+    """Return the application windows that are on the screen."""
     return [w["id"] for w in listed(screen) if w["mapped"] and w["type"] not in FIXED]
 
 
 def state(screen: Screen) -> _Facts:
-    """The windows bottom to top, and what else a plan for them needs."""
+    """Return the windows bottom to top, and what else a plan for them needs."""
     width, height = screen.size()
     desk = screen.number(screen.root, "_NET_CURRENT_DESKTOP")
     areas = screen.numbers(screen.root, "_NET_WORKAREA")
@@ -123,21 +123,21 @@ def restore(screen: Screen, ids: "list[int] | None", active: int, timeout: float
         ids = [window["id"] for window in listed(screen) if _is_minimised(window)]
     if screen.is_desktop_shown():
         screen.show_desktop(False)
-    asked = set(ids)
-    wanted = [window["id"] for window in listed(screen) if window["id"] in asked]
+    requested = set(ids)
+    minimised = [window["id"] for window in listed(screen) if window["id"] in requested]
 
     def left() -> set[int]:
-        return set(wanted) - set(visible(screen))
+        return set(minimised) - set(visible(screen))
 
     poll_until(lambda: not left(), timeout / 2)
     hidden = left()
     again = [number for number in ids if number in hidden]
-    if active in wanted:
+    if active in minimised:
         again.append(active)
     for number in again:
         screen.activate(screen.window(number))
     poll_until(lambda: not left(), timeout / 2)
-    return {"restored": wanted, "left": sorted(left())}
+    return {"restored": minimised, "left": sorted(left())}
 
 
 def _is_minimised(window: _Facts) -> bool:
@@ -199,7 +199,7 @@ def _expose(window: Any) -> None:
 
 
 def _painted(window: Any) -> bool:
-    """Whether our paint is left on most of some points of a window."""
+    """Return whether our paint is left on most of some points of a window."""
     painted = 0
     parts = range(1, SAMPLES)
     try:
@@ -242,13 +242,13 @@ def _leave_full_screen(screen: Screen, number: int, timeout: float) -> _Facts | 
 
     def rests() -> bool:
         last.append([screen.box(window), screen.has(window, MAXIMISED)])
-        return len(last) > STABLE_POLLS and all(one == last[-1] for one in last[-STABLE_POLLS:])
+        return len(last) > STABLE_POLLS and all(box == last[-1] for box in last[-STABLE_POLLS:])
 
     poll_until(rests, timeout / 2)
-    found = describe(screen, number)
-    if found is None:
+    facts = describe(screen, number)
+    if facts is None:
         return None
-    return {"frame": found["frame"], "states": found["states"]}
+    return {"frame": facts["frame"], "states": facts["states"]}
 
 
 def _place(screen: Screen, window: Any, frame: list[int], timeout: float) -> None:
@@ -288,11 +288,13 @@ def activate(screen: Screen, number: int, timeout: float = PLACE_TIMEOUT_S) -> _
 
 def close(screen: Screen, ids: Iterable[int], timeout: float) -> _Facts:
     """Ask windows and the dialogs before them to close; tell which are still there."""
-    wanted = set(ids)
+    requested = set(ids)
     end = time.monotonic() + timeout
 
     def left() -> list[int]:
-        return [window["id"] for window in listed(screen) if {window["id"], window["for"]} & wanted]
+        return [
+            window["id"] for window in listed(screen) if {window["id"], window["for"]} & requested
+        ]
 
     numbers = left()
     while numbers and time.monotonic() < end:
@@ -322,13 +324,13 @@ def click(screen: Screen, number: int, frame: list[int]) -> _Facts:
     def is_down() -> bool:
         return bool(screen.root.query_pointer().mask & X.Button1Mask)
 
-    seen = [not is_down()]
+    changes = [not is_down()]
     for kind, down in ((X.ButtonPress, True), (X.ButtonRelease, False)):
         xtest.fake_input(screen.display, kind, 1)
         screen.display.sync()
         # A window manager that raises on click holds the event back until it has done so.
-        seen.append(bool(poll_until(lambda down=down: is_down() == down, KEY_TIMEOUT_S)))
-    return {"moved": False, "pointer": _pointer(screen), "delivered": all(seen)}
+        changes.append(bool(poll_until(lambda down=down: is_down() == down, KEY_TIMEOUT_S)))
+    return {"moved": False, "pointer": _pointer(screen), "delivered": all(changes)}
 
 
 OPERATIONS: dict[str, Callable[..., _Facts]] = {

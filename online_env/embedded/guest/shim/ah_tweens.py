@@ -77,9 +77,9 @@ def _elastic(n):
 
 
 def _bounce_out(n):
-    for end, middle, rest in HOPS:
+    for end, middle, base in HOPS:
         if n <= end / BOUNCES:
-            return GRAVITY * (n - middle / BOUNCES) ** 2 + rest
+            return GRAVITY * (n - middle / BOUNCES) ** 2 + base
     return 1.0
 
 

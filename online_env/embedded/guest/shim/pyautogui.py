@@ -105,8 +105,8 @@ def failSafeCheck():
 
 def position(x=None, y=None):
     """Where the pointer is; `x` and `y` replace what they are given for."""
-    here = _devices()[1].position
-    return Point(here[0] if x is None else int(x), here[1] if y is None else int(y))
+    point = _devices()[1].position
+    return Point(point[0] if x is None else int(x), point[1] if y is None else int(y))
 
 
 def size():
@@ -143,9 +143,9 @@ def _point(x, y):
             )
         x, y = x if len(x) == 2 else (x[0] + x[2] / 2, x[1] + x[3] / 2)
     if x is None or y is None:
-        here = position()
-        x = here.x if x is None else x
-        y = here.y if y is None else y
+        current = position()
+        x = current.x if x is None else x
+        y = current.y if y is None else y
     return Point(int(x), int(y))
 
 
@@ -171,8 +171,8 @@ def moveRel(
     xOffset=None, yOffset=None, duration=0.0, tween=linear, logScreenshot=False, _pause=True
 ):
     """Move the pointer by an offset in `duration` seconds."""
-    (x, y), (right, down) = position(), _offset(xOffset, yOffset)
-    _go(x + right, y + down, duration, tween)
+    (x, y), (dx, dy) = position(), _offset(xOffset, yOffset)
+    _go(x + dx, y + dy, duration, tween)
 
 
 move = moveRel
@@ -284,9 +284,9 @@ def hscroll(clicks, x=None, y=None, logScreenshot=None, _pause=True):
     _devices()[1].scroll(int(clicks), horizontal=True)
 
 
-def _drag(x, y, duration, tween, button, whole):
+def _drag(x, y, duration, tween, button, path):
     pointer = _devices()[1]
-    if whole:
+    if path:
         pointer.drag(x, y, button, duration, tween)
     else:
         pointer.drag_move(x, y, duration, tween)
@@ -319,9 +319,9 @@ def dragRel(
     mouseDownUp=True,
 ):
     """Drag by an offset."""
-    (x, y), (right, down) = position(), _offset(xOffset, yOffset)
-    if right or down:
-        _drag(x + right, y + down, duration, tween, button, mouseDownUp)
+    (x, y), (dx, dy) = position(), _offset(xOffset, yOffset)
+    if dx or dy:
+        _drag(x + dx, y + dy, duration, tween, button, mouseDownUp)
 
 
 drag = dragRel
@@ -428,8 +428,8 @@ _SHIFTED = '~!@#$%^&*()_+{}|:"<>?'
 
 def countdown(seconds):
     """Count down on standard output."""
-    for left in range(seconds, 0, -1):
-        print(left, end=" ", flush=True)
+    for seconds_left in range(seconds, 0, -1):
+        print(seconds_left, end=" ", flush=True)
         time.sleep(1)
     print()
 

@@ -16,7 +16,7 @@ _FOLDER = "docs"
 
 
 def documents() -> list[Document]:
-    """The pages of this site that the search page finds."""
+    """Return the pages of this site that the search page finds."""
     return [
         Document(
             HOST, f"/{a.slug}", a.title, f"{a.head['summary']} {plain(a.body)}", "Documentation"
@@ -33,34 +33,38 @@ def _common(request: Request) -> dict[str, object]:
 
 
 async def home(request: Request) -> Response:
-    """The contents."""
+    """Return the contents."""
     return page(request, "home.html")
 
 
 async def article(request: Request) -> Response:
-    """One article."""
-    known = articles(_FOLDER)
+    """Return one article.
+
+    Raises:
+        HTTPException: There is no such article (404).
+    """
+    pages = articles(_FOLDER)
     slug = request.path_params["slug"]
-    if slug not in known:
+    if slug not in pages:
         raise HTTPException(404)
-    order = list(known)
+    order = list(pages)
     place = order.index(slug)
     return page(
         request,
         "article.html",
-        article=known[slug],
-        text=render(known[slug].body),
-        previous=known[order[place - 1]] if place else None,
-        following=known[order[place + 1]] if place + 1 < len(order) else None,
+        article=pages[slug],
+        text=render(pages[slug].body),
+        previous=pages[order[place - 1]] if place else None,
+        following=pages[order[place + 1]] if place + 1 < len(order) else None,
     )
 
 
 async def search(request: Request) -> Response:
-    """The articles with certain words."""
+    """Return the articles with certain words."""
     return page(request, "search.html", hits=find(query(request, "q"), documents()))
 
 
 def make(sites: SiteState) -> Starlette:
-    """The application."""
+    """Return the application."""
     routes = [Route("/", home), Route("/search", search), Route("/{slug}", article)]
     return site("docs", routes, sites, _common)

@@ -36,7 +36,7 @@ def content() -> dict[str, Any]:
 
 
 def documents() -> list[Document]:
-    """The pages of this site that the search page finds."""
+    """Return the pages of this site that the search page finds."""
     courses = content()["courses"].values()
     offered = " ".join(f"{c['name']}: {c['about']}" for c in courses)
     return [
@@ -59,7 +59,7 @@ def _registration(form: Mapping[str, Sequence[str]]) -> dict[str, Any]:
 
 
 def _problems(entry: Mapping[str, Any], agreed: bool) -> dict[str, str]:
-    """What is wrong with a registration, by field."""
+    """Return what is wrong with a registration, by field."""
     choices = content()
     checks = {
         "name": (
@@ -93,13 +93,13 @@ def _is_past_date(text: str) -> bool:
     return day.isoformat() == text and date(1900, 1, 1) <= day < TODAY
 
 
-def _found(request: Request, kept: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-    """The registration with the number in the address.
+def _found(request: Request, entries: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    """Return the registration with the number in the address.
 
     Raises:
         HTTPException: There is none (404).
     """
-    for entry in kept:
+    for entry in entries:
         if str(entry["number"]) == request.path_params["number"]:
             return entry
     raise HTTPException(404)
@@ -110,12 +110,12 @@ def _kept(request: Request) -> list[dict[str, Any]]:
 
 
 async def home(request: Request) -> Response:
-    """The first page."""
+    """Return the first page."""
     return page(request, "home.html")
 
 
 async def register(request: Request) -> Response:
-    """The form, and its answers."""
+    """Return the form, and its answers."""
     if request.method != "POST":
         entry = _registration({"course": [request.query_params.get("course", "")]})
         return _sheet(request, entry)
@@ -123,16 +123,16 @@ async def register(request: Request) -> Response:
     if refused is not None:
         return refused
     with site_state(request).update("forms") as state:
-        kept = state.setdefault("registrations", [])
-        entry["number"] = FIRST_NUMBER + len(kept)
-        kept.append(entry)
+        registrations = state.setdefault("registrations", [])
+        entry["number"] = FIRST_NUMBER + len(registrations)
+        registrations.append(entry)
     return see_other(f"/registrations/{entry['number']}")
 
 
 async def _answers(
     request: Request, number: int | None = None
 ) -> tuple[dict[str, Any], Response | None]:
-    """What was entered, and the form once more if it cannot be accepted."""
+    """Return what was entered, and the form once more if it cannot be accepted."""
     form = await fields(request)
     entry = _registration(form)
     agreed = first(form, "agree") == "yes"
@@ -149,7 +149,7 @@ def _sheet(
     problems: Mapping[str, str] | None = None,
     agreed: bool = False,
 ) -> Response:
-    """The form, for a new registration or for the one of a number."""
+    """Return the form, for a new registration or for the one of a number."""
     return page(
         request,
         "register.html",
@@ -162,7 +162,7 @@ def _sheet(
 
 
 async def confirmation(request: Request) -> Response:
-    """A registration."""
+    """Return a registration."""
     entry = _found(request, _kept(request))
     return page(request, "confirmation.html", entry=entry, over=_is_over(entry))
 
@@ -171,20 +171,20 @@ def _is_over(entry: Mapping[str, Any]) -> bool:
     return entry.get("cancelled", False)
 
 
-def _open(request: Request, kept: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-    """The registration with the number in the address, which was not cancelled.
+def _open(request: Request, entries: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    """Return the registration with the number in the address, which was not cancelled.
 
     Raises:
         HTTPException: There is none (404), or it was cancelled (409).
     """
-    entry = _found(request, kept)
+    entry = _found(request, entries)
     if _is_over(entry):
         raise HTTPException(409, "This registration was cancelled.")
     return entry
 
 
 async def change(request: Request) -> Response:
-    """The form with what was entered, and its answers."""
+    """Return the form with what was entered, and its answers."""
     entry = _open(request, _kept(request))
     if request.method != "POST":
         return _sheet(request, entry, entry["number"], agreed=True)
@@ -192,24 +192,27 @@ async def change(request: Request) -> Response:
     if refused is not None:
         return refused
     with site_state(request).update("forms") as state:
-        kept = state.get("registrations", [])
-        kept[kept.index(_open(request, kept))] = {**answers, "number": entry["number"]}
+        registrations = state.get("registrations", [])
+        registrations[registrations.index(_open(request, registrations))] = {
+            **answers,
+            "number": entry["number"],
+        }
     return see_other(f"/registrations/{entry['number']}")
 
 
 async def cancel(request: Request) -> Response:
-    """The question whether a registration is to be cancelled, and its answer."""
+    """Return the question whether a registration is to be cancelled, and its answer."""
     entry = _open(request, _kept(request))
     if request.method != "POST":
         return page(request, "cancel.html", entry=entry)
     with site_state(request).update("forms") as state:
-        kept = state.get("registrations", [])
-        kept[kept.index(_open(request, kept))]["cancelled"] = True
+        registrations = state.get("registrations", [])
+        registrations[registrations.index(_open(request, registrations))]["cancelled"] = True
     return see_other(f"/registrations/{entry['number']}")
 
 
 async def find_registration(request: Request) -> Response:
-    """The form that asks for a number and an e-mail address."""
+    """Return the form that asks for a number and an e-mail address."""
     number = query(request, "number")
     email = query(request, "email")
     for entry in _kept(request):
@@ -222,7 +225,7 @@ async def find_registration(request: Request) -> Response:
 
 
 async def feedback(request: Request) -> Response:
-    """The form for what people think of a course, and its answers."""
+    """Return the form for what people think of a course, and its answers."""
     if request.method != "POST":
         entry = {"course": "", "rating": "", "comment": "", "quote": False}
         return page(request, "feedback.html", entry=entry, problem="")
@@ -230,27 +233,27 @@ async def feedback(request: Request) -> Response:
     entry = {name: first(form, name) for name in ("course", "rating", "comment")}
     entry["comment"] = entry["comment"][:1000]
     fine = entry["course"] in content()["courses"] and entry["rating"] in content()["ratings"]
-    sent = {**entry, "quote": first(form, "quote") == "yes"}
+    record = {**entry, "quote": first(form, "quote") == "yes"}
     if not fine:
         problem = "Please choose a course and how you liked it."
-        return page(request, "feedback.html", 422, entry=sent, problem=problem)
+        return page(request, "feedback.html", 422, entry=record, problem=problem)
     with site_state(request).update("forms") as state:
-        state.setdefault("feedback", []).append(sent)
+        state.setdefault("feedback", []).append(record)
     return see_other("/thanks")
 
 
 async def thanks(request: Request) -> Response:
-    """The page after feedback."""
+    """Return the page after feedback."""
     return page(request, "thanks.html")
 
 
 async def rules(request: Request) -> Response:
-    """The rules of the form."""
+    """Return the rules of the form."""
     return page(request, "rules.html")
 
 
 def make(sites: SiteState) -> Starlette:
-    """The application."""
+    """Return the application."""
     routes = [
         Route("/", home),
         Route("/register", register, methods=["GET", "POST"]),

@@ -49,7 +49,7 @@ def content() -> dict[str, Any]:
 
 
 def received(state: dict[str, Any]) -> list[dict[str, Any]]:
-    """The received messages with their flags, newest first."""
+    """Return the received messages with their flags, newest first."""
     messages = [*state.get("received", []), *content()["messages"]]
     flags = state.get("flags", {})
     fresh = {
@@ -100,7 +100,11 @@ def _common(request: Request) -> dict[str, object]:
 
 
 async def folder(request: Request) -> Response:
-    """The messages of a folder."""
+    """Return the messages of a folder.
+
+    Raises:
+        HTTPException: There is no such folder (404).
+    """
     name = request.path_params.get("folder", "inbox")
     if name not in FOLDERS:
         raise HTTPException(404)
@@ -109,35 +113,35 @@ async def folder(request: Request) -> Response:
 
 
 async def search(request: Request) -> Response:
-    """The messages with certain words."""
+    """Return the messages with certain words."""
     text = query(request, "q").lower()
     state = site_state(request).read("mail")
     everything = received(state) + _written(state, "sent")
-    found = [
+    matches = [
         m for m in everything if text in f"{m['from']['name']} {m['subject']} {m['body']}".lower()
     ]
     return page(
         request,
         "list.html",
         heading=f"Search: {query(request, 'q')}",
-        messages=found if text else [],
+        messages=matches if text else [],
     )
 
 
 def _find(state: dict[str, Any], ident: str) -> dict[str, Any]:
-    for found in received(state) + _written(state, "sent"):
-        if found["id"] == ident:
-            return found
+    for letter in received(state) + _written(state, "sent"):
+        if letter["id"] == ident:
+            return letter
     raise HTTPException(404)
 
 
 async def message(request: Request) -> Response:
     """One message."""
     ident = request.path_params["id"]
-    found = _find(site_state(request).read("mail"), ident)
-    if not found["read"]:
+    letter = _find(site_state(request).read("mail"), ident)
+    if not letter["read"]:
         _flag(site_state(request), ident, {"read": True})
-    return page(request, "message.html", message=found, folder=found["folder"])
+    return page(request, "message.html", message=letter, folder=letter["folder"])
 
 
 def _flag(sites: SiteState, ident: str, change: dict[str, Any]) -> None:
@@ -146,25 +150,29 @@ def _flag(sites: SiteState, ident: str, change: dict[str, Any]) -> None:
 
 
 async def act(request: Request) -> Response:
-    """Move or mark messages."""
+    """Move or mark messages.
+
+    Raises:
+        HTTPException: There is no such message or action (404).
+    """
     ident = request.path_params["id"]
     action = request.path_params["action"]
-    known = {m["id"] for m in received(site_state(request).read("mail"))}
-    if action not in _ACTIONS or ident not in known:
+    idents = {m["id"] for m in received(site_state(request).read("mail"))}
+    if action not in _ACTIONS or ident not in idents:
         raise HTTPException(404)
-    back = first(await fields(request), "back", "inbox")
+    folder = first(await fields(request), "back", "inbox")
     _flag(site_state(request), ident, _ACTIONS[action])
-    if back == "message":
+    if folder == "message":
         return see_other(f"/message/{ident}")
-    return see_other(f"/folder/{back}" if back in FOLDERS else "/")
+    return see_other(f"/folder/{folder}" if folder in FOLDERS else "/")
 
 
 async def compose(request: Request) -> Response:
-    """The form for a new message."""
+    """Return the form for a new message."""
     draft = {"to": query(request, "to"), "cc": "", "subject": "", "body": ""}
     replied = query(request, "reply")
     passed_on = query(request, "forward")
-    opened = query(request, "draft")
+    draft_id = query(request, "draft")
     state = site_state(request).read("mail")
     if replied:
         original = _find(state, replied)
@@ -177,9 +185,9 @@ async def compose(request: Request) -> Response:
         draft |= {"to": original["from"]["address"], "subject": subject, "body": f"\n\n{quoted}"}
     if passed_on:
         draft |= forwarded(_find(state, passed_on))
-    for kept in state.get("drafts", []):
-        if kept["id"] == opened:
-            draft = {**kept, "to": ", ".join(kept["to"]), "cc": ", ".join(kept["cc"])}
+    for saved in state.get("drafts", []):
+        if saved["id"] == draft_id:
+            draft = {**saved, "to": ", ".join(saved["to"]), "cc": ", ".join(saved["cc"])}
     return page(
         request,
         "compose.html",
@@ -203,7 +211,7 @@ async def send(request: Request) -> Response:
     form = await fields(request)
     is_draft = first(form, "action") == "draft"
     to, cc = (_addresses(first(form, name)) for name in ("to", "cc"))
-    written = {
+    letter = {
         "to": to,
         "cc": cc,
         "subject": first(form, "subject")[:200],
@@ -211,7 +219,7 @@ async def send(request: Request) -> Response:
     }
     problem = "" if is_draft else _problem(to, cc)
     if problem:
-        draft = {**written, "to": first(form, "to"), "cc": first(form, "cc")}
+        draft = {**letter, "to": first(form, "to"), "cc": first(form, "cc")}
         return page(
             request,
             "compose.html",
@@ -222,10 +230,7 @@ async def send(request: Request) -> Response:
             contacts=content()["contacts"],
         )
     _store(
-        site_state(request),
-        "drafts" if is_draft else "sent",
-        written,
-        replaces=first(form, "draft"),
+        site_state(request), "drafts" if is_draft else "sent", letter, replaces=first(form, "draft")
     )
     return see_other("/folder/drafts" if is_draft else "/folder/sent")
 
@@ -237,19 +242,19 @@ def _addresses(text: str) -> list[str]:
 def _problem(to: list[str], cc: list[str]) -> str:
     if not to:
         return "Please enter at least one recipient."
-    wrong = [a for a in to + cc if not EMAIL.fullmatch(a)]
-    return f"{wrong[0]} is no e-mail address." if wrong else ""
+    invalid = [a for a in to + cc if not EMAIL.fullmatch(a)]
+    return f"{invalid[0]} is no e-mail address." if invalid else ""
 
 
-def _store(sites: SiteState, folder: str, written: dict[str, Any], replaces: str) -> None:
+def _store(sites: SiteState, folder: str, letter: dict[str, Any], replaces: str) -> None:
     with sites.update("mail") as state:
         state["drafts"] = [d for d in state.get("drafts", []) if d["id"] != replaces]
         state["count"] = state.get("count", 0) + 1
-        state.setdefault(folder, []).append({"id": f"s{state['count']:02d}", **written})
+        state.setdefault(folder, []).append({"id": f"s{state['count']:02d}", **letter})
 
 
 def make(sites: SiteState) -> Starlette:
-    """The application."""
+    """Return the application."""
     routes = [
         Route("/", folder),
         Route("/folder/{folder}", folder),

@@ -17,7 +17,7 @@ SECTIONS = ("Local", "Business", "Science", "Culture", "Sport")
 
 
 def documents() -> list[Document]:
-    """The pages of this site that the search page finds."""
+    """Return the pages of this site that the search page finds."""
     return [
         Document(HOST, f"/article/{a.slug}", a.title, f"{a.head['lead']} {plain(a.body)}", "News")
         for a in articles(_FOLDER).values()
@@ -30,38 +30,46 @@ def _common(request: Request) -> dict[str, object]:
 
 
 async def home(request: Request) -> Response:
-    """The front page."""
+    """Return the front page."""
     return page(request, "home.html")
 
 
 async def section(request: Request) -> Response:
-    """The articles of a section."""
+    """Return the articles of a section.
+
+    Raises:
+        HTTPException: There is no such section (404).
+    """
     name = request.path_params["name"].capitalize()
     if name not in SECTIONS:
         raise HTTPException(404)
-    chosen = [a for a in articles(_FOLDER).values() if a.head["section"] == name]
-    return page(request, "section.html", section=name, chosen=chosen)
+    selection = [a for a in articles(_FOLDER).values() if a.head["section"] == name]
+    return page(request, "section.html", section=name, chosen=selection)
 
 
 async def article(request: Request) -> Response:
-    """One article."""
-    found = articles(_FOLDER).get(request.path_params["slug"])
-    if found is None:
+    """Return one article.
+
+    Raises:
+        HTTPException: There is no such article (404).
+    """
+    story = articles(_FOLDER).get(request.path_params["slug"])
+    if story is None:
         raise HTTPException(404)
-    others = [a for a in articles(_FOLDER).values() if a is not found]
-    others.sort(key=lambda a: a.head["section"] != found.head["section"])
+    other_pages = [a for a in articles(_FOLDER).values() if a is not story]
+    other_pages.sort(key=lambda a: a.head["section"] != story.head["section"])
     return page(
         request,
         "article.html",
-        article=found,
-        text=render(found.body),
-        others=others[:4],
-        section=found.head["section"],
+        article=story,
+        text=render(story.body),
+        others=other_pages[:4],
+        section=story.head["section"],
     )
 
 
 def make(sites: SiteState) -> Starlette:
-    """The application."""
+    """Return the application."""
     routes = [
         Route("/", home),
         Route("/section/{name}", section),

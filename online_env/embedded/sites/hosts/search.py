@@ -26,19 +26,19 @@ TABS = {
 
 @cache
 def _documents() -> tuple[Document, ...]:
-    found = [d for module in (wiki, news, shop, docs, forms) for d in module.documents()]
-    own = Document(
+    documents = [d for module in (wiki, news, shop, docs, forms) for d in module.documents()]
+    home = Document(
         "mail.test",
         "/",
         "Postbox: your mail",
         "Read and send mail. Inbox, sent, starred, archive.",
         "Mail",
     )
-    return (*found, own)
+    return (*documents, home)
 
 
 def _panel(text: str) -> dict[str, object] | None:
-    """A box beside the results where an article of the wiki has just this name."""
+    """Return a box beside the results where an article of the wiki has just this name."""
     for article in articles("wiki").values():
         if article.title.lower() == text.lower():
             lead = plain(article.body.split("\n\n")[0])
@@ -47,12 +47,12 @@ def _panel(text: str) -> dict[str, object] | None:
 
 
 async def home(request: Request) -> Response:
-    """The search form."""
+    """Return the search form."""
     return page(request, "home.html", query="")
 
 
 async def results(request: Request) -> Response:
-    """The pages of all sites with certain words."""
+    """Return the pages of all sites with certain words."""
     text = query(request, "q")
     host = query(request, "site")
     if not text:
@@ -66,14 +66,14 @@ async def results(request: Request) -> Response:
         if number.isascii() and number.isdigit() and len(number) < 5 and int(number)
         else 1
     )
-    shown = hits[(current - 1) * PER_PAGE : current * PER_PAGE]
+    page_hits = hits[(current - 1) * PER_PAGE : current * PER_PAGE]
     return page(
         request,
         "results.html",
         query=text,
         site_filter=host,
         tabs=TABS,
-        hits=shown,
+        hits=page_hits,
         total=len(hits),
         current=current,
         pages=pages,
@@ -82,7 +82,7 @@ async def results(request: Request) -> Response:
 
 
 def make(sites: SiteState) -> Starlette:
-    """The application."""
+    """Return the application."""
     return site(
         "search",
         [Route("/", home), Route("/search", results)],

@@ -40,12 +40,12 @@ def content() -> dict[str, Any]:
 
 @cache
 def products() -> dict[str, dict[str, Any]]:
-    """The products by id."""
+    """Return the products by id."""
     return {p["id"]: {"was": None, **p} for p in content()["products"]}
 
 
 def documents() -> list[Document]:
-    """The pages of this site that the search page finds."""
+    """Return the pages of this site that the search page finds."""
     return [
         Document(
             HOST,
@@ -79,77 +79,85 @@ def _lines(cart: Mapping[str, int]) -> list[dict[str, Any]]:
     ]
 
 
-def _sorted(chosen: Sequence[dict[str, Any]], order: str) -> list[dict[str, Any]]:
+def _sorted(selection: Sequence[dict[str, Any]], order: str) -> list[dict[str, Any]]:
     keys = {
         "price": lambda p: p["cents"],
         "-price": lambda p: -p["cents"],
         "-rating": lambda p: -p["rating"],
     }
-    return sorted(chosen, key=keys[order]) if order in keys else list(chosen)
+    return sorted(selection, key=keys[order]) if order in keys else list(selection)
 
 
 async def home(request: Request) -> Response:
     """Offers, and the best products."""
-    chosen = list(products().values())
+    selection = list(products().values())
     return page(
         request,
         "home.html",
-        offers=[p for p in chosen if p["was"]],
-        best=_sorted(chosen, "-rating")[:8],
+        offers=[p for p in selection if p["was"]],
+        best=_sorted(selection, "-rating")[:8],
     )
 
 
 async def category(request: Request) -> Response:
-    """The products of a category."""
+    """Return the products of a category.
+
+    Raises:
+        HTTPException: There is no such category (404).
+    """
     name = request.path_params["name"]
     if name != "all" and name not in content()["categories"]:
         raise HTTPException(404)
     order = query(request, "sort")
-    chosen = [p for p in products().values() if name in ("all", p["category"])]
+    selection = [p for p in products().values() if name in ("all", p["category"])]
     return page(
         request,
         "list.html",
         category=name,
         heading=content()["categories"].get(name, "All products"),
-        chosen=_sorted(chosen, order),
+        chosen=_sorted(selection, order),
         sorts=SORTS,
         order=order if order in SORTS else "",
     )
 
 
 async def search(request: Request) -> Response:
-    """The products with certain words."""
+    """Return the products with certain words."""
     hits = find(query(request, "q"), documents())
-    chosen = [products()[h.document.path.rsplit("/", 1)[1]] for h in hits]
+    selection = [products()[h.document.path.rsplit("/", 1)[1]] for h in hits]
     return page(
         request,
         "list.html",
         heading=f'Results for "{query(request, "q")}"',
-        chosen=chosen,
+        chosen=selection,
         sorts={},
         order="",
     )
 
 
 async def product(request: Request) -> Response:
-    """One product."""
-    found = products().get(request.path_params["id"])
-    if found is None:
+    """Return one product.
+
+    Raises:
+        HTTPException: There is no such product (404).
+    """
+    item = products().get(request.path_params["id"])
+    if item is None:
         raise HTTPException(404)
-    others = [
-        p for p in products().values() if p is not found and p["category"] == found["category"]
+    related = [
+        p for p in products().values() if p is not item and p["category"] == item["category"]
     ]
     return page(
         request,
         "product.html",
-        product=found,
-        others=others[:4],
-        most=min(MAX_QUANTITY, found["stock"]),
+        product=item,
+        others=related[:4],
+        most=min(MAX_QUANTITY, item["stock"]),
     )
 
 
 async def cart(request: Request) -> Response:
-    """The cart."""
+    """Return the cart."""
     lines = _lines(_cart(request))
     return page(
         request,
@@ -161,19 +169,25 @@ async def cart(request: Request) -> Response:
 
 
 async def change_cart(request: Request) -> Response:
-    """Put a product into the cart, or change how many are there."""
+    """Put a product into the cart, or change how many are there.
+
+    Raises:
+        HTTPException: There is no such product or quantity (400).
+    """
     form = await fields(request)
-    found = first(form, "product")
+    product_id = first(form, "product")
     number = first(form, "quantity", "1")
-    if found not in products() or not (number.isascii() and number.isdigit() and len(number) < 4):
+    if product_id not in products() or not (
+        number.isascii() and number.isdigit() and len(number) < 4
+    ):
         raise HTTPException(400, "There is no such product or quantity.")
     with site_state(request).update("shop") as state:
-        kept = state.setdefault("cart", {})
-        already = kept.get(found, 0) if request.url.path == "/cart/add" else 0
-        wanted = min(already + int(number), MAX_QUANTITY, products()[found]["stock"])
-        kept[found] = wanted
-        if not wanted:
-            del kept[found]
+        cart = state.setdefault("cart", {})
+        already = cart.get(product_id, 0) if request.url.path == "/cart/add" else 0
+        quantity = min(already + int(number), MAX_QUANTITY, products()[product_id]["stock"])
+        cart[product_id] = quantity
+        if not quantity:
+            del cart[product_id]
     return see_other("/cart")
 
 
@@ -196,7 +210,7 @@ def _problems(order: Mapping[str, str]) -> dict[str, str]:
 
 
 async def checkout(request: Request) -> Response:
-    """The form for an order, and its answers."""
+    """Return the form for an order, and its answers."""
     lines = _lines(_cart(request))
     if not lines:
         return see_other("/cart")
@@ -246,7 +260,11 @@ def _place(sites: SiteState, order: dict[str, Any]) -> str:
 
 
 async def placed(request: Request) -> Response:
-    """The page after an order."""
+    """Return the page after an order.
+
+    Raises:
+        HTTPException: There is no such order (404).
+    """
     for order in site_state(request).read("shop").get("orders", []):
         if order["number"] == request.path_params["number"]:
             return page(request, "order.html", order=order, products=products())
@@ -254,7 +272,7 @@ async def placed(request: Request) -> Response:
 
 
 def make(sites: SiteState) -> Starlette:
-    """The application."""
+    """Return the application."""
     routes = [
         Route("/", home),
         Route("/category/{name}", category),

@@ -35,7 +35,7 @@ def documents() -> list[Document]:
 
 
 def _current(pages: dict[str, Any]) -> dict[str, str]:
-    """The text of every article now, by title."""
+    """Return the text of every article now, by title."""
     return {a.title: a.body for a in articles(_FOLDER).values()} | {
         t: p["text"] for t, p in pages.items()
     }
@@ -46,7 +46,7 @@ def _pages(request: Request) -> dict[str, Any]:
 
 
 def _title(request: Request) -> str:
-    """The title in the address: `Honey_bee` is `Honey bee`.
+    """Return the title in the address: `Honey_bee` is `Honey bee`.
 
     Raises:
         HTTPException: It is not a title (404).
@@ -58,7 +58,7 @@ def _title(request: Request) -> str:
 
 
 def address(title: str) -> str:
-    """The path of an article."""
+    """Return the path of an article."""
     return "/wiki/" + quote(title.replace(" ", "_"))
 
 
@@ -77,7 +77,7 @@ def _head(title: str) -> dict[str, Any]:
 
 
 async def home(request: Request) -> Response:
-    """The first page."""
+    """Return the first page."""
     by_category: dict[str, list[object]] = {}
     for article in articles(_FOLDER).values():
         by_category.setdefault(article.head["category"], []).append(article)
@@ -97,7 +97,7 @@ def _lead(body: str) -> str:
 
 
 async def article(request: Request) -> Response:
-    """One article."""
+    """Return one article."""
     title = _title(request)
     pages = _pages(request)
     text = _current(pages).get(title)
@@ -114,7 +114,7 @@ async def article(request: Request) -> Response:
 
 
 async def edit(request: Request) -> Response:
-    """The form to change an article, and its answers."""
+    """Return the form to change an article, and its answers."""
     title = _title(request)
     if request.method != "POST":
         text = _current(_pages(request)).get(title, "")
@@ -138,7 +138,11 @@ async def edit(request: Request) -> Response:
 
 
 async def history(request: Request) -> Response:
-    """The versions of an article."""
+    """Return the versions of an article.
+
+    Raises:
+        HTTPException: There is no such article (404).
+    """
     title = _title(request)
     pages = _pages(request)
     if title not in _current(pages):
@@ -155,25 +159,25 @@ async def history(request: Request) -> Response:
 
 
 async def everything(request: Request) -> Response:
-    """All articles."""
+    """Return all articles."""
     return page(request, "all.html")
 
 
 async def search(request: Request) -> Response:
-    """The articles with certain words."""
+    """Return the articles with certain words."""
     text = query(request, "q")
     current = _current(_pages(request))
     exact = next((t for t in current if t.lower() == text.lower()), None)
     if exact is not None:
         return see_other(address(exact))
-    known = [
+    pages = [
         Document(HOST, address(t), t, plain(body), "Encyclopedia") for t, body in current.items()
     ]
-    return page(request, "search.html", hits=find(text, known))
+    return page(request, "search.html", hits=find(text, pages))
 
 
 def make(sites: SiteState) -> Starlette:
-    """The application."""
+    """Return the application."""
     routes = [
         Route("/", home),
         Route("/all", everything),

@@ -78,15 +78,15 @@ class Connection:
 
     def _await_answer(self, ping: int) -> None:
         deadline = time.monotonic() + PING_TIMEOUT_S
-        while (left := deadline - time.monotonic()) > 0:
+        while (remaining_s := deadline - time.monotonic()) > 0:
             if (
                 not self.display.pending_events()
-                and not select.select([self.display.fileno()], [], [], left)[0]
+                and not select.select([self.display.fileno()], [], [], remaining_s)[0]
             ):
                 return
             while self.display.pending_events():
-                found = self.display.next_event()
-                if found.type == X.ClientMessage and list(found.data[1][:2]) == [ping, self._pings]:
+                event = self.display.next_event()
+                if event.type == X.ClientMessage and list(event.data[1][:2]) == [ping, self._pings]:
                     return
 
     def _focused(self) -> Any:

@@ -87,10 +87,10 @@ class Keyboard:
         self._connection.sync()
 
     def _type_run(self, keys: Sequence[KeyStroke], layout: KeyboardLayout, interval: float) -> None:
-        held = self._connection.root.query_pointer().mask & X.ShiftMask
+        shift_down = self._connection.root.query_pointer().mask & X.ShiftMask
         shift = layout.keys[SHIFT][0]
         for position, (code, shifted) in enumerate(keys, 1):
-            lift = shifted and not held
+            lift = shifted and not shift_down
             if lift:
                 self._connection.fake(X.KeyPress, shift)
             self._connection.fake(X.KeyPress, code)
@@ -154,7 +154,7 @@ class Keyboard:
 
 
 def text_keysyms(text: str) -> list[int]:
-    """The keysyms that type `text`.
+    """Return the keysyms that type `text`.
 
     Raises:
         UnknownKeyError: A character has none, or there are too many.

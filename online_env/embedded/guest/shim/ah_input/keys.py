@@ -145,7 +145,7 @@ CONTROL = {"\n": 0xFF0D, "\r": 0xFF0D, "\t": 0xFF09, "\b": 0xFF08}
 
 
 def character_keysym(character: str) -> int:
-    """The keysym that types `character`.
+    """Return the keysym that types `character`.
 
     It is 0 if no key types it (other control characters, halves of a pair).
     """

@@ -25,8 +25,8 @@ class KeyboardLayout:
         mapping = connection.display.get_keyboard_mapping(self._first, count)
         self._rows: list[list[int]] = [list(row) for row in mapping]
         self._width = len(self._rows[0])
-        # A row of one symbol throughout was lent by a typist that was killed before it gave the key
-        # back.
+        # A row of one symbol throughout is what a typist left that was killed before it
+        # gave the key back.
         self.spare = [self._first + i for i, row in enumerate(self._rows) if len(set(row)) == 1]
         group = connection.root.query_pointer().mask >> GROUP_BIT & 3
         self.keys = self._read(group)
@@ -70,10 +70,10 @@ class KeyboardLayout:
             yield self.keys
             return
         codes = self.spare[: len(symbols)]
-        lent = dict(zip(codes, symbols, strict=True))
+        borrowed = dict(zip(codes, symbols, strict=True))
         try:
-            self._assign(lent)
-            yield self.keys | {symbol: (code, False) for code, symbol in lent.items()}
+            self._assign(borrowed)
+            yield self.keys | {symbol: (code, False) for code, symbol in borrowed.items()}
             self._connection.settle()
         finally:
             self._assign(dict.fromkeys(codes, 0))

@@ -23,7 +23,7 @@ class UnknownButtonError(ValueError):
 
 
 def button_number(button: str | int) -> int:
-    """The X number of a button: 1 to 9, or one of `BUTTONS`.
+    """Return the X number of a button: 1 to 9, or one of `BUTTONS`.
 
     Raises:
         UnknownButtonError: There is no such button.
@@ -51,8 +51,8 @@ class Pointer:
     @property
     def position(self) -> tuple[int, int]:
         """Where the pointer is, `(x, y)` in pixels."""
-        where = self._connection.root.query_pointer()
-        return where.root_x, where.root_y
+        pointer = self._connection.root.query_pointer()
+        return pointer.root_x, pointer.root_y
 
     def move(
         self, x: int, y: int, duration: float = 0.0, tween: Callable[[float], float] | None = None
@@ -162,5 +162,5 @@ class Pointer:
 
 
 def _steps(duration: float) -> int:
-    """How many moves to make on a way of so many seconds."""
+    """Return how many moves to make on a way of so many seconds."""
     return min(round(duration * RATE), MOST_STEPS)
