@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 VIDEO = Path("desktop.mp4")
 
 
-@click.command(
-    "record", cls=BriefCommand, more=("assets", "looks", "only", "port", "sizes")
-)
+@click.command("record", cls=BriefCommand, more=("assets", "looks", "only", "port", "sizes"))
 @click.argument("name", required=False)
 @click.option(
     "-o",

@@ -66,7 +66,8 @@ def _engine(process: int) -> Any:
         import onnxruntime  # noqa: F401  # pyright: ignore
         from rapidocr import EngineType, RapidOCR  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
     except ImportError:
-        raise extras.missing("reading text needs RapidOCR", "ocr") from None
+        problem = extras.missing("reading text needs RapidOCR", "ocr")
+        raise problem from None
     params: dict[str, Any] = {
         "Global.log_level": "critical",
         "EngineConfig.onnxruntime.intra_op_num_threads": threads(),

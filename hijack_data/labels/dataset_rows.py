@@ -156,6 +156,9 @@ def corrupted_row(
         after: the screenshot after, likewise.
         place: where the action of the row points, in pixels of `before`.
         seed: the seed of the plan; `None` leaves the column unchanged.
+
+    Raises:
+        LabelError: the row has columns of its plan without the plan.
     """
     if not plan.ops:
         return {}
@@ -247,7 +250,8 @@ def map_action_code(code: str, action: Any, move: Move) -> str:
     """
     if action is None:
         if _holds_two_numbers(code) and not calls_pyautogui(code):
-            raise _unclear(code)
+            problem = _unclear(code)
+            raise problem
         return map_recorded(code, "pyautogui", move.scaling, move.scaling)
     dialect = detect_dialect(code, own_action(action), move.before)
     between_models = move.scaling
@@ -288,7 +292,8 @@ def detect_dialect(code: str, action: Action, size: Size) -> str:
             return dialect
     if _in_thousandths(code, action, size):
         return SIZELESS
-    raise _unclear(code)
+    problem = _unclear(code)
+    raise problem
 
 
 def _unclear(code: str) -> LabelError:

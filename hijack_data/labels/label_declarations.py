@@ -126,7 +126,8 @@ class Labels:
         moved: dict[str, Any] = {}
         if plan.coords.is_identity:
             if unclear:
-                raise undeclared_error(unclear, plan.size, plan.size, bool(self.formats))
+                problem = undeclared_error(unclear, plan.size, plan.size, bool(self.formats))
+                raise problem
             self._follow_tensors(sample, moved, plan, skip)
             return moved
         row = is_row(sample)
@@ -141,7 +142,10 @@ class Labels:
             if not self._follow_fixed(key, sample, move, moved, row):
                 undeclared.check(key, value)
         if undeclared.parts:
-            raise undeclared_error(undeclared.parts, move.before, move.after, bool(self.formats))
+            problem = undeclared_error(
+                undeclared.parts, move.before, move.after, bool(self.formats)
+            )
+            raise problem
         return moved
 
     def check_paths(self, sample: SampleDict) -> None:

@@ -339,7 +339,9 @@ def _check_here(benchmark: "Bench", engine: str) -> None:
             f" {'--engine ' + engine if engine != LOCAL else 'provider: ' + benchmark.provider}"
         )
     classes = [TASKS.get(name) for name in benchmark.tasks]
-    family.check_runnable(classes, Path(benchmark.osworld_files) if benchmark.osworld_files else None)
+    family.check_runnable(
+        classes, Path(benchmark.osworld_files) if benchmark.osworld_files else None
+    )
 
 
 @contextlib.contextmanager

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hijack_data.cli.options import seed_option
-from hijack_data.corruption import Corruption
+from hijack_data.corruption import Corruption, find_corruption
 from hijack_data.file_io import encode_png, write_atomic
 
 from ..errors import DesktopError
@@ -80,7 +80,7 @@ def _find_corruption(name: str | None, undo: bool) -> type[Corruption] | None:
         UsageError: There is neither a name nor --undo.
     """
     if name is not None:
-        return find(name)
+        return find_corruption(name)
     if not undo:
         raise click.UsageError("give the NAME of a corruption (hijack list), or --undo")
     return None

@@ -146,5 +146,5 @@ class Buttons:
 
 
 def _about(name: str) -> str:
-    lines = (get(name).__doc__ or "").strip().splitlines()
+    lines = (make_corruption(name).__doc__ or "").strip().splitlines()
     return lines[0] if lines else ""

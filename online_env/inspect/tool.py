@@ -142,9 +142,10 @@ def _codes(session: Session, call: dict[str, Any], notes: list[str]) -> list[str
 def _zoom(session: Session, call: dict[str, Any], notes: list[str]) -> str:
     """Return a part of the present picture, larger; that is no step."""
     region = call.get("region")
+    if region is None:
+        notes.append("This action was not understood: zoom needs a region, [x1, y1, x2, y2]")
+        return ""
     try:
-        if region is None:
-            raise HijackError("zoom needs a region, [x1, y1, x2, y2]")
         return session.picture(tuple(region))
     except (HijackError, TypeError, ValueError) as error:
         notes.append(f"This action was not understood: {error}")

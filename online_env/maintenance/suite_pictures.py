@@ -9,7 +9,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from ..bench import records
+from ..results import records
 from ..results.scores import task_name
 
 SIZE = (800, 450)

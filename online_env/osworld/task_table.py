@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import hijack_data as hj
+from hijack_data.corruption import find_corruption
 from hijack_data.errors import ConfigError
 from hijack_data.file_io import write_atomic
 
@@ -17,7 +18,9 @@ CLEAN = "clean"
 def paper_nine() -> list[str]:
     """Return the names of the corruptions of the paper, in its order."""
     home = "hijack_data.corruptions."
-    return [name for name in hj.corruption_names() if find(name).__module__.startswith(home)]
+    return [
+        name for name in hj.corruption_names() if find_corruption(name).__module__.startswith(home)
+    ]
 
 
 def rows(tasks: TaskSet, corruptions: list[str]) -> Iterator[dict[str, Any]]:

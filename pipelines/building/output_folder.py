@@ -71,7 +71,8 @@ class OutFolder:
             raise
         except OSError as error:
             if is_full(error):
-                raise unwritable(self.path, error) from None
+                problem = unwritable(self.path, error)
+                raise problem from None
             raise BuildError(
                 f"{self.path}: cannot be written to ({error.strerror or error})"
             ) from None

@@ -445,7 +445,8 @@ class CallReader:
         for call in self.find(reply):
             rule = self.rules.get(call.name) if isinstance(call.name, str) else None
             if rule is None:
-                raise unknown_action(self.dialect, call.name, self.rules)
+                problem = unknown_action(self.dialect, call.name, self.rules)
+                raise problem
             arguments = Arguments(f"{self.dialect} {call.name}", call.arguments, scaling)
             try:
                 meanings = rule(arguments)

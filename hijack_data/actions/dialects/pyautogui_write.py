@@ -31,7 +31,8 @@ def write_pyautogui(action: Action) -> str:
     if action.type in _CODE:
         return _CODE[action.type](action)
     if action.type not in _POINTER:
-        raise unsupported_action_error(action, "pyautogui")
+        problem = unsupported_action_error(action, "pyautogui")
+        raise problem
     pointed = _POINTER[action.type](action)
     keys = action.keys or ()
     down = [f"pyautogui.keyDown({key!r})" for key in keys]

@@ -169,7 +169,11 @@ def _call(call: TextCall) -> ActionCall:
 
 
 def _arguments(call: TextCall) -> dict[str, WrittenArgument]:
-    """Return the arguments of a call; they stand in `call.inside`."""
+    """Return the arguments of a call; they stand in `call.inside`.
+
+    Raises:
+        ActionError: they are not written `name='value'`.
+    """
     arguments: dict[str, WrittenArgument] = {}
     position = 0
     end = len(call.inside.rstrip())
@@ -188,7 +192,11 @@ def _arguments(call: TextCall) -> dict[str, WrittenArgument]:
 
 
 def _renamed(arguments: dict[str, WrittenArgument], action: str) -> dict[str, WrittenArgument]:
-    """Return arguments under the names of UI-TARS 1.0: `point` is `start_box`, and so on."""
+    """Return arguments under the names of UI-TARS 1.0: `point` is `start_box`, and so on.
+
+    Raises:
+        ActionError: two have the same name.
+    """
     renamed: dict[str, WrittenArgument] = {}
     for name, argument in arguments.items():
         key = _ALIASES.get(name, name)

@@ -179,7 +179,8 @@ def _extract(
         else:
             _write(_content(tar, info), target, entry, path)
     except OSError as error:
-        raise unwritable(target, error) from None
+        problem = unwritable(target, error)
+        raise problem from None
 
 
 def _write(content: IO[bytes], target: Path, entry: Entry, path: Path) -> None:

@@ -63,7 +63,8 @@ def ensure_place() -> Path:
         for name in (_NAMES, "packages"):
             (folder / name).mkdir(exist_ok=True)
     except OSError as error:
-        raise unwritable(folder, error) from None
+        problem = unwritable(folder, error)
+        raise problem from None
     if folder.stat().st_uid != os.geteuid():
         raise DesktopImageError(f"{folder} belongs to another user; set {VARIABLE} to a folder")
     if is_noexec(folder):

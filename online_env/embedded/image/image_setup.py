@@ -130,7 +130,8 @@ def _fetched(url: str, report: Report) -> str:
                 f"{url}: cannot be fetched ({error or type(error).__name__}); try again"
             ) from None
         except OSError as error:
-            raise unwritable(folder, error) from None
+            problem = unwritable(folder, error)
+            raise problem from None
         path = Path(f"/proc/self/fd/{file.fileno()}")
         try:
             image_name, _ = cache.import_file(path, None, report)

@@ -16,7 +16,7 @@ from ...errors import DesktopError
 from ...recording.captured_picture import ClickTarget, Picture
 from ...recording.stage import RecordingStage, TopWindow, click, spot, write_code
 from ...tasks.hand import Hand
-from ...tasks.tree_nodes import TreeNode
+from ...tasks.tree_nodes import TreeNode, read_tree
 from . import UnrecordedScene
 from .apps import APPS, App, browser, installed
 
@@ -202,7 +202,7 @@ def _bubble(
     """
     stage.park()
     stage.settled()
-    before = {node.box for node in nodes(stage.desktop.accessibility())}
+    before = {node.box for node in read_tree(stage.desktop.accessibility())}
     action = _aim(stage, bubble_click, top)
     stage.run(write_code(action))
     stage.park()
@@ -224,7 +224,7 @@ def _bubble(
 
 def _no_bubble(stage: RecordingStage, box: Box) -> bool:
     stage.settled()
-    elements = nodes(stage.desktop.accessibility())
+    elements = read_tree(stage.desktop.accessibility())
     return not any(node.box == box and node.role in BUBBLE_ROLES for node in elements)
 
 
