@@ -16,7 +16,7 @@ import hijack_data as hj
 from hijack_data.file_io import load_image
 from online_env.corrupting.ledger import LEDGER_FILE, Ledger
 from online_env.desktops.commands import launch
-from online_env.effects.app_minimization import FIXED
+from online_env.effects.app_minimization import DESKTOP_WINDOW_TYPES
 from online_env.effects.descriptions import in_words, undone_in_words
 from online_env.embedded import registry
 
@@ -175,7 +175,7 @@ def test_a_click_may_come_again_and_cannot_be_taken_back(desktop, corrupt):
         wait(
             lambda: (
                 not any(
-                    w["mapped"] and w["type"] not in ("normal", *FIXED) for w in windows(desktop)
+                    w["mapped"] and w["type"] not in ("normal", *DESKTOP_WINDOW_TYPES) for w in windows(desktop)
                 )
             )
         )

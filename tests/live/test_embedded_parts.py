@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hijack_data.errors import ParameterError, UnknownNameError
-from online_env.desktop_commands import _size, desktop
+from online_env.desktop_commands import desktop
 from online_env.embedded import default_pictures, desktop_supply, doctor, home, packages, registry
 from online_env.embedded.guest import commands, recorder, routes_files
 from online_env.embedded.image import sources
@@ -31,6 +31,7 @@ from online_env.embedded.runtime import (
 from online_env.embedded.runtime.desktop_config import DesktopConfig, SetupError
 from online_env.embedded.runtime.logs import BoundedLogs
 from online_env.errors import GuestError
+from online_env.record_command import parse_size
 
 from support import needs
 
@@ -304,12 +305,12 @@ def test_doctor_json(monkeypatch):
 @given(st.text(max_size=24))
 def test_any_size_text_is_parsed_or_refused(text):
     if re.fullmatch(r"[0-9]+[xX][0-9]+", text):
-        height, width = _size(text)
+        height, width = parse_size(text)
         assert [width, height] == [int(part) for part in text.lower().split("x")]
     else:
         with pytest.raises(ParameterError, match="WIDTHxHEIGHT"):
-            _size(text)
+            parse_size(text)
 
 
 def test_size_is_width_first():
-    assert _size("1920x1080") == (1080, 1920)
+    assert parse_size("1920x1080") == (1080, 1920)

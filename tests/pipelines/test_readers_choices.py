@@ -17,7 +17,7 @@ from pipelines.errors import BuildError
 from pipelines.readers import Rejected, get_reader
 from pipelines.readers.fields import FieldError
 from pipelines.readers.reader_options import COORDINATES, ReaderOptions, with_choices
-from pipelines.readers.recorded_actions import recorded
+from pipelines.readers.recorded_actions import read_recorded
 
 from support.formats import png, screenagent, write_json, write_lines
 
@@ -45,7 +45,7 @@ POINTS = {
 @pytest.mark.parametrize("dialect", sorted(SAID))
 @pytest.mark.parametrize("space", COORDINATES)
 def test_a_choice_reads_every_text_in_every_space(dialect: str, space: str) -> None:
-    found = recorded(SAID[dialect].format(*POINTS[space]), dialect, SIZE, "f", space, None)
+    found = read_recorded(SAID[dialect].format(*POINTS[space]), dialect, SIZE, "f", space, None)
     assert found.action == Action("click", 100, 50)
     assert (found.dialect == "pyautogui") == (
         dialect == "pyautogui" or space in ("pixels", "fractions")
@@ -59,7 +59,7 @@ def test_a_choice_reads_every_text_in_every_space(dialect: str, space: str) -> N
 @pytest.mark.parametrize("default", ["pixels", "thousand", "resized", None])
 def test_fractions_are_never_a_corner(dialect: str, point: Any, default: str | None) -> None:
     with pytest.raises(FieldError, match=r"fits .*fractions.*--coordinates"):
-        recorded(SAID[dialect].format(*point), dialect, SIZE, "f", None, default)
+        read_recorded(SAID[dialect].format(*point), dialect, SIZE, "f", None, default)
 
 
 @pytest.mark.parametrize(
@@ -77,14 +77,14 @@ def test_fractions_are_never_a_corner(dialect: str, point: Any, default: str | N
 @pytest.mark.parametrize("dialect", sorted(SAID))
 def test_points_out_of_the_space_are_refused(dialect: str, space: str, point: Any) -> None:
     with pytest.raises(FieldError):
-        recorded(SAID[dialect].format(*point), dialect, SIZE, "f", space, None)
+        read_recorded(SAID[dialect].format(*point), dialect, SIZE, "f", space, None)
 
 
 def test_what_points_nowhere_needs_no_choice() -> None:
-    found = recorded("Action: type(content='a')", "ui_tars", SIZE, "f", None, None)
+    found = read_recorded("Action: type(content='a')", "ui_tars", SIZE, "f", None, None)
     assert found.action == Action("type", text="a")
     with pytest.raises(FieldError, match=r"nothing says .*pixels or thousand or resized"):
-        recorded(SAID["ui_tars"].format(100, 50), "ui_tars", SIZE, "f", None, None)
+        read_recorded(SAID["ui_tars"].format(100, 50), "ui_tars", SIZE, "f", None, None)
 
 
 @pytest.mark.parametrize("point", [(0.3271, 0.2694), (0.5, 1), (0.0, 0.1)])
