@@ -194,7 +194,7 @@ def test_the_filter_refuses_what_it_names_and_nothing_else(machine):
 
 def test_without_root_nothing_is_given_away(tmp_path):
     (tmp_path / "x").touch()
-    Identity(-1, 0, True).give(tmp_path / "x", 5)
+    Identity(-1, 0, True).chown(tmp_path / "x", 5)
     assert (tmp_path / "x").stat().st_uid == os.geteuid()
     assert Identity(-1, 0, True).owner() == ""
     assert Identity(-1, 65536, False).owner(3) == ",uid=65539,gid=65539"
