@@ -84,7 +84,7 @@ def live(image: str) -> None:
     os.environ["AGENTHIJACK_IMAGE"] = hijack_name()
     import hijack_data as hj
     from online_env import EmbeddedDesktop
-    from online_env.corrupting import corrupt_desktop
+    from online_env.corrupting.desktop_corruption import corrupt_desktop
     from online_env.effects import resume
 
     with EmbeddedDesktop.up(size=(800, 1200), apps=("editor",)) as desktop:

@@ -123,7 +123,7 @@ def hostile():
 
 @pytest.mark.parametrize("path", ["/huge", "/short", "/rubbish"])
 def test_an_answer_that_lies_is_an_error_and_the_next_one_is_read_as_its_own(hostile, path):
-    with pytest.raises(GuestError, match=f"GET .*{path} failed"):
+    with pytest.raises(GuestError, match=f"GET .*{path}( failed|: the answer has more than)"):
         hostile.ask("GET", path)
     assert hostile.ask("GET", "/fine").status == 200
 

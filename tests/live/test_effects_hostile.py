@@ -118,7 +118,7 @@ def test_the_server_does_what_effects_need_and_nothing_else(desktop, asked):
 
 
 def test_a_locker_that_hangs_fails_the_effect_and_is_no_lack(desktop, monkeypatch):
-    monkeypatch.setattr("online_env.effects.verification.PATIENCE", 0.2)
+    monkeypatch.setattr("online_env.effects.verification.LOCK_TIMEOUT_S", 0.2)
     init = desktop.record["init"][0]
     (locker,) = [pid for pid in children(init) if b"mate-screensaver" in cmdline(pid)]
     refused = r"mate-screensaver-command.* is installed, but no locker answers"

@@ -196,7 +196,7 @@ def test_sabotaged_lock_is_found_out(desktop, monkeypatch):
     deaf = Locker(known.name, known.query, known.on, known.off, "true", known.force)
     for module in ("effects.verification", "desktops.lockers"):
         monkeypatch.setattr(f"online_env.{module}.BY_NAME", {known.name: deaf})
-    monkeypatch.setattr("online_env.effects.verification.PATIENCE", 0.3)
+    monkeypatch.setattr("online_env.effects.verification.LOCK_TIMEOUT_S", 0.3)
     found = perform(Effect("lock"), desktop).probe()
     assert not found.ok
     assert "not locked" in found.problem
@@ -227,7 +227,7 @@ def test_guest_without_a_locker(desktop, monkeypatch):
     monkeypatch.setattr("online_env.effects.verification._ASK_ALL", "true")
     refused(Effect("lock"), desktop, "it has no locker")
     monkeypatch.setattr("online_env.effects.verification._ASK_ALL", "echo loginctl nobody")
-    monkeypatch.setattr("online_env.effects.verification.PATIENCE", 0.2)
+    monkeypatch.setattr("online_env.effects.verification.LOCK_TIMEOUT_S", 0.2)
     before = boxes(desktop)
     # nothing lacks: it fails now
     with pytest.raises(EffectError, match="installed, but no locker answers"):

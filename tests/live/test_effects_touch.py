@@ -62,7 +62,7 @@ def test_touch_clicks_what_the_plan_says(desktop, stream):
 
 
 def test_touch_draws_from_the_stream_alike_and_leaves_launchers_out(desktop, monkeypatch):
-    monkeypatch.setattr("online_env.effects.accidental_touch.ATTEMPTS", 1)
+    monkeypatch.setattr("online_env.effects.accidental_touch.MAX_CLICKS", 1)
     home_page(desktop)
     # A click that is only claimed, so that the page stays as it is.
     idle = Liar(desktop, click={"moved": False, "pointer": [0, 0], "delivered": True})
@@ -97,7 +97,7 @@ def test_touch_may_take_launchers(desktop, stream):
 
 
 def test_sabotaged_touch_is_found_out(desktop, stream, monkeypatch):
-    monkeypatch.setattr("online_env.effects.accidental_touch.ATTEMPTS", 2)
+    monkeypatch.setattr("online_env.effects.accidental_touch.MAX_CLICKS", 2)
     home_page(desktop)
     desktop.run("pyautogui.moveTo(1500, 700)")
     # The pointer never goes to the element: the click is somewhere else.
@@ -115,7 +115,7 @@ def test_sabotaged_touch_is_found_out(desktop, stream, monkeypatch):
 
 
 def test_touch_notices_an_element_that_moves(desktop, stream, monkeypatch):
-    monkeypatch.setattr("online_env.effects.accidental_touch.ATTEMPTS", 3)
+    monkeypatch.setattr("online_env.effects.accidental_touch.MAX_CLICKS", 3)
     home_page(desktop)
     desktop.execute(
         "xdotool search --class mousepad windowminimize %@; wmctrl -a Chromium; sleep 0.3"

@@ -108,7 +108,7 @@ def test_launch_that_was_sabotaged_or_closed_is_found_out(desktop, monkeypatch):
     assert "gone" in done.probe().problem
     assert done.undo().ok
     monkeypatch.setattr(launch_module, "_START", "echo 0")
-    monkeypatch.setattr(launch_module, "LAUNCH", 0.5)
+    monkeypatch.setattr(launch_module, "LAUNCH_TIMEOUT_S", 0.5)
     found = perform(OTHER, desktop).probe()
     assert not found.ok
     assert "no window came" in found.problem
@@ -129,8 +129,8 @@ def test_launch_takes_the_next_when_one_hangs_or_is_not_installed(desktop, monke
     commands["thunderbird"] = (apps_module.Command(("python3", "-c", frozen), ("frozen",)),)
     commands["vscode"] = (apps_module.Command(("mousepad", "--disable-server"), ("mousepad",)),)
     monkeypatch.setattr(launch_module, "COMMANDS", commands)
-    monkeypatch.setattr(launch_module, "LAUNCH", 10.0)
-    monkeypatch.setattr(launch_module, "DRAW", 8.0)
+    monkeypatch.setattr(launch_module, "LAUNCH_TIMEOUT_S", 10.0)
+    monkeypatch.setattr(launch_module, "DRAW_TIMEOUT_S", 8.0)
     effect = Effect(
         "launch_app", {"app": "gimp", "then": ["vlc", "thunderbird", "VS Code"], "tile": True}
     )
