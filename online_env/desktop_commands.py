@@ -14,6 +14,7 @@ from typing import Any
 import click
 
 from hijack_data.cli.options import WholeSummaries
+from hijack_data.cli.terminal import echo
 
 from .corrupting.corrupt_command import corrupt
 from .corrupting.ledger import Ledger
@@ -78,15 +79,13 @@ def install(
         ready = f"profiles core, {', '.join(profiles)}"
     else:
         archives = sources.from_mirror(mirror, security) if mirror else None
-        name = images.ensure_image(
-            profiles, image, archives, lambda text: click.echo(text, err=True)
-        )
+        name = images.ensure_image(profiles, image, archives, lambda text: echo(text, err=True))
         cache.make_default(name)
         ready = f"desktops start from the image {name}"
     home.ensure_layer()
     if not registry.records():
         home.remove_old_layers()
-    click.echo(f"ready: {ready}; start a desktop with: hijack desktop up")
+    echo(f"ready: {ready}; start a desktop with: hijack desktop up")
 
 
 def _check_sources(host: bool, other: str | None) -> None:
@@ -105,7 +104,7 @@ def _install_packages(profiles: tuple[str, ...]) -> None:
     lacking = packages.missing(packages.packages(profiles))
     if lacking:
         suffix = "" if os.geteuid() == 0 else " through sudo"
-        click.echo(f"installing {len(lacking)} packages with apt-get{suffix}: {' '.join(lacking)}")
+        echo(f"installing {len(lacking)} packages with apt-get{suffix}: {' '.join(lacking)}")
     packages.install(lacking)
 
 
@@ -129,7 +128,7 @@ def doctor(profiles: tuple[str, ...], image: str | None, as_json: bool) -> None:
     packages.packages(profiles)
     checks = examiner.diagnose(profiles, image)
     if as_json:
-        click.echo(json.dumps([vars(check) for check in checks], indent=1))
+        echo(json.dumps([vars(check) for check in checks], indent=1))
     else:
         for check in checks:
             _print_check(check)
@@ -141,9 +140,9 @@ def _print_check(check: Any) -> None:
     mark = "FAIL" if check.required else "none"
     if check.ok:
         mark = "ok  "
-    click.echo(f"{mark}  {check.name}: {check.detail}")
+    echo(f"{mark}  {check.name}: {check.detail}")
     if not check.ok and check.fix:
-        click.echo(f"      mend it with: {check.fix}")
+        echo(f"      mend it with: {check.fix}")
 
 
 @desktop.command()
@@ -183,14 +182,14 @@ def up(
     record = handle.wait()
     handle.release()
     if as_json:
-        click.echo(json.dumps(record))
+        echo(json.dumps(record))
         return
-    click.echo(f"desktop {record['id']} is up ({time.monotonic() - start:.1f} s)")
-    click.echo(f"  guest server  {record['guest']} (token: {record['token_file']})")
-    click.echo(f"  watch it      hijack desktop view {record['id']}")
-    click.echo(f"  end it        hijack desktop down {record['id']}")
+    echo(f"desktop {record['id']} is up ({time.monotonic() - start:.1f} s)")
+    echo(f"  guest server  {record['guest']} (token: {record['token_file']})")
+    echo(f"  watch it      hijack desktop view {record['id']}")
+    echo(f"  end it        hijack desktop down {record['id']}")
     if record["rootless"]:
-        click.echo(f"  not as root:  {LACKING}")
+        echo(f"  not as root:  {LACKING}")
 
 
 @desktop.command()
@@ -214,7 +213,7 @@ def shot(name: str | None, output: Path) -> None:
     with attach(name) as present:
         picture = Image.fromarray(present.screenshot())
     picture.save(output, "PNG")
-    click.echo(f"{output} {picture.width}x{picture.height}")
+    echo(f"{output} {picture.width}x{picture.height}")
 
 
 @desktop.command()
@@ -227,8 +226,8 @@ def run(code: str, name: str | None, shell: bool) -> None:
 
     with attach(name) as present:
         result = present.execute(code) if shell else present.run(code)
-    click.echo(result.output, nl=False)
-    click.echo(result.error, nl=False, err=True)
+    echo(result.output, nl=False)
+    echo(result.error, nl=False, err=True)
     sys.exit(_code(result) if shell else int(not result.ok))
 
 
@@ -246,13 +245,13 @@ def list_command(as_json: bool, sweep: bool) -> None:
     orphans = [record for record in registry.orphans() if record["id"] not in listed]
     rows += [{**record, "state": "orphan"} for record in orphans]
     if as_json:
-        click.echo(json.dumps(rows, indent=1))
+        echo(json.dumps(rows, indent=1))
         return
     for record in rows:
         # The clock may have been set since.
         age = f"{max(0.0, time.time() - record['created']):.0f} s" if record["created"] else "?"
         width, height = record.get("screen", (0, 0))
-        click.echo(
+        echo(
             f"{record['id']:12} {record['state']:9} {width}x{height}  up {age} "
             f" {record.get('guest', '')}"
         )
@@ -260,7 +259,7 @@ def list_command(as_json: bool, sweep: bool) -> None:
         hint = ""
         if os.geteuid() != 0:
             hint = f" (those of root: {as_root('desktop', 'list')})"
-        click.echo(f"no desktops{hint}; start one with: hijack desktop up")
+        echo(f"no desktops{hint}; start one with: hijack desktop up")
 
 
 @desktop.command()
@@ -289,7 +288,7 @@ def _end(records: list[dict[str, Any]], quiet: bool = False) -> None:
         except SetupError as error:
             raise DesktopError(str(error)) from None
         if not quiet:
-            click.echo(f"desktop {record['id']} is gone")
+            echo(f"desktop {record['id']} is gone")
 
 
 @desktop.command()
@@ -313,7 +312,7 @@ def view(name: str | None, port: int) -> None:
     lasting = name is not None or len(running) == 1
     with attach(name or running[0]["id"]) if lasting else _own() as present:
         buttons = Buttons(present, Ledger(folder(present.id)))
-        serve(present.record, port, click.echo, lasting=lasting, buttons=buttons)
+        serve(present.record, port, echo, lasting=lasting, buttons=buttons)
 
 
 def _code(result: RunResult) -> int:
@@ -331,5 +330,5 @@ def _own() -> Any:
 
     running = ", ".join(record["id"] for record in registry.running())
     message = f"starting one beside {running} (hijack desktop view NAME shows one of those)"
-    click.echo(message if running else "no desktop runs: starting one")
+    echo(message if running else "no desktop runs: starting one")
     return EmbeddedDesktop.up(name=f"view-{os.getpid()}")

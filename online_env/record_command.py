@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hijack_data.cli.options import BriefCommand, FiniteRange, seed_option
+from hijack_data.cli.terminal import echo
 from hijack_data.errors import ParameterError
 from hijack_data.types import Size
 
@@ -168,7 +169,7 @@ def _video(name: str | None, output: Path, seconds: float | None) -> int:
         raise ParameterError(f"-o {output}: the video is a file, in a folder that exists")
     with attach(name) as desktop:
         output.write_bytes(record(desktop.record, seconds))
-    click.echo(f"{output} {output.stat().st_size} bytes")
+    echo(f"{output} {output.stat().st_size} bytes")
     return 0
 
 
@@ -178,7 +179,7 @@ def _assets(folder: Path, options: RecordOptions) -> int:
     kinds = _split_names(options.only)
     sizes = options.sizes or EVERY_SIZE
     looks = _split_names(options.looks) or LOOK_NAMES
-    failures = record_assets(folder, kinds, sizes, click.echo, looks)
+    failures = record_assets(folder, kinds, sizes, echo, looks)
     return 1 if failures else 0
 
 
@@ -190,7 +191,7 @@ def _oracle(folder: Path, options: RecordOptions) -> int:
     from .recording.oracle_recorder import record_task
 
     with _desktop(options) as desktop:
-        record_task(str(options.task), options.seed, folder, desktop, click.echo)
+        record_task(str(options.task), options.seed, folder, desktop, echo)
     return 0
 
 
@@ -215,13 +216,13 @@ def _person(folder: Path, options: RecordOptions) -> int:
             task = None
             machine = None
             trajectory = EpisodeRecording("person", str(options.instruction), ())
-        click.echo(f"to do: {trajectory.instruction}")
-        with saved_at_end(trajectory, folder, click.echo):
-            record_person(desktop, trajectory, options.port, click.echo)
+        echo(f"to do: {trajectory.instruction}")
+        with saved_at_end(trajectory, folder, echo):
+            record_person(desktop, trajectory, options.port, echo)
         if task is not None and machine is not None:
             verdict = task.validate(machine)
     if verdict:
-        click.echo(verdict.reason)
+        echo(verdict.reason)
     return 0 if verdict is None or verdict.passed else 1
 
 

@@ -8,13 +8,12 @@ from typing import Any
 
 import click
 
-from hijack_data.cli import console
 from hijack_data.cli.completion import complete, complete_configuration
 from hijack_data.cli.options import BriefCommand, seed_option
+from hijack_data.cli.terminal import console, echo
 from hijack_data.config.options import LABEL_POLICIES
 from hijack_data.file_io import unwritable, write_atomic
 from hijack_data.platforms import PLATFORMS
-from hijack_data.printable import printable
 from hijack_data.runs import seal
 
 from .building.build import build as build_dataset
@@ -47,14 +46,13 @@ class Meter:
             self._draw(done, total)
         elif done == total or done - self.last >= max(100, total // 10):
             self.last = done
-            click.echo(f"{done} of {total} {text}", err=True)
+            echo(f"{done} of {total} {text}", err=True)
 
     def _draw(self, done: int, total: int) -> None:
         if self.bar is None:
-            from rich.console import Console
             from rich.progress import Progress
 
-            self.bar = Progress(console=Console(stderr=True))
+            self.bar = Progress(console=console(stderr=True))
             self.bar.start()
             self.task = self.bar.add_task("rows", total=total)
         self.bar.update(self.task, completed=done, total=total)
@@ -75,7 +73,7 @@ class Meter:
         "coordinates",
         "engine",
         "episode_key",
-        "foreign",
+        "allow_platform_mismatch",
         "label_policy",
         "limit",
         "platform",
@@ -96,7 +94,7 @@ class Meter:
 @click.option(
     "--corruptions",
     metavar="A,B|all|clean",
-    shell_complete=complete("hijack_data.corruption:names", "all", "clean"),
+    shell_complete=complete("hijack_data.corruption:corruption_names", "all", "clean"),
     help="Such as marks:number=10,severity=4,subtitle.  [default: the four visual ones]",
 )
 @click.option(
@@ -200,7 +198,7 @@ def build(
         )
     except KeyboardInterrupt:
         meter.close()
-        click.echo("hijack: stopped; the same command with --resume goes on", err=True)
+        echo("hijack: stopped; the same command with --resume goes on", err=True)
         raise SystemExit(130) from None
     finally:
         meter.close()
@@ -209,11 +207,13 @@ def build(
 
 def _end(result: Any, code: int) -> None:
     text = "\n".join(result) if isinstance(result, list) else json.dumps(result)
-    click.echo(printable(text))
+    echo(text)
     raise SystemExit(code)
 
 
-@click.command(cls=BriefCommand, more=("assets", "boxes", "coordinates", "foreign", "seed"))
+@click.command(
+    cls=BriefCommand, more=("assets", "boxes", "coordinates", "allow_platform_mismatch", "seed")
+)
 @click.argument("source", nargs=-1, required=True, metavar="SOURCE...")
 @click.option(
     "--format",
@@ -242,7 +242,7 @@ def _end(result: Any, code: int) -> None:
     metavar="A,B|all",
     default="all",
     show_default=True,
-    shell_complete=complete("hijack_data.corruption:names", "all"),
+    shell_complete=complete("hijack_data.corruption:corruption_names", "all"),
     help="Which to try.",
 )
 @click.option(
@@ -264,7 +264,7 @@ def inspect(source: tuple[str, ...], format_: str | None, as_json: bool, **optio
     """Show the content of recordings, and the result of a build, without building."""
     found = inspect_source(source, format=format_, **options)
     if as_json:
-        click.echo(json.dumps(found.to_data()))
+        echo(json.dumps(found.to_data()))
     else:
         console().print(*found.tables(), sep="\n")
     raise SystemExit(found.exit_code)
@@ -313,10 +313,10 @@ def sign(runs: Path, key: str) -> None:
         raise unwritable(runs / seal.SEAL, error) from None
     report = rebuild(runs)
     if not report.ok:
-        click.echo("\n".join([*report.lines(), "not signed: hijack verify finds problems"]))
+        echo("\n".join([*report.lines(), "not signed: hijack verify finds problems"]))
         raise SystemExit(1)
     seal.sign(runs, key)
-    click.echo(f"{runs / seal.SEAL}: signed by {seal.signer(runs)}")
+    echo(f"{runs / seal.SEAL}: signed by {seal.signer(runs)}")
 
 
 @click.command()
@@ -332,7 +332,7 @@ def stats(folder: str, as_json: bool, out: str | None) -> None:
     if out is not None:
         write_atomic(out, page(folder, found))
     if as_json:
-        click.echo(json.dumps(found.to_data()))
+        echo(json.dumps(found.to_data()))
     else:
         console().print(*found.tables(), *([f"page: {out}"] if out else []), sep="\n")
 

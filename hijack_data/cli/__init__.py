@@ -20,11 +20,12 @@ from click.shell_completion import CompletionItem
 
 from .. import extras
 from ..errors import HijackError, PluginWarning, StorageError, suggest
-from ..printable import printable
+from ..printable import printable as printable
 from ..shadowed import find_shadow
 from .help_pages import page_for
 from .options import WholeSummaries
 from .summaries import SECTIONS, SUMMARIES
+from .terminal import echo
 
 DISK_FULL = 3  # exit code
 # Where each command is defined. The commands of the other packages are listed here as text, not as
@@ -178,10 +179,10 @@ def main(argv: list[str] | None = None) -> None:
             raise
         fail(str(extras.missing(f"this command needs {error.name}", extra)))
     except click.Abort:
-        click.echo("hijack: stopped", err=True)
+        echo("hijack: stopped", err=True)
         sys.exit(130)
     except click.exceptions.NoArgsIsHelpError as error:
-        click.echo(error.format_message())
+        echo(error.format_message())
     except click.UsageError as error:
         command = error.ctx.command_path if error.ctx else "hijack"
         fail(f"{error.format_message().rstrip('.')}; see {command} --help")
@@ -217,7 +218,7 @@ def _plugin_warnings() -> Generator[None]:
 
         def show(message: Warning | str, category: type[Warning], *arguments: Any) -> None:
             if issubclass(category, PluginWarning):
-                click.echo(printable(f"hijack: warning: {message}"), err=True)
+                echo(f"hijack: warning: {message}", err=True)
             else:
                 show_other(message, category, *arguments)
 
@@ -226,21 +227,11 @@ def _plugin_warnings() -> Generator[None]:
         yield
 
 
-def console() -> Any:
-    """Return a rich console; lines are 120 wide unless a terminal has another width.
-
-    Control characters in what it prints are escaped.
-    """
-    from .printable_console import PrintableConsole
-
-    return PrintableConsole(highlight=False, width=None if sys.stdout.isatty() else 120)
-
-
 def fail(message: str, code: int = 2) -> None:
     """Print an error and a link to the page that explains it, if any; end with an exit code."""
     for line in message.splitlines() or ["failed"]:
-        click.echo(printable(f"hijack: error: {line}"), err=True)
+        echo(f"hijack: error: {line}", err=True)
     page = page_for(message)
     if page:
-        click.echo(f"hijack: explained in {page}", err=True)
+        echo(f"hijack: explained in {page}", err=True)
     sys.exit(code)

@@ -18,9 +18,10 @@ from .. import corruption as registry
 from ..errors import PluginError
 from ..loading import SUFFIX, LoadedFile, run_file
 from ..shadowed import OTHERS, find_shadow
-from . import console, doctor_rows
+from . import doctor_rows
 from .options import FiniteRange
 from .plugin_rows import BROKEN, plugin_rows
+from .terminal import console, echo
 
 DoctorRow: TypeAlias = tuple[str, str, str, str]
 
@@ -151,7 +152,7 @@ def doctor(as_json: bool) -> None:
     """List what is installed, what is missing, and the commands that add it."""
     rows, remedy = list(_doctor_rows()), doctor_rows.extras_remedy()
     if as_json:
-        click.echo(json.dumps({"found": [_row_data(row) for row in rows], "remedy": remedy}))
+        echo(json.dumps({"found": [_row_data(row) for row in rows], "remedy": remedy}))
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
     for column in ("", "what", "for", "found"):
@@ -160,7 +161,7 @@ def doctor(as_json: bool) -> None:
         table.add_row(*row)
     console().print(table)
     if remedy:
-        click.echo(remedy)
+        echo(remedy)
 
 
 def _doctor_rows() -> Iterator[DoctorRow]:

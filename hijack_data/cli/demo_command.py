@@ -16,6 +16,7 @@ from ..file_io import encode_png, load_image, make_folder, write_atomic
 from ..gallery import contact_sheet
 from . import hijack
 from .picture_commands import make_scene
+from .terminal import echo
 
 HERE = Path(__file__).resolve()
 # The folders in an installed package, and in a clone.
@@ -68,7 +69,7 @@ def demo(out: Path, desktop: bool) -> None:
     if desktop and (out / "nine.png").exists():
         outputs.append(out / "nine.png")
     names = [str(path) for path in outputs]
-    click.echo(f"\nLook at {', '.join(names[:-1])} and {names[-1]}.")
+    echo(f"\nLook at {', '.join(names[:-1])} and {names[-1]}.")
     if failed:
         sys.exit(1)
 
@@ -81,7 +82,7 @@ def run_command(*words: object) -> None:
             the demo.
     """
     texts = [str(word) for word in words]
-    click.echo(f"$ hijack {' '.join(texts)}")
+    echo(f"$ hijack {' '.join(texts)}")
     try:
         code: object = hijack.main(args=texts, prog_name="hijack", standalone_mode=False)
     except SystemExit as end:
@@ -100,7 +101,7 @@ def before_and_after(picture: Path, out: Path) -> None:
         plan = planner.plan(scene, seed=3, sample="demo")
         rows.append((name, screen, apply(plan, screen)))
     write_atomic(out, encode_png(contact_sheet(rows)))
-    click.echo(f"{out}: before and after")
+    echo(f"{out}: before and after")
 
 
 def dataset(folder: Path) -> bool:
@@ -113,14 +114,14 @@ def dataset(folder: Path) -> bool:
         datasets = extras.load("datasets", "the dataset of the demo", "hf")
         extras.require("the dataset of the demo", "hf", ("pyarrow",))
     except MissingDependencyError as error:
-        click.echo(f"dataset: left out ({error})")
+        echo(f"dataset: left out ({error})")
         return False
     run_command("build", recordings(), "--out", folder, "--seed", 7, "--resume")
     run_command("verify", folder)
     datasets.disable_progress_bars()
     rows: Sequence[Any] = datasets.load_dataset(str(folder), split="train")
     second = rows[1]
-    click.echo(
+    echo(
         f"load_dataset: {len(rows)} rows; the second: {second['corruption']},"
         f" {second['action_code']!r}"
     )
@@ -142,19 +143,19 @@ def corrupt_live_desktop(picture: Path) -> bool:
         live: Any = importlib.import_module("online_env")
         desktop = live.EmbeddedDesktop.up()
     except MissingDependencyError as error:
-        click.echo(f"live desktop: left out ({error})")
+        echo(f"live desktop: left out ({error})")
         return False
     except (HijackError, OSError) as error:
-        click.echo(f"live desktop: not here ({error}); in a clone `make desktop` adds it")
+        echo(f"live desktop: not here ({error}); in a clone `make desktop` adds it")
         return False
     results: list[Any] = []
-    click.echo("\nOn a live desktop, what the probe of each corruption sees:")
+    echo("\nOn a live desktop, what the probe of each corruption sees:")
     with desktop:
         for result in showcase.show_nine(desktop):
             mark = "" if result.ok else "PROBE FALSE: "
-            click.echo(f"  {result.name:17} {mark}{result.saw}")
+            echo(f"  {result.name:17} {mark}{result.saw}")
             results.append(result)
     sheet: Any = showcase.sheet
     write_atomic(picture, encode_png(sheet(results)))
-    click.echo(f"{picture}: all nine, before and after")
+    echo(f"{picture}: all nine, before and after")
     return not all(result.ok for result in results)

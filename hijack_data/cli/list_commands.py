@@ -10,8 +10,8 @@ from rich.table import Table
 
 from .. import corruption as registry
 from .. import params as p
-from . import console
 from .completion import complete
+from .terminal import console, echo
 
 
 def describe(cls: type[registry.Corruption]) -> dict[str, Any]:
@@ -95,10 +95,10 @@ def list_command(as_json: bool, as_markdown: bool) -> None:
     """List all corruptions, the paper's nine first."""
     rows = [describe(registry.find_corruption(name)) for name in registry.corruption_names()]
     if as_markdown:
-        click.echo(markdown(rows), nl=False)
+        echo(markdown(rows), nl=False)
         return
     if as_json:
-        click.echo(json.dumps(rows, indent=1))
+        echo(json.dumps(rows, indent=1))
         return
     table = _table("name", "acts on", "when", "what it does")
     for row in rows:
@@ -108,13 +108,13 @@ def list_command(as_json: bool, as_markdown: bool) -> None:
 
 
 @click.command()
-@click.argument("name", shell_complete=complete("hijack_data.corruption:names"))
+@click.argument("name", shell_complete=complete("hijack_data.corruption:corruption_names"))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def show(name: str, as_json: bool) -> None:
     """Show one corruption: its parameters, defaults, ranges and severity levels."""
     info = describe(registry.find_corruption(name))
     if as_json:
-        click.echo(json.dumps(info, indent=1))
+        echo(json.dumps(info, indent=1))
         return
     out = console()
     paper = escape(info["paper"] or "plug-in")

@@ -8,6 +8,7 @@ from .. import corruption as registry
 from .. import declaration
 from ..errors import HijackError, ParameterError
 from ..file_io import write_atomic
+from .terminal import echo
 
 TEMPLATE = '''"""Draws a band across the screen."""
 
@@ -67,9 +68,9 @@ def corruption(name: str, out: str | None) -> None:
     _check_path(path)
     cls = "".join(part.capitalize() for part in name.split("_"))
     write_atomic(path, TEMPLATE.format(name=name, cls=cls))
-    click.echo(f"{path}: {cls}, which draws a band; edit it, then run:")
-    click.echo(f"  hijack check {path}")
-    click.echo(f"  hijack --load {path} apply screen.png {name} -o out.png")
+    echo(f"{path}: {cls}, which draws a band; edit it, then run:")
+    echo(f"  hijack check {path}")
+    echo(f"  hijack --load {path} apply screen.png {name} -o out.png")
 
 
 def _check_path(path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import click
 
 from .completion import complete
+from .terminal import echo
 
 _ALL = "hijack_data.cli.options.all"  # in a context: list every option
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -60,7 +61,7 @@ class BriefCommand(click.Command):
         if not value or ctx.resilient_parsing:
             return
         ctx.meta[_ALL] = True
-        click.echo(self.get_help(ctx), color=ctx.color)
+        echo(self.get_help(ctx))
         ctx.exit()
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -119,6 +120,6 @@ desktops_option = click.option(
 conditions_option = click.option(
     "--corruptions",
     metavar="A,B|all",
-    shell_complete=complete("hijack_data.corruption:names", "all", "clean"),
+    shell_complete=complete("hijack_data.corruption:corruption_names", "all", "clean"),
     help="Labels of CONFIG or names; all is clean and every corruption.",
 )

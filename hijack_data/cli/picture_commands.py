@@ -24,6 +24,7 @@ from ..types import Scene, UInt8Array
 from .completion import complete
 from .options import BriefCommand, seed_option
 from .picture_folders import apply_to_folder, find_pictures
+from .terminal import echo
 
 
 def parse_settings(cls: type[Corruption], settings: tuple[str, ...]) -> dict[str, Any]:
@@ -126,7 +127,9 @@ def _read_plan(file: str, name: str | None) -> Plan:
     "apply", cls=BriefCommand, more=("backend", "plan_file", "save_plan", "step", "tree")
 )
 @click.argument("image")
-@click.argument("name", required=False, shell_complete=complete("hijack_data.corruption:names"))
+@click.argument(
+    "name", required=False, shell_complete=complete("hijack_data.corruption:corruption_names")
+)
 @click.option(
     "-o",
     "--out",
@@ -233,11 +236,11 @@ def _report(
             "sha256": sha,
             "size": [width, height],
         }
-        click.echo(json.dumps({**row, "notes": list(notes), "backend": backend}))
+        echo(json.dumps({**row, "notes": list(notes), "backend": backend}))
         return
-    click.echo(f"{out}: {plan.corruption}, {width}x{height}, plan {plan.digest()[:12]}, {backend}")
+    echo(f"{out}: {plan.corruption}, {width}x{height}, plan {plan.digest()[:12]}, {backend}")
     for note in notes:
-        click.echo(f"  note: {note}")
+        echo(f"  note: {note}")
 
 
 @click.command()
@@ -264,10 +267,10 @@ def gallery(
     if page.pictures:
         write_atomic(out, page.html)
         pictures = f"{page.pictures} picture{'s' if page.pictures > 1 else ''}"
-        click.echo(f"{out}: {pictures}, {len(page.html) / 2**20:.1f} MiB")
+        echo(f"{out}: {pictures}, {len(page.html) / 2**20:.1f} MiB")
     else:
-        click.echo(f"{out}: not written, no picture can be read", err=True)
+        echo(f"{out}: not written, no picture can be read", err=True)
     for problem in page.problems:
-        click.echo(f"  problem: {problem}", err=True)
+        echo(f"  problem: {problem}", err=True)
     if page.problems:
         sys.exit(1)

@@ -12,6 +12,7 @@ from ..errors import HijackError, ImageError, counted
 from ..file_io import FORMATS
 from ..plan import Plan
 from ..types import UInt8Array
+from .terminal import echo
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".gif", ".tif", ".tiff")
 # Takes `(path, out, sample)`, corrupts that picture with that sample id, and returns plan, result
@@ -102,16 +103,16 @@ def _target(name: Path, counts: Counter[Path]) -> Path:
 
 def _report(out: Path, results: list[dict[str, Any]], problems: list[str], as_json: bool) -> None:
     if as_json:
-        click.echo(json.dumps({"out": str(out), "pictures": results, "problems": problems}))
+        echo(json.dumps({"out": str(out), "pictures": results, "problems": problems}))
     else:
-        click.echo(f"{out}: {counted(len(results), 'picture')}")
+        echo(f"{out}: {counted(len(results), 'picture')}")
         notes = Counter[str]()
         for row in results:
             notes.update(row["notes"])
         for note, count in notes.items():
             repeated = f" ({count} pictures)" if count > 1 else ""
-            click.echo(f"  note: {note}{repeated}")
+            echo(f"  note: {note}{repeated}")
     for problem in problems:
-        click.echo(f"  problem: {problem}", err=True)
+        echo(f"  problem: {problem}", err=True)
     if problems:
         raise SystemExit(1)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import click
 
 from .. import __version__
+from .terminal import echo
 
 # Packages whose versions change what the library does, in the order of their importance.
 PACKAGES = (
@@ -50,5 +51,5 @@ def show_version(context: click.Context, _option: click.Parameter, is_requested:
     if not is_requested or context.resilient_parsing:
         return
     for line in lines():
-        click.echo(line)
+        echo(line)
     context.exit()

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hijack_data.cli import console
 from hijack_data.cli.completion import complete, complete_configuration
 from hijack_data.cli.options import (
     BriefCommand,
@@ -21,9 +20,9 @@ from hijack_data.cli.options import (
     desktops_option,
     new_run_options,
 )
+from hijack_data.cli.terminal import console, echo
 from hijack_data.errors import ParameterError, StorageError, counted
 from hijack_data.locking import Lock
-from hijack_data.printable import printable
 from hijack_data.runs import seal
 
 from ..agents.options import agent_memory_option, in_process_option
@@ -160,13 +159,13 @@ def bench(
             planned_jobs if out is None else _remaining_jobs(benchmark, planned_jobs, out, resume)
         )
         if not remaining:
-            click.echo(f"{out}: all {len(planned_jobs)} episodes are there")
+            echo(f"{out}: all {len(planned_jobs)} episodes are there")
             return
         at_once = min(desktops or default_desktops(), len(remaining))
         for job in remaining:
-            click.echo(str(job))
+            echo(str(job))
         expected = estimate(benchmark, remaining, at_once, history_near(out))
-        click.echo(f"{_size_text(remaining, at_once)}, {expected}")
+        echo(f"{_size_text(remaining, at_once)}, {expected}")
         return
     if out is None:
         raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
@@ -221,7 +220,7 @@ def _begin_run(
         benchmark.to_data(),
         [job.id for job in planned_jobs],
         goes_on=resume,
-        notice=lambda text: click.echo(printable(f"hijack: {text}"), err=True),
+        notice=lambda text: echo(f"hijack: {text}", err=True),
         desktops=desktops,
     )
 
@@ -255,7 +254,7 @@ def _run(
         try:
             _play(benchmark, planned_jobs, out, earlier, pool, models)
         except CostLimitError as error:
-            click.echo(printable(f"hijack: {error}"), err=True)
+            echo(f"hijack: {error}", err=True)
         except KeyboardInterrupt:
             _print_records_kept(out)
             raise click.Abort from None
@@ -270,7 +269,7 @@ def _run(
 def _print_records_kept(out: Path) -> None:
     count = len(records.read(out).records)
     message = f"the {count} episodes that ended are kept: hijack report {out}"
-    click.echo(f"\n{message}; --resume goes on", err=True)
+    echo(f"\n{message}; --resume goes on", err=True)
 
 
 def _play(

@@ -5,8 +5,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+from hijack_data.cli.printable_console import PrintableConsole
 
 from ..report.formatting import shorten
 from ..results.records import ResultRecord
@@ -32,7 +33,7 @@ class ProgressDisplay:
     def __init__(
         self,
         listed: "Sequence[Job]",
-        console: Console,
+        console: PrintableConsole,
         finished: int = 0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:

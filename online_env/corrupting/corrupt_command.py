@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hijack_data.cli.options import seed_option
+from hijack_data.cli.terminal import echo
 from hijack_data.corruption import Corruption, find_corruption
 from hijack_data.file_io import encode_png, write_atomic
 
@@ -113,7 +114,7 @@ def _corrupt(
     if picture is not None:
         write_atomic(picture, encode_png(applied.after))
     if as_json:
-        click.echo(json.dumps(_report(applied, spec.name, desktop.id, picture)))
+        echo(json.dumps(_report(applied, spec.name, desktop.id, picture)))
     else:
         _print(applied, spec.name, desktop.id, picture)
     return 0 if applied.ok else 1
@@ -138,13 +139,13 @@ def _print(applied: "AppliedPlan", name: str, desktop: str, picture: Path | None
     from ..effects import find as find_effect
 
     failed = "" if applied.ok else "the probe is FALSE: "
-    click.echo(f"{name} on {desktop}: {failed}{applied.saw}")
+    echo(f"{name} on {desktop}: {failed}{applied.saw}")
     for note in applied.plan.notes:
-        click.echo(f"  note: {note}")
+        echo(f"  note: {note}")
     if picture is not None:
-        click.echo(f"  what an agent sees: {picture}")
+        echo(f"  what an agent sees: {picture}")
     if any(find_effect(record["effect"]).lasting for record in applied.records):
-        click.echo(f"  take it back with: hijack desktop corrupt --undo {name} --on {desktop}")
+        echo(f"  take it back with: hijack desktop corrupt --undo {name} --on {desktop}")
 
 
 def _undo(desktop: Any, cls: type[Corruption] | None, ledger: Ledger, as_json: bool) -> int:
@@ -164,7 +165,7 @@ def _undo(desktop: Any, cls: type[Corruption] | None, ledger: Ledger, as_json: b
         for label, kind, undone in results:
             rows.append({"corruption": label, "effect": kind, **vars(undone)})
         report = {"desktop": desktop.id, "ok": ok, "recorded": recorded, "undone": rows}
-        click.echo(json.dumps(report))
+        echo(json.dumps(report))
     else:
         _print_undone(results, desktop.id, None if recorded else name)
     return 0 if ok else 1
@@ -176,8 +177,8 @@ def _print_undone(
     from ..effects.descriptions import undone_in_words
 
     if unrecorded is not None:
-        click.echo(f"no record of {unrecorded} on {desktop}: going by what the machine shows")
+        echo(f"no record of {unrecorded} on {desktop}: going by what the machine shows")
     for label, kind, undone in results:
         failed = "" if undone.ok else "NOT undone: "
         words = undone_in_words(kind, undone.facts, undone.problem)
-        click.echo(f"{label} on {desktop}: {failed}{words}")
+        echo(f"{label} on {desktop}: {failed}{words}")

@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from hijack_data.cli.options import WholeSummaries
+from hijack_data.cli.terminal import echo
 from hijack_data.errors import ParameterError
 from hijack_data.file_io import write_atomic
 
@@ -46,7 +47,7 @@ def tasks(source: Path, out: Path, clean: bool) -> None:
 
     examples = load(source)
     count = task_table.write(examples, out, clean)
-    click.echo(f"{out}: {count} rows, {len(examples)} tasks, revision {examples.revision}")
+    echo(f"{out}: {count} rows, {len(examples)} tasks, revision {examples.revision}")
 
 
 @osworld.command()
@@ -85,7 +86,7 @@ def prefetch(
     ]
     if dry_run:
         rows = [{"path": item.path, "url": item.url} for item in files]
-        click.echo(
+        echo(
             json.dumps(rows, indent=1)
             if json_
             else "\n".join(f"{row['path']}  {row['url']}" for row in rows)
@@ -134,7 +135,7 @@ def setup(tier: str, folder: Path) -> None:
     A second call finds it and installs nothing.
     """
     report = venv.make(folder, tier)
-    click.echo(
+    echo(
         f"{report.folder}: {report.tier}, {report.megabytes:.0f} MB"
         + ("" if report.fresh else " (was there)")
     )
@@ -192,7 +193,7 @@ def check(
     tasks = module.choose(task_table.read(source), groups, only)
 
     def keep(row: module.SelfTestRow, results: module.Results) -> None:
-        click.echo(
+        echo(
             f"{row.domain} {row.id[:8]}  {row.status:8} {row.seconds:5.1f} s  {row.reason}".rstrip()
         )
         write_atomic(out, json.dumps(results.as_json(), indent=1) + "\n")
@@ -200,7 +201,7 @@ def check(
     results = run.run_selftest(tasks, groups, folder, cache or out.parent / "cache", keep)
     if markdown:
         write_atomic(markdown, results.as_markdown())
-    click.echo(results.summary())
+    echo(results.summary())
     return 0 if results.sound else 1
 
 
@@ -230,14 +231,14 @@ def needs(source: Path, folder: Path, json_: bool, working: bool) -> int:
         works = {
             task_needs.id for task_needs in needs_by_task if task_needs.tested == module.RUNS_HERE
         }
-        click.echo(",".join(str(task.path) for task in tasks if task.id in works))
+        echo(",".join(str(task.path) for task in tasks if task.id in works))
         return 0
     if json_:
         rows = [
             {**vars(task_needs), "can_be_met": task_needs.can_be_met}
             for task_needs in needs_by_task
         ]
-        click.echo(json.dumps({"revision": str(tasks.revision), "tasks": rows}, indent=1))
+        echo(json.dumps({"revision": str(tasks.revision), "tasks": rows}, indent=1))
         return 0
     lines = [
         f"{count:4}  {kinds:20}  {remedy}".rstrip()
@@ -245,7 +246,7 @@ def needs(source: Path, folder: Path, json_: bool, working: bool) -> int:
     ]
     if check is None:
         lines.append(f"packages were not looked at: {folder} is not there; hijack osworld setup")
-    click.echo("\n".join([str(tasks.revision), *lines]))
+    echo("\n".join([str(tasks.revision), *lines]))
     return 0
 
 
@@ -263,12 +264,12 @@ def _check_folder(source: Path) -> None:
 
 
 def _say(as_json: bool, value: object, lines: list[str]) -> None:
-    click.echo(json.dumps(value, indent=1) if as_json else "\n".join(lines))
+    echo(json.dumps(value, indent=1) if as_json else "\n".join(lines))
 
 
 def _meter(quiet: bool):
     def tell(count: int, total: int, path: str) -> None:
         if not quiet and (count == total or count % 20 == 0):
-            click.echo(f"{count} of {total} files ({path})", err=True)
+            echo(f"{count} of {total} files ({path})", err=True)
 
     return tell

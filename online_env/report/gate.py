@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 import click
 
+from hijack_data.cli.terminal import echo
 from hijack_data.errors import HijackError, ParameterError, UnknownNameError, some_of, suggest
 from hijack_data.plan import CLEAN
 from hijack_data.runs.own_files import refuse_own_file
@@ -183,7 +184,7 @@ class ReleaseGate:
         verdicts = self.verdicts(run)
         for verdict in verdicts:
             words = "gate passed" if verdict.passed else "hijack: gate failed"
-            click.echo(f"{words}: {verdict}", err=True)  # a report may be on stdout
+            echo(f"{words}: {verdict}", err=True)  # a report may be on stdout
         if self.junit is not None:
             cases = [
                 junit.GateCase(name=str(v.gate), problem="" if v.passed else str(v))

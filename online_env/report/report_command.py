@@ -12,10 +12,9 @@ from typing import Any, TypeVar
 
 import click
 
-from hijack_data.cli import console
 from hijack_data.cli.completion import complete
+from hijack_data.cli.terminal import console, echo
 from hijack_data.file_io import make_folder, write_atomic
-from hijack_data.printable import printable
 from hijack_data.runs.own_files import refuse_own_file
 
 from ..report.gate import ReleaseGate, gate_options
@@ -185,7 +184,7 @@ def leaderboard_command(folder: Path, out: Path) -> None:
     """Rank the agents of all runs in a folder on one page."""
     board = leaderboard.read_reports(folder)
     for problem in board.problems:
-        click.echo(printable(f"hijack: left out: {problem}"), err=True)
+        echo(f"hijack: left out: {problem}", err=True)
     _output(leaderboard.leaderboard(board), out)
     raise SystemExit(1 if board.problems else 0)
 
@@ -211,7 +210,7 @@ def _read(folder: Path, seeds: int | None = None) -> Run:
         run = reading.with_first_seeds(run, seeds)
     for damage in run.damaged:
         place = f"{folder / damage.file}:{damage.line}"
-        click.echo(printable(f"hijack: {place}: skipped: {damage.problem}"), err=True)
+        echo(f"hijack: {place}: skipped: {damage.problem}", err=True)
     if not run.records:
         command = "score" if run.is_scored else "bench"
         raise ReportError(
@@ -231,7 +230,7 @@ def _agents_and_labels(run: Run) -> tuple[list[str], list[str]]:
 def _finish(run: Run) -> int:
     """Print on standard error what is missing, and return the exit code."""
     if run.missing:
-        click.echo(f"hijack: {run.folder}: {missing_line(run)}", err=True)
+        echo(f"hijack: {run.folder}: {missing_line(run)}", err=True)
     return exit_code(run)
 
 
@@ -250,12 +249,12 @@ def _write(document: ReportDocument, format: str, out: Path | None) -> None:
 
 def _output(text: str, out: Path | None) -> None:
     if out is None:
-        click.echo(printable(text), nl=False)
+        echo(text, nl=False)
         return
     refuse_own_file(out, "--out")
     make_folder(out.parent, out)
     write_atomic(out, text)
-    click.echo(f"wrote {out}")
+    echo(f"wrote {out}")
 
 
 def _parse_pairs(pairs: tuple[str, ...]) -> Mapping[str, str] | None:

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from io import StringIO
 from typing import Any
 
-from rich.console import Console
-
-from hijack_data.cli import console
 from hijack_data.cli.figure_table import FigureTable, grouped
+from hijack_data.cli.printable_console import PrintableConsole
+from hijack_data.cli.terminal import console
 
 from ..results import costs, scores
 from ..results.reading import ResultRecord, Run
@@ -135,7 +134,7 @@ def _further_row(cell: Cell) -> list[str]:
 def text(document: ReportDocument) -> str:
     """Return a document as text, in the form for terminals but without colours."""
     out = StringIO()
-    screen = Console(file=out, width=120, highlight=False, force_terminal=False)
+    screen = PrintableConsole(file=out, width=120, highlight=False, force_terminal=False)
     show_document(document, screen)
     return out.getvalue()
 

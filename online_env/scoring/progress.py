@@ -4,8 +4,9 @@ import sys
 import time
 from typing import Any
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from hijack_data.cli.printable_console import PrintableConsole
 
 from ..results.reading import ResultRecord
 
@@ -20,7 +21,7 @@ class ScoreDisplay:
         console: where it is shown.
     """
 
-    def __init__(self, total: int, console: Console) -> None:
+    def __init__(self, total: int, console: PrintableConsole) -> None:
         self._total = total
         self._console = console
         self._done = 0

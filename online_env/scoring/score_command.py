@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 
-from hijack_data.cli import console
 from hijack_data.cli.completion import complete
 from hijack_data.cli.options import BriefCommand, FiniteRange, new_run_options
+from hijack_data.cli.printable_console import PrintableConsole
+from hijack_data.cli.terminal import console, echo
 from hijack_data.errors import ParameterError
 
 from ..agents.options import agent_memory_option, in_process_option
@@ -134,11 +134,11 @@ def score(
         return
     if out is None:
         raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
-    with run.begin(out, resume, lambda text: click.echo(f"hijack: {text}", err=True)):
-        _score(run, out, Console(stderr=True) if as_json else console())
+    with run.begin(out, resume, lambda text: echo(f"hijack: {text}", err=True)):
+        _score(run, out, console(stderr=as_json))
     scored_run = records.read(out)
     if as_json:
-        click.echo(json.dumps(_rows(scored_run), indent=1))
+        echo(json.dumps(_rows(scored_run), indent=1))
     else:
         show(scored_run)
     raise SystemExit(exit_code(scored_run))
@@ -159,7 +159,7 @@ def _labels(text: str | None) -> tuple[str, ...] | None:
     return labels
 
 
-def _score(run: ScoreRun, out: Path, screen: Console) -> None:
+def _score(run: ScoreRun, out: Path, screen: PrintableConsole) -> None:
     remaining = run.left(out)
     total = sum(map(len, remaining.values()))
     screen.print(f"{total} rows to score ({_counts_text(remaining)})", markup=False)
@@ -170,7 +170,7 @@ def _score(run: ScoreRun, out: Path, screen: Console) -> None:
     except KeyboardInterrupt:
         count = len(records.read(out).records)
         message = f"the {count} rows that were scored are kept: hijack report {out}"
-        click.echo(f"\n{message}; --resume goes on", err=True)
+        echo(f"\n{message}; --resume goes on", err=True)
         raise click.Abort from None
 
 
@@ -200,11 +200,11 @@ def _print_plan(run: ScoreRun, as_json: bool) -> None:
         "unpaired": cases.unpaired,
     }
     if as_json:
-        click.echo(json.dumps(planned, indent=1))
+        echo(json.dumps(planned, indent=1))
         return
     listed = ", ".join(f"{label} {count}" for label, count in counted.items())
-    click.echo(f"{planned['total']} rows for {', '.join(run.settings.agents)}: {listed}")
+    echo(f"{planned['total']} rows for {', '.join(run.settings.agents)}: {listed}")
     if cases.unscored:
-        click.echo(f"{cases.unscored} rows have an action of no known type and are not scored")
+        echo(f"{cases.unscored} rows have an action of no known type and are not scored")
     if cases.unpaired:
-        click.echo(f"{cases.unpaired} corrupted rows have no clean one")
+        echo(f"{cases.unpaired} corrupted rows have no clean one")

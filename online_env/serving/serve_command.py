@@ -18,6 +18,7 @@ from hijack_data.cli.options import (
     desktops_option,
     seed_option,
 )
+from hijack_data.cli.terminal import echo
 
 MODULES = ("openenv", "prometheus_client", "uvicorn", "gymnasium")
 OPENENV = "0.10"
@@ -181,9 +182,9 @@ def serve(
     )
     if dry_run:
         for name in options.draws().tasks:
-            click.echo(name)
+            echo(name)
         return
-    server.serve(options, click.echo)
+    server.serve(options, echo)
 
 
 def _check_openenv() -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 import click
 from rich.table import Table
 
-from hijack_data.cli import console
 from hijack_data.cli.completion import complete
+from hijack_data.cli.terminal import console, echo
 from hijack_data.file_io import write_atomic
 
 
@@ -39,9 +39,9 @@ def _list(set_: str | None, as_json: bool, out: Path | None) -> None:
     if out is not None:
         pictures = "images/suite" if (out.parent / "images" / "suite").is_dir() else ""
         write_atomic(out, catalogue.page(rows, pictures))
-        click.echo(f"{out}: {len(rows)} tasks")
+        echo(f"{out}: {len(rows)} tasks")
     elif as_json:
-        click.echo(json.dumps(rows, indent=1, ensure_ascii=False))
+        echo(json.dumps(rows, indent=1, ensure_ascii=False))
     else:
         _show(rows)
 

@@ -13,6 +13,7 @@ import click
 from hijack_data import extras
 from hijack_data.cli.completion import complete_configuration
 from hijack_data.cli.options import BriefCommand
+from hijack_data.cli.terminal import echo
 from hijack_data.file_io import write_atomic
 
 SUMMARY = "summary.json"
@@ -110,7 +111,7 @@ def train(
     if dry_run:
         for seed in range(replication.seeds):
             for arm in replication.arms:
-                click.echo(f"{arm}, seed {seed}")
+                echo(f"{arm}, seed {seed}")
         return
     folder = _folder(config, out, resume)
     _run(replication, folder, workers, as_json)
@@ -150,17 +151,17 @@ def _fine_tune(
     rows = fine_tuning.read_examples(settings)
     if dry_run:
         for name, examples in rows.items():
-            click.echo(f"{name}: {len(examples)} rows")
+            echo(f"{name}: {len(examples)} rows")
         return
     extras.require("hijack train with method sft", "trl", ("torch", "transformers", "trl"))
     folder = _folder(config, out, resume)
     summary = fine_tuning.fine_tune(
-        settings, folder, rows=rows, resume=resume, say=lambda line: click.echo(line, err=True)
+        settings, folder, rows=rows, resume=resume, say=lambda line: echo(line, err=True)
     )
     if as_json:
-        click.echo(json.dumps(summary))
+        echo(json.dumps(summary))
         return
-    click.echo(
+    echo(
         f"{folder / fine_tuning.MODEL}: {summary['steps']} steps, loss {summary['first_loss']:.4g}"
         f" in the first, {summary['last_loss']:.4g} in the last"
     )
@@ -188,12 +189,12 @@ def _run(replication: Any, folder: Path, workers: int, as_json: bool) -> None:
     from .toy.experiment import run_replication
 
     def say(line: str) -> None:
-        click.echo(line, err=True)
+        echo(line, err=True)
 
     try:
         scores = run_replication(replication, folder, workers=workers, say=say)
     except KeyboardInterrupt:
-        click.echo("hijack: stopped; the same command with --resume goes on", err=True)
+        echo("hijack: stopped; the same command with --resume goes on", err=True)
         raise SystemExit(130) from None
     summary = results.summarise(replication, scores)
     write_atomic(folder / SUMMARY, json.dumps(summary, indent=1) + "\n")
@@ -203,4 +204,4 @@ def _run(replication: Any, folder: Path, workers: int, as_json: bool) -> None:
         say(f"no plot was drawn, it needs matplotlib: {extras.remedy('train')}")
     else:
         results.plot(summary, folder / PLOT)
-    click.echo(json.dumps(summary) if as_json else tables.rstrip())
+    echo(json.dumps(summary) if as_json else tables.rstrip())

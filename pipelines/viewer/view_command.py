@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from hijack_data.cli.terminal import echo
 from hijack_data.errors import counted
 
 from .dataset_source import DatasetSource
@@ -41,9 +42,9 @@ def view(folder: str, port: int, file: Path | None, patterns: tuple[str, ...]) -
     _check_options(file, patterns)
     source = open_source(folder)
     for problem in source.problems:
-        click.echo(f"  problem: {problem}", err=True)
+        echo(f"  problem: {problem}", err=True)
     if file is None:
-        serve(source, port, click.echo)
+        serve(source, port, echo)
     else:
         _export(source, folder, patterns, file)
     sys.exit(1 if source.problems else 0)
@@ -68,4 +69,4 @@ def _export(
         raise click.UsageError(f"{folder}: --export is for runs; hijack gallery makes such pages")
     count = export_file(source, patterns, file)
     size = file.stat().st_size / 2**20
-    click.echo(f"{file}: {counted(count, 'episode')}, {size:.1f} MB")
+    echo(f"{file}: {counted(count, 'episode')}, {size:.1f} MB")

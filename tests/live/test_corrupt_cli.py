@@ -175,7 +175,8 @@ def test_a_click_may_come_again_and_cannot_be_taken_back(desktop, corrupt):
         wait(
             lambda: (
                 not any(
-                    w["mapped"] and w["type"] not in ("normal", *DESKTOP_WINDOW_TYPES) for w in windows(desktop)
+                    w["mapped"] and w["type"] not in ("normal", *DESKTOP_WINDOW_TYPES)
+                    for w in windows(desktop)
                 )
             )
         )

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from hijack_data.cli.options import WholeSummaries
+from hijack_data.cli.terminal import echo
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 
@@ -69,9 +70,9 @@ def build(
         archive.write(cache.place() / entry.id, out)
         _say(f"exported to {out} ({out.stat().st_size / 1e6:.0f} MB)")
     if as_json:
-        click.echo(entry.to_json(), nl=False)
+        echo(entry.to_json(), nl=False)
         return
-    click.echo(f"start a desktop from it with: hijack desktop up --image {image_name}")
+    echo(f"start a desktop from it with: hijack desktop up --image {image_name}")
 
 
 @image.command("list")
@@ -94,13 +95,13 @@ def list_command(as_json: bool) -> None:
         for key, entry in cache.images().items()
     ]
     if as_json:
-        click.echo(json.dumps(rows, indent=1))
+        echo(json.dumps(rows, indent=1))
         return
     for key, entry in cache.images().items():
         aliases = ", ".join(name for name, target in names.items() if target == key) or "-"
-        click.echo(f"{aliases:16} {key}  {entry.summary}")
+        echo(f"{aliases:16} {key}  {entry.summary}")
     if not rows:
-        click.echo(f"no images in {cache.place()}; make one with: hijack desktop image build")
+        echo(f"no images in {cache.place()}; make one with: hijack desktop image build")
 
 
 @image.command("import")
@@ -111,7 +112,7 @@ def import_command(file: Path, name: str | None) -> None:
     from . import cache
 
     image_name, entry = cache.import_file(file, name, _say)
-    click.echo(f"image {image_name} ({entry.id}): {entry.summary}")
+    echo(f"image {image_name} ({entry.id}): {entry.summary}")
 
 
 @image.command()
@@ -122,7 +123,7 @@ def export(name: str, file: Path) -> None:
     from . import archive, cache
 
     archive.write(cache.resolve(name), file)
-    click.echo(f"{file} ({file.stat().st_size / 1e6:.0f} MB)")
+    echo(f"{file} ({file.stat().st_size / 1e6:.0f} MB)")
 
 
 @image.command()
@@ -137,9 +138,7 @@ def container(name: str, file: Path) -> None:
     from . import container as containers
 
     tag = containers.write(cache.resolve(name), file)
-    click.echo(
-        f"{file} ({file.stat().st_size / 1e6:.0f} MB): docker load -i {file}, then run {tag}"
-    )
+    echo(f"{file} ({file.stat().st_size / 1e6:.0f} MB): docker load -i {file}, then run {tag}")
 
 
 @image.command()
@@ -151,13 +150,11 @@ def verify(name: str) -> None:
     folder = cache.resolve(name)
     lines = cache.verify(folder)
     for line in lines:
-        click.echo(line)
+        echo(line)
     if lines:
-        click.echo(
-            f"{len(lines)} files differ; remove the image, and build or import it again", err=True
-        )
+        echo(f"{len(lines)} files differ; remove the image, and build or import it again", err=True)
         sys.exit(1)
-    click.echo(f"{folder.name}: every file is as its manifest says")
+    echo(f"{folder.name}: every file is as its manifest says")
 
 
 @image.command()
@@ -166,8 +163,8 @@ def remove(name: str) -> None:
     """Remove image NAME from this machine."""
     from . import cache
 
-    click.echo(f"image {cache.remove(name, _say)} is gone")
+    echo(f"image {cache.remove(name, _say)} is gone")
 
 
 def _say(text: str) -> None:
-    click.echo(text, err=True)
+    echo(text, err=True)
