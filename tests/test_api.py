@@ -60,8 +60,10 @@ def test_type_checkers_see_the_names_that_are_loaded(package):
     tree = ast.parse(Path(package.__file__).read_text())
     (block,) = [node for node in tree.body if isinstance(node, ast.If)]
     seen: dict[str, tuple[str, ...]] = {}
-    plugin, *homes = block.body
-    assert ast.unparse(plugin) == "from . import plugin as plugin"
+    homes = block.body
+    if package is hj:
+        plugin, *homes = homes
+        assert ast.unparse(plugin) == "from . import plugin as plugin"
     for node in homes:
         seen[node.module] = seen.get(node.module, ()) + tuple(each.asname for each in node.names)
     prefix = f"{package.__name__}."

@@ -105,7 +105,7 @@ def test_workers_do_not_repeat_the_warnings(installed, tmp_path):
         "import hijack_data as hj\n"
         "if __name__ == '__main__':\n"
         "    with multiprocessing.get_context('spawn').Pool(1) as pool:\n"
-        "        assert pool.apply(hj.names) == hj.corruption_names()\n"
+        "        assert pool.apply(hj.corruption_names) == hj.corruption_names()\n"
     )
     done = python(installed, str(script))
     assert done.stderr.count("cannot be loaded and was left out") == len(BROKEN)

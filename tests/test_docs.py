@@ -125,7 +125,7 @@ def test_commands_in_the_text_exist(page):
             "online_env.embedded.sites has no ['--stat']",
         ),
         ("hijak list", "what is 'hijak'?"),
-        ("hijack prefetch TASKS --out cache [--only ID] [--list]", ""),
+        ("hijack osworld prefetch TASKS --out cache [--only ID] [--dry-run]", ""),
         ("hijack build recordings --no-clean -h", ""),
     ],
 )

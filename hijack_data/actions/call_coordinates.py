@@ -6,7 +6,7 @@ from typing import NamedTuple, NoReturn, TypeAlias
 
 from ..errors import ActionError
 from .pyautogui_functions import POINTER
-from .pyautogui_grammar import Argument, Call, Tween, Value
+from .pyautogui_grammar import Argument, PyautoguiCall, Tween, Value
 from .python_source import ParsedSource
 from .scaling import Scaling
 
@@ -25,7 +25,9 @@ class CallCoordinates(NamedTuple):
     edits: list[tuple[ast.expr, Value]]
 
 
-def read_coordinates(source: ParsedSource, call: Call, scaling: Scaling) -> CallCoordinates:
+def read_coordinates(
+    source: ParsedSource, call: PyautoguiCall, scaling: Scaling
+) -> CallCoordinates:
     """Return where a call of one of `POINTER` points.
 
     Args:
@@ -42,7 +44,7 @@ def read_coordinates(source: ParsedSource, call: Call, scaling: Scaling) -> Call
 class _CoordinateReader:
     """Reads the coordinates of one call."""
 
-    def __init__(self, source: ParsedSource, call: Call, scaling: Scaling) -> None:
+    def __init__(self, source: ParsedSource, call: PyautoguiCall, scaling: Scaling) -> None:
         self._source = source
         self._call = call
         self._scaling = scaling

@@ -102,7 +102,7 @@ class Argument(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Call:
+class PyautoguiCall:
     """One call of a program.
 
     Args:
@@ -131,7 +131,7 @@ class _Origin(NamedTuple):
     function: str | None = None
 
 
-def read_calls(source: ParsedSource, functions: FunctionNames) -> list[Call]:
+def read_calls(source: ParsedSource, functions: FunctionNames) -> list[PyautoguiCall]:
     """Return the calls of a program, in the order in which they run.
 
     Args:
@@ -158,7 +158,7 @@ class _GrammarReader:
         # Programs run where the modules are imported already.
         self._origins = {module: _Origin(module) for module in functions}
         self._variables: dict[str, Value] = {}
-        self.calls: list[Call] = []
+        self.calls: list[PyautoguiCall] = []
 
     def read(self, statement: ast.stmt) -> None:
         """Read one statement.
@@ -235,7 +235,7 @@ class _GrammarReader:
             self._refuse(target, f"a second meaning of the name {target.id!r}", "use another name")
         self._variables[target.id] = value
 
-    def _call(self, node: ast.Call) -> Call:
+    def _call(self, node: ast.Call) -> PyautoguiCall:
         module, function = self._callee(node.func)
         keywords: dict[str, Argument] = {}
         for keyword in node.keywords:
@@ -243,7 +243,7 @@ class _GrammarReader:
                 self._refuse(keyword.value, *_EXPRESSIONS[ast.Starred])
             keywords[keyword.arg] = Argument(self._value(keyword.value), keyword.value)
         positional = tuple(Argument(self._value(value), value) for value in node.args)
-        return Call(module, function, positional, keywords, node)
+        return PyautoguiCall(module, function, positional, keywords, node)
 
     def _callee(self, node: ast.expr) -> tuple[str, str]:
         match node:

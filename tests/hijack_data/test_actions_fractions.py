@@ -36,7 +36,7 @@ def test_fractions_are_refused_in_recordings_and_labels(dialect, action):
     with pytest.raises(ActionError, match="are fractions"):
         parse_actions(action, dialect, SIZE)
     with pytest.raises(HijackError, match="are fractions"):
-        FORMATS[dialect].moved(action, Move(SIZE, (540, 960)))
+        FORMATS[dialect].map_value(action, Move(SIZE, (540, 960)))
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_fractions_are_refused_in_recordings_and_labels(dialect, action):
 )
 def test_pixels_at_the_corner_and_offsets_are_not(dialect, action):
     parse_actions(action, dialect, SIZE)
-    FORMATS[dialect].moved(action, Move(SIZE, (540, 960)))
+    FORMATS[dialect].map_value(action, Move(SIZE, (540, 960)))
 
 
 def test_what_a_live_agent_says_is_rounded():

@@ -285,7 +285,7 @@ def test_formats_say_where_they_point(case):
         ("cxcywh", [(x1 + x2) / 2, (y1 + y2) / 2, float(x2 - x1), float(y2 - y1)]),
         ("xyxy01", [x1 / width, y1 / height, x2 / width, y2 / height]),
     ):
-        (place,) = FORMATS[form].places(value, size)
+        (place,) = FORMATS[form].locate(value, size)
         assert place.target == pytest.approx((x1, y1, x2, y2))
     for form, value in (
         ("xy", (x, y)),
@@ -294,5 +294,5 @@ def test_formats_say_where_they_point(case):
         ("anthropic", {"action": "left_click", "coordinate": [x, y]}),
         ("anthropic", json.dumps({"action": "left_click", "coordinate": [x, y]})),
     ):
-        (place,) = FORMATS[form].places(value, size)
+        (place,) = FORMATS[form].locate(value, size)
         assert place.target == (x, y)

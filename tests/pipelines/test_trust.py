@@ -161,10 +161,10 @@ def test_ctrl_c(workers: int, whole: Any, config: Path, tmp_path: Path) -> None:
     build(source, tmp_path / "cut", **options)
     out = tmp_path / "out"
     script = (
-        "import sys\nfrom pipelines import cli\n"
+        "import sys\nfrom pipelines import dataset_commands\n"
         "from pipelines.building.build_options import BuildOptions\n"
         "BuildOptions.__init__.__kwdefaults__['rows_per_shard'] = 1\n"
-        "if __name__ == '__main__':\n    cli.build(sys.argv[1:])\n"
+        "if __name__ == '__main__':\n    dataset_commands.build(sys.argv[1:])\n"
     )
     (tmp_path / "run.py").write_text(script)
     command = [

@@ -73,7 +73,7 @@ def of_hijack(words: Sequence[str]) -> str:
         command, rest = found, rest[1:]
     known = {name for option in command.params for name in (*option.opts, *option.secondary_opts)}
     used = {word.partition("=")[0] for word in rest if re.match(r"--?[a-z]", word)}
-    unknown = sorted(used - known - {"-h", "--help"})
+    unknown = sorted(used - known - {"-h", "--help", "--help-all"})
     return f"hijack {command.name} has no {', '.join(unknown)}" if unknown else ""
 
 

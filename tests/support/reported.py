@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.plan import CLEAN
+from hijack_data.runs.run_log import VERSION
 from online_env.report.identity import NINE
 from online_env.results import reading, records
 
@@ -21,6 +22,7 @@ def made(
 ) -> dict[str, Any]:
     """A record of an episode that counts; a score of `None` is that of an agent that raised."""
     return {
+        "version": VERSION,
         "id": f"{task}-{seed}__{corruption}__s{seed}__{agent}",
         "agent": agent,
         "task": f"{task}-{seed}",

@@ -12,7 +12,7 @@ from ..pyautogui_functions import (
     RECORDED_FUNCTIONS,
     SPECIAL_WORDS,
 )
-from ..pyautogui_grammar import Argument, Call, Value, read_calls
+from ..pyautogui_grammar import Argument, PyautoguiCall, Value, read_calls
 from ..python_source import ParsedSource, refuse_deep_nesting
 from ..scaling import Scaling
 from .combine_calls import CLIPBOARD, DRAG_BY, MOVE_BY, combine
@@ -69,7 +69,7 @@ def parse_pyautogui(code: str, size: Size | None, normalized: bool = False) -> A
         return combine(calls, checked)
 
 
-def _call_action(source: ParsedSource, call: Call, scaling: Scaling) -> Action:
+def _call_action(source: ParsedSource, call: PyautoguiCall, scaling: Scaling) -> Action:
     if call.function in POINTER:
         x, y, _ = read_coordinates(source, call, scaling)
         return _pointer(call, x, y)
@@ -83,13 +83,13 @@ def _call_action(source: ParsedSource, call: Call, scaling: Scaling) -> Action:
     return Action("wait", amount=_number(seconds))
 
 
-def _first(call: Call) -> Value:
+def _first(call: PyautoguiCall) -> Value:
     for argument in (*call.positional, *call.keywords.values()):
         return argument.value
     return None
 
 
-def _pointer(call: Call, x: int | None, y: int | None) -> Action:
+def _pointer(call: PyautoguiCall, x: int | None, y: int | None) -> Action:
     name = call.function
     arguments = call.bind(POINTER[name])
     button = _get(arguments, "button", "left")
@@ -112,7 +112,7 @@ def _pointer(call: Call, x: int | None, y: int | None) -> Action:
     return Action(DRAG_BY, x, y)
 
 
-def _keyboard(call: Call) -> Action:
+def _keyboard(call: PyautoguiCall) -> Action:
     name = call.function
     arguments = call.bind(KEYBOARD[name])
     if name in ("write", "typewrite"):

@@ -165,7 +165,7 @@ def test_what_verify_finds_is_told(played: Path, harmed: Path) -> None:
         ),
         ("WAIT", "wait", []),
         ("REQUEST_REINIT", "asks for the desktop to be put in order", []),
-        ("import os", "other", []),
+        ("import os", "not a pyautogui action", []),
         ("import (((", "not a pyautogui action", []),
         ("x = 3", "other", []),
     ],
