@@ -19,7 +19,7 @@ TEST_LIVE := $(BIN)/python -m pytest -q tests/live -n 3 --dist loadfile --reruns
 # Where it is set, each of the hundreds of processes that the tests start compiles all modules again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help env light live demo desktop foreign check quick test test-all tail lint bench golden stubs docs package clean
+.PHONY: help env light live demo desktop foreign check quick core test test-all tail lint bench golden stubs docs package clean
 
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 18
@@ -68,9 +68,12 @@ quick: env
 	$(TEST) -m 'not slow'
 
 # The parts: tests/support/parts.py.
-test: env lint  ## Lint, types, and the core of the suite: each promise once, all nine corruptions on a desktop
-	$(TEST) --ignore tests/live --part core
+test: env  ## Lint, types, and the core of the suite: each promise once, all nine corruptions on a desktop
+	@$(MAKE) --no-print-directory -j2 lint core  # the tests wait for other processes a third of their time
 	$(TEST_LIVE) --part core
+
+core: env
+	$(TEST) --ignore tests/live --part core
 
 test-all: env lint  ## Lint, types and the whole suite
 	$(TEST) --ignore tests/live
