@@ -127,7 +127,7 @@ class Corrupt(_Settings, _grain.MapTransform):
         ParameterError: a value is out of its range.
         ParameterTypeError: a value has the wrong type, or `planner` plans nothing.
 
-    Example:
+    Examples:
         >>> rows = [{"image": np.zeros((1080, 1920, 3), np.uint8), "id": "traj-3/0"}]
         >>> dataset = grain.MapDataset.source(rows).map(hg.Corrupt(hj.Marks(), seed=3))
         >>> dataset[0]["image"].shape  # uint8 [H, W, 3]
@@ -163,7 +163,7 @@ class RandomCorrupt(_Settings, _grain.RandomMapTransform):
         ParameterError: a value is out of its range.
         ParameterTypeError: a value has the wrong type, or `planner` plans nothing.
 
-    Example:
+    Examples:
         >>> rows = [{"image": np.zeros((1080, 1920, 3), np.uint8)}]
         >>> dataset = grain.MapDataset.source(rows).seed(1)
         >>> dataset = dataset.random_map(hg.RandomCorrupt(hj.Marks()))

@@ -78,7 +78,7 @@ class PopUps(_Named):
         ParameterError: a value is out of its range.
         ParameterTypeError: a value has the wrong type.
 
-    Example:
+    Examples:
         >>> corrupt = tr.PopUps(seed=3, small_factor=2)
         >>> corrupt({"image": image, "id": "traj-3/0"})["image"].shape  # uint8 [3, H, W]
         torch.Size([3, 1080, 1920])
@@ -96,7 +96,7 @@ class Marks(_Named):
         ParameterError: a value is out of its range.
         ParameterTypeError: a value has the wrong type.
 
-    Example:
+    Examples:
         >>> corrupt = tr.Marks(seed=3, number=100, color="blue")
         >>> corrupt({"image": image, "id": "traj-3/0"})["image"].shape  # uint8 [3, H, W]
         torch.Size([3, 1080, 1920])
@@ -117,7 +117,7 @@ class Subtitle(_Named):
         ParameterError: a value is out of its range.
         ParameterTypeError: a value has the wrong type.
 
-    Example:
+    Examples:
         >>> corrupt = tr.Subtitle(seed=3, position="top")
         >>> corrupt({"image": image, "id": "traj-3/0"})["image"].shape  # uint8 [3, H, W]
         torch.Size([3, 1080, 1920])
@@ -138,7 +138,7 @@ class Resolution(_Named):
         ParameterError: a value is out of its range.
         ParameterTypeError: a value has the wrong type.
 
-    Example:
+    Examples:
         >>> corrupt = tr.Resolution(seed=3, scale=0.5)
         >>> corrupt({"image": image, "id": "traj-3/0"})["image"].shape  # uint8 [3, H/2, W/2]
         torch.Size([3, 540, 960])
@@ -160,7 +160,7 @@ class OneOf(Corrupt):
         ParameterError: there are no options, or a number is out of its range.
         ParameterTypeError: an option plans nothing, or a value has the wrong type.
 
-    Example:
+    Examples:
         >>> corrupt = tr.OneOf([tr.Marks(), tr.Subtitle()], seed=3, p_clean=0.2, weights=[2, 1])
         >>> corrupt({"image": image, "id": "traj-3/0"})["image"].shape  # uint8 [3, H, W]
         torch.Size([3, 1080, 1920])
@@ -190,7 +190,7 @@ class Sequence(Corrupt):
         ParameterError: there are no parts, or a number is out of its range.
         ParameterTypeError: a part plans nothing, or a value has the wrong type.
 
-    Example:
+    Examples:
         >>> corrupt = tr.Sequence([tr.Resolution(scale=0.5), tr.Marks()], seed=3)
         >>> corrupt({"image": image, "id": "traj-3/0"})["image"].shape  # uint8 [3, H/2, W/2]
         torch.Size([3, 540, 960])
@@ -211,7 +211,7 @@ class Schedule(Corrupt):
     Raises:
         ParameterTypeError: `at` is not callable, or returns something that plans nothing.
 
-    Example:
+    Examples:
         >>> def harder(epoch):
         ...     return hj.Marks(number=10 * (1 + epoch))
         >>> corrupt = tr.Schedule(harder, seed=3)
@@ -240,7 +240,7 @@ class FromConfig(Corrupt):
         ParameterError: the configuration has no corruption `label`, or a number is out of its
             range.
 
-    Example:
+    Examples:
         >>> corrupt = tr.FromConfig("paper", label="marks")
         >>> corrupt({"image": image, "id": "traj-3/0"})["image"].shape  # uint8 [3, H, W]
         torch.Size([3, 1080, 1920])
@@ -284,7 +284,7 @@ class Replay(Corrupt):
         ParameterTypeError: a plan is neither a `Plan` nor its JSON text.
         PlanError: the JSON text of a plan is damaged.
 
-    Example:
+    Examples:
         >>> plan = hj.Marks().plan(hj.Scene(size=(1080, 1920)), seed=3, sample="traj-3/0")
         >>> tr.Replay(plan)({"image": image})["image"].shape  # uint8 [3, H, W]
         torch.Size([3, 1080, 1920])

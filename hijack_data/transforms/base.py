@@ -90,7 +90,7 @@ class Corrupt(v2.Transform):
         ParameterError: a value is out of its range, or an inner transform has settings of its own.
         ParameterTypeError: a value has the wrong type, or `planner` plans nothing.
 
-    Example:
+    Examples:
         >>> corrupt = tr.Corrupt(hj.Marks(number=100), seed=3, label_policy="avoid")
         >>> sample = {"image": image, "id": "traj-3/0", "target": (220, 65)}
         >>> corrupt(sample)["image"].shape  # uint8 [3, H, W]

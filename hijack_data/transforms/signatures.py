@@ -130,7 +130,7 @@ def _with_args(doc: str, arguments: Mapping[str, str]) -> str:
     text = re.sub(r"^Args:\n(?: +.*\n?)*\n?", "", text, flags=re.MULTILINE)
     head, marker, tail = text.partition("\nRaises:")
     if not marker:
-        head, marker, tail = text.partition("\nExample:")
+        head, marker, tail = text.partition("\nExamples:")
     entries = [
         textwrap.fill(f"{name}: {text}", 92, initial_indent=" " * 4, subsequent_indent=" " * 8)
         for name, text in arguments.items()
