@@ -1,6 +1,7 @@
 """Benchmarks in Inspect: with its own mock model, and with its clients of real endpoints."""
 
 import base64
+import gc
 import io
 import os
 import subprocess
@@ -36,6 +37,13 @@ pytestmark = [
     # Inspect's own, and those of the libraries that it imports.
     pytest.mark.filterwarnings("ignore"),
 ]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def collect_streams():
+    """Inspect drops the stream of a sample's events unclosed: it is collected before other tests."""
+    yield
+    gc.collect()
 
 
 @pytest.fixture(autouse=True)
