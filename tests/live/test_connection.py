@@ -121,9 +121,12 @@ def hostile():
     server.server_close()
 
 
-@pytest.mark.parametrize("path", ["/huge", "/short", "/rubbish"])
-def test_an_answer_that_lies_is_an_error_and_the_next_one_is_read_as_its_own(hostile, path):
-    with pytest.raises(GuestError, match=f"GET .*{path}( failed|: the answer has more than)"):
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [("/huge", ": the answer has more than"), ("/short", " failed"), ("/rubbish", " failed")],
+)
+def test_an_answer_that_lies_is_an_error_and_the_next_one_is_read_as_its_own(hostile, path, words):
+    with pytest.raises(GuestError, match=f"GET .*{path}{words}"):
         hostile.ask("GET", path)
     assert hostile.ask("GET", "/fine").status == 200
 
