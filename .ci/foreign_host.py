@@ -26,11 +26,11 @@ LAST = 40
 
 def hijack(*words: str, code: int = 0) -> str:
     """What a command of ours prints; ends with an error if its exit code is another one."""
-    done = subprocess.run([*HIJACK, *words], capture_output=True, text=True, check=False)
-    said = done.stdout + done.stderr
-    if done.returncode != code:
-        sys.exit(f"hijack {' '.join(words)} ended with {done.returncode}, not {code}:\n{said}")
-    return said
+    process = subprocess.run([*HIJACK, *words], capture_output=True, text=True, check=False)
+    output = process.stdout + process.stderr
+    if process.returncode != code:
+        sys.exit(f"hijack {' '.join(words)} ended with {process.returncode}, not {code}:\n{output}")
+    return output
 
 
 def need(is_so: bool, otherwise: str) -> None:

@@ -188,8 +188,8 @@ def simulated(
 
 def simulation(desktops: int) -> str:
     """Return a table of how long 3,690 episodes take on n machines."""
-    known = [figures.seconds for figures in task_sets.read_measurements().values()]
-    durations = list(itertools.islice(itertools.cycle(known), TASKS))
+    task_seconds = [figures.seconds for figures in task_sets.read_measurements().values()]
+    durations = list(itertools.islice(itertools.cycle(task_seconds), TASKS))
     rows = [
         [str(count), f"{hours:.2f}", f"{100 * use:.0f} %"]
         for count, hours, use in simulated(durations, MACHINES, desktops)

@@ -37,10 +37,10 @@ def play(desktops: int, seeds: int, tasks: str, out: Path) -> float:
     return time.monotonic() - start
 
 
-def by_task(found: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
+def by_task(records: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
     """Return the scored episodes of each task."""
     tasks: dict[str, list[Mapping[str, Any]]] = {}
-    for record in found:
+    for record in records:
         if record["status"] == "ok" and record["corruption"] == "clean":
             name = task_name(record["task"], record["task_seed"])
             tasks.setdefault(name, []).append(record)
@@ -61,13 +61,13 @@ def measured(tasks: Mapping[str, Sequence[Mapping[str, Any]]]) -> dict[str, dict
     return found
 
 
-def write(found: Mapping[str, Mapping[str, float]]) -> None:
+def write(figures: Mapping[str, Mapping[str, float]]) -> None:
     """Write `measured.yaml`; a task that was not played keeps what was measured before."""
-    known = yaml.safe_load(MEASURED.read_text()) | dict(found)
-    found = {name: known[name] for name in sorted(known) if name in suite.class_references()}
+    known = yaml.safe_load(MEASURED.read_text()) | dict(figures)
+    figures = {name: known[name] for name in sorted(known) if name in suite.class_references()}
     lines = [
         f"{name}: {{actions: {m['actions']}, setup: {m['setup']}, seconds: {m['seconds']}}}\n"
-        for name, m in found.items()
+        for name, m in figures.items()
     ]
     text = HEAD + "".join(lines)
     yaml.safe_load(text)

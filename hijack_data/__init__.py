@@ -97,8 +97,6 @@ def __getattr__(name: str) -> object:
     """
     if name == "plugin":  # so that `hijack_data.plugin` needs no import of its own
         return importlib.import_module(f".{name}", __name__)
-    if name == "get":  # a short form of `make_corruption` that is not listed
-        name = "make_corruption"
     if name not in _HOME_OF:
         advice = f"; import it from {__name__}.plugin" if name in _FOR_AUTHORS else ""
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}{advice}")

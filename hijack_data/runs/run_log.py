@@ -33,8 +33,6 @@ from pathlib import Path
 
 FORMAT = "agenthijack-run"
 VERSION = 3
-CHAINED = 2  # the first version with hashes
-GIVING = 3  # the first version whose records say what their agent was given
 RUN = "run.json"
 RECORDS = "records.jsonl"
 EPISODES = "episodes"

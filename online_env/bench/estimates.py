@@ -101,8 +101,10 @@ def estimate(
         "suite": "as the suite's figures",
         "limit": f"with all {bench.max_steps} steps",
     }
-    counted = [f"{bases.count(key)} {words}" for key, words in basis_words.items() if key in bases]
-    text = f"{', '.join(parts)} ({', '.join(counted)})"
+    basis_counts = [
+        f"{bases.count(key)} {words}" for key, words in basis_words.items() if key in bases
+    ]
+    text = f"{', '.join(parts)} ({', '.join(basis_counts)})"
     unknown = dict.fromkeys(_unmeasured(planned_jobs, estimates))
     if unknown:
         text += f"; without the time that {', '.join(unknown)} takes to answer"

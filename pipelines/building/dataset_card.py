@@ -300,9 +300,9 @@ def _limit(parameters: Mapping[str, Any]) -> list[str]:
 
 def _stated_options(parameters: Mapping[str, Any]) -> list[str]:
     """Return the options that describe the recordings of a build."""
-    stated = parameters.get(RECORDINGS, {})
-    apps = ["--apps", ",".join(stated["apps"])] if stated.get("apps") else []
-    platform = ["--platform", stated["platform"]] if stated.get("platform") else []
+    recordings = parameters.get(RECORDINGS, {})
+    apps = ["--apps", ",".join(recordings["apps"])] if recordings.get("apps") else []
+    platform = ["--platform", recordings["platform"]] if recordings.get("platform") else []
     spaces = [
         word
         for name in ("coordinates", "boxes", "episode_key")

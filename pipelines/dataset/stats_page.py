@@ -52,8 +52,8 @@ def page(folder: str | os.PathLike[str], stats: Stats) -> str:
     lines = [_line(label, label_stats) for label, label_stats in stats.labels.items()]
     names = enumerate((*BINS, NO_TARGET))
     legend = [Html(f'<span class="k{k}">{name}</span>') for k, name in names]
-    places = _places(rows, stats)
-    sections = [_section(rows, label, label_places) for label, label_places in places.items()]
+    row_links = _places(rows, stats)
+    sections = [_section(rows, label, label_places) for label, label_places in row_links.items()]
     return _fill(
         "stats.html",
         title=f"Dataset {Path(os.path.abspath(folder)).name}",
@@ -170,22 +170,22 @@ def _places(rows: Dataset, stats: Stats) -> dict[str, list[RowLinks]]:
         if label != CLEAN and label_stats.rows:
             spread[label] = [label_stats.rows * k // PAIRS for k in range(PAIRS)]
     rows_passed = dict.fromkeys(spread, 0)
-    places: dict[str, dict[int, RowLinks]] = {label: {} for label in spread}
+    row_links: dict[str, dict[int, RowLinks]] = {label: {} for label in spread}
     hidden: dict[str, tuple[int, RowLinks]] = {}
-    for label, place in _index_rows(rows):
+    for label, links in _index_rows(rows):
         number = rows_passed[label]
         rows_passed[label] += 1
         if number in spread[label]:
-            places[label][number] = place
+            row_links[label][number] = links
         least = hidden[label][1].visible if label in hidden else 1.0
-        if place.visible is not None and least is not None and place.visible < least:
-            hidden[label] = number, place
-    for label, (number, place) in hidden.items():
-        label_places = places[label]
+        if links.visible is not None and least is not None and links.visible < least:
+            hidden[label] = number, links
+    for label, (number, links) in hidden.items():
+        label_places = row_links[label]
         if number not in label_places:
             label_places.pop(max(label_places))
-        places[label] = {number: place, **label_places}
-    return {label: list(label_places.values()) for label, label_places in places.items()}
+        row_links[label] = {number: links, **label_places}
+    return {label: list(label_places.values()) for label, label_places in row_links.items()}
 
 
 def _index_rows(rows: Dataset) -> Iterator[tuple[str, RowLinks]]:
@@ -206,16 +206,16 @@ def _index_rows(rows: Dataset) -> Iterator[tuple[str, RowLinks]]:
             number += 1
 
 
-def _section(rows: Dataset, label: str, places: list[RowLinks]) -> Html:
-    pairs = join([_pair(rows, place) for place in places])
+def _section(rows: Dataset, label: str, row_links: list[RowLinks]) -> Html:
+    pairs = join([_pair(rows, links) for links in row_links])
     heading = f'<div class="heading"><h2>{_escape(label)}</h2></div>'
     return Html(f'<section>{heading}<div class="cards">{pairs}</div></section>')
 
 
-def _pair(rows: Dataset, place: RowLinks) -> Html:
+def _pair(rows: Dataset, links: RowLinks) -> Html:
     """Return the card of a row: its pictures and its facts."""
-    row, after = rows.pixels(place.row)
-    before = _before(rows, place)
+    row, after = rows.pixels(links.row)
+    before = _before(rows, links)
     pictures = {"after": after} if before is None else {"before": before, "after": after}
     largest = max((picture.shape[:2] for picture in pictures.values()), key=_width)
     scale = scale_for(largest, WIDTH)
@@ -257,13 +257,13 @@ def _facts(row: Mapping[str, Any], resized: bool) -> list[str]:
     return [*facts, *Plan.from_json(row["plan"]).notes]
 
 
-def _before(rows: Dataset, place: RowLinks) -> UInt8Array | None:
-    stored = rows.reader[place.row]
+def _before(rows: Dataset, links: RowLinks) -> UInt8Array | None:
+    stored = rows.reader[links.row]
     if BASE in stored:
         return decode_column(stored, BASE)
-    if place.clean is None:
+    if links.clean is None:
         return None
-    return rows.pixels(place.clean)[1]
+    return rows.pixels(links.clean)[1]
 
 
 def _figure(picture: UInt8Array, scale: float, caption: str, name: str) -> Html:
