@@ -79,7 +79,7 @@ test-all: env lint  ## Lint, types and the whole suite
 	$(TEST) --ignore tests/live
 	$(TEST_LIVE)
 
-tail: env  ## A third of what only make test-all runs: make tail PART=tail-1 (or tail-2, tail-3)
+tail: env  ## A sixth of what only make test-all runs: make tail PART=tail-1 (to tail-6)
 	$(TEST) --ignore tests/live --part $(PART)
 	$(TEST_LIVE) --part $(PART)
 

@@ -1,9 +1,9 @@
-"""The parts of the test suite: the core, which `make test` runs, and three thirds of the rest.
+"""The parts of the test suite: the core, which `make test` runs, and six parts of the rest.
 
 The core has every test function that is not in `TAIL`, but of a function with many cases only
 `CASES`, drawn by a seed that the summary prints; functions in `WHOLE` keep all. All other cases are
-the tail. CI runs the core and one third of the tail, which the commit chooses, so three landings
-run everything.
+the tail. CI runs the core and one part of the tail, which the commit chooses, so six landings run
+everything.
 """
 
 import random
@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
-PARTS = ("all", "core", "tail-1", "tail-2", "tail-3")
-THIRDS = 3
+TAIL_PARTS = 6
+PARTS = ("all", "core", *(f"tail-{number}" for number in range(1, TAIL_PARTS + 1)))
 CASES = 2  # of each test function, in the core
 
 # Test functions of which the core has every case.
@@ -160,7 +160,7 @@ def is_ignored(file: str, part: str) -> bool:
     """Whether no test of a file (its path below `tests`) belongs to a part, without importing it."""
     if file not in TAIL or part == "all":
         return False
-    return part != f"tail-{_third(file)}"
+    return part != f"tail-{_tail_part(file)}"
 
 
 def select(items: Iterable[pytest.Item], part: str, seed: int) -> set[str]:
@@ -183,7 +183,7 @@ def select(items: Iterable[pytest.Item], part: str, seed: int) -> set[str]:
             selected |= core
         else:
             rest = (case for case in cases if case not in core)
-            selected |= {case for case in rest if part == f"tail-{_third(case)}"}
+            selected |= {case for case in rest if part == f"tail-{_tail_part(case)}"}
     return selected
 
 
@@ -195,7 +195,7 @@ def _draw(function: str, cases: list[str], seed: int) -> set[str]:
     return set(random.Random(f"{seed} {function}").sample(cases, CASES))
 
 
-def _third(case: str) -> int:
-    """Return 1, 2 or 3: the same for all tests of a file that the tail has as a whole."""
+def _tail_part(case: str) -> int:
+    """Return a number from 1 to `TAIL_PARTS`: the same for all tests of a file that the tail has as a whole."""
     file = case.partition("::")[0].removeprefix("tests/")
-    return 1 + zlib.crc32((file if file in TAIL else case).encode()) % THIRDS
+    return 1 + zlib.crc32((file if file in TAIL else case).encode()) % TAIL_PARTS
