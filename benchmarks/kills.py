@@ -26,8 +26,7 @@ from pathlib import Path
 from common import machine, table
 
 from online_env.bench.estimates import format_duration
-from online_env.embedded import registry
-from online_env.embedded.runtime import limits, network
+from online_env.embedded.runtime import limits, network, registry
 from online_env.results import records
 from online_env.results.scores import latest
 

@@ -19,9 +19,9 @@ from pathlib import Path
 import httpx
 from common import machine, table
 
-from online_env.embedded import packages, registry
+from online_env.embedded import packages
 from online_env.embedded.desktop import EmbeddedDesktop
-from online_env.embedded.runtime import network
+from online_env.embedded.runtime import network, registry
 
 APPS = ("browser", "editor", "files", "terminal")
 UNICODE = "Grüße, naïve café, Ω≈ç√∫, 数学と日本語, Привет мир, <tags> & 'quotes' \"double\" \\ ~"

@@ -67,9 +67,10 @@ def install(
     Root on Debian 12 gets the apt packages of the profiles. Everywhere else an image of the desktop
     is taken or built, and desktops start from it; nothing is installed on the machine.
     """
-    from .embedded import home, packages, registry
+    from .embedded import home, packages
     from .embedded.image import cache, sources
     from .embedded.image import image_setup as images
+    from .embedded.runtime import registry
 
     packages.packages(profiles)
     _check_sources(host, image or mirror)
@@ -236,7 +237,7 @@ def run(code: str, name: str | None, shell: bool) -> None:
 @click.option("--sweep", is_flag=True, help="First remove what killed processes have left.")
 def list_command(as_json: bool, sweep: bool) -> None:
     """List the desktops of this machine, orphans included."""
-    from .embedded import registry
+    from .embedded.runtime import registry
 
     if sweep:
         _end(registry.orphans(), quiet=as_json)
@@ -267,8 +268,8 @@ def list_command(as_json: bool, sweep: bool) -> None:
 @click.option("--all", "everything", is_flag=True, help="End all desktops.")
 def down(name: str | None, everything: bool) -> None:
     """End desktop NAME (the only one, if not given) and remove all of it."""
-    from .embedded import registry
     from .embedded.running import choose
+    from .embedded.runtime import registry
 
     if everything:
         records = registry.records()
@@ -279,7 +280,7 @@ def down(name: str | None, everything: bool) -> None:
 
 
 def _end(records: list[dict[str, Any]], quiet: bool = False) -> None:
-    from .embedded import registry
+    from .embedded.runtime import registry
     from .embedded.runtime.desktop_config import SetupError
 
     for record in {record["id"]: record for record in records}.values():
@@ -304,8 +305,8 @@ def view(name: str | None, port: int) -> None:
     Desktops of a running benchmark are shown by their name only.
     """
     from .corrupting.page_buttons import Buttons
-    from .embedded.registry import folder
     from .embedded.running import attach, left_running
+    from .embedded.runtime.registry import folder
     from .embedded.view import serve
 
     running = left_running() if name is None else []
@@ -325,8 +326,8 @@ def _code(result: RunResult) -> int:
 
 def _own() -> Any:
     """Start a desktop for a page; its name says so, and no other desktop gets it again."""
-    from .embedded import registry
     from .embedded.desktop import EmbeddedDesktop
+    from .embedded.runtime import registry
 
     running = ", ".join(record["id"] for record in registry.running())
     message = f"starting one beside {running} (hijack desktop view NAME shows one of those)"

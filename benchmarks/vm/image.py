@@ -25,6 +25,7 @@ from online import fetched
 from hijack_data.errors import HijackError
 from online_env.embedded import home, packages
 from online_env.embedded.runtime import account
+from online_env.embedded.runtime.hidden_folders import LAYERS
 
 CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "agenthijack" / "vm"
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -45,7 +46,7 @@ SKIPPED = frozenset(
         "/var/lib/apt",
         "/var/lib/dpkg",
         "/var/lib/docker",
-        str(home.PARENT),
+        str(LAYERS),
     }
 )
 FOLDERS = (

@@ -8,8 +8,8 @@
 """  # noqa: E501
 
 from .base import Format, Location, Move
-from .chat import ChatLabels, chat
-from .formats import ALIASES, FORMATS, find_format
+from .chat import ChatLabels
+from .formats import ALIASES, FORMATS, chat, find_format
 from .label_declarations import Declared, Labels
 
 __all__ = [

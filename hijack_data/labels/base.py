@@ -10,6 +10,8 @@ from ..errors import LabelError
 from ..types import SLACK, Size, are_fractions
 from .nested_numbers import Numbers
 
+LEAVE = "leave"  # the format of an entry that stays as it is
+
 
 @dataclass(frozen=True)
 class Move:

@@ -12,19 +12,18 @@
 import json
 import pickle
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias, cast
 
-from ..errors import HijackError, LabelError, ParameterError, ParameterTypeError, shown
+from ..errors import HijackError, LabelError, ParameterError, shown
 from ..types import Size
-from .base import Format, Location, Move
+from .base import LEAVE, Format, Location, Move
 from .grounding_text import could_be_point
 
 TextMapper: TypeAlias = Callable[[Any, Move], Any]
-LEAVE = "leave"
 # The names of roles in LLaVA's, ShareGPT's and LLaMA-Factory's records.
-_ROLES = {
+ROLES = {
     "human": "user",
     "gpt": "assistant",
     "model": "assistant",
@@ -54,47 +53,6 @@ class ChatLabels:
     others: str | TextMapper | None
 
 
-def chat(
-    form: str | TextMapper,
-    roles: Sequence[str] = ("assistant",),
-    indices: Sequence[int] | None = None,
-    others: str | TextMapper | None = None,
-) -> ChatLabels:
-    """Declare an entry that holds a conversation, of which some messages hold coordinates.
-
-    Args:
-        form: how the text of the addressed messages is written: a dialect of actions, another
-            format of labels, or a function `(text, move) -> text` at the top level of a module.
-            Tool calls (`tool_calls`) and blocks such as `tool_use` are given to it as dictionaries.
-        roles: the roles of the addressed messages. `human` and `gpt` are `user` and `assistant`.
-        indices: the positions of the addressed messages among all messages, from 0, or from the end
-            if negative; all if `None`.
-        others: the format of all other messages. By default they stay as they are, and one with two
-            numbers, of which one is above 1, is an error: a prompt may name a point, or the size of
-            the screen. `"leave"` lets them pass.
-
-    Returns:
-        A value for `labels=`.
-
-    Raises:
-        ParameterError: a role is given twice or none is given, or a function cannot be pickled.
-        ParameterTypeError: an argument has another type.
-        UnknownNameError: there is no such format.
-    """
-    from .formats import find_format
-
-    names = (roles,) if isinstance(roles, str) else tuple(roles)
-    if not names or not all(isinstance(cast("object", name), str) for name in names):
-        raise ParameterTypeError(f"chat roles must be texts such as 'assistant', got {roles!r}")
-    places = None if indices is None else tuple(indices)
-    if places is not None and not all(type(cast("object", index)) is int for index in places):
-        raise ParameterTypeError(f"chat indices must be whole numbers, got {indices!r}")
-    for declared in (form, others):
-        if declared is not None:
-            find_format(declared)
-    return ChatLabels(form, tuple(_ROLES.get(name, name) for name in names), places, others)
-
-
 def check_picklable(function: Any) -> None:
     """Check that a function can be found by its name, as the workers of loaders find it.
 
@@ -117,16 +75,17 @@ def function_format(function: TextMapper) -> Format:
     return Format(str(name), function, declaration=function)
 
 
-def chat_format(declared: ChatLabels) -> Format:
-    """Return the format of a declared conversation."""
-    from .formats import LEAVE as NAME
-    from .formats import find_format
+def chat_format(declared: ChatLabels, form: Format, others: Format | None) -> Format:
+    """Return the format of a declared conversation.
 
-    form = find_format(declared.form)
-    other_format = None if declared.others is None else find_format(declared.others)
+    Args:
+        declared: the declaration.
+        form: the format that `declared.form` names.
+        others: the format that `declared.others` names.
+    """
 
     def walk(value: Any, change: Callable[[Format, Any], Any]) -> Any:
-        return _Walker(declared, form, other_format, change).conversation(value)
+        return _Walker(declared, form, others, change).conversation(value)
 
     def map_value(value: Any, move: Move) -> Any:
         return walk(value, lambda kind, part: kind.map_value(part, move))
@@ -135,7 +94,7 @@ def chat_format(declared: ChatLabels) -> Format:
         locations: list[Location] = []
 
         def collect(kind: Format, part: Any) -> Any:
-            if kind.name != NAME:
+            if kind.name != LEAVE:
                 locations.extend(kind.locate(part, size))
             return part
 
@@ -203,7 +162,7 @@ class _Walker:
                 f"message {index} has neither a role and content nor a from and value:"
                 f" {shown(original)}"
             )
-        role = _ROLES.get(fields[keys[0]], fields[keys[0]])
+        role = ROLES.get(fields[keys[0]], fields[keys[0]])
         indices = self.declared.indices
         is_addressed = role in self.declared.roles and (
             indices is None or index in indices or index - count in indices

@@ -30,21 +30,20 @@ An entry may hold one box or point, or many in any nesting of lists, tuples, arr
 a flat list of numbers.
 """
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
 
 from ..actions import DIALECTS
 from ..errors import HijackError, LabelError, ParameterTypeError, UnknownNameError, suggest
 from ..types import Size
 from .action_formats import dialect_format, map_own_action, own_locations
-from .base import Format, Location, Move
+from .base import LEAVE, Format, Location, Move
 from .box_formats import ORDERS, box_format
-from .chat import ChatLabels, chat_format, function_format
+from .chat import ROLES, ChatLabels, TextMapper, chat_format, function_format
 from .grounding_text import RESIZED, grounding_aliases, grounding_format, loc_format
 from .point_formats import point_format
 from .size_and_mask_formats import coordinate_format, map_mask, size_format
 
-LEAVE = "leave"
 PICTURE = "picture"  # its pixels are changed before labels are
 
 
@@ -94,7 +93,8 @@ def find_format(name: object) -> Format:
     if name is None:
         return FORMATS[LEAVE]
     if isinstance(name, ChatLabels):
-        return chat_format(name)
+        others = None if name.others is None else find_format(name.others)
+        return chat_format(name, find_format(name.form), others)
     if callable(name):
         return function_format(name)
     if not isinstance(name, str):
@@ -108,6 +108,45 @@ def find_format(name: object) -> Format:
             f" {', '.join(FORMATS)}"
         )
     return FORMATS[full_name]
+
+
+def chat(
+    form: str | TextMapper,
+    roles: Sequence[str] = ("assistant",),
+    indices: Sequence[int] | None = None,
+    others: str | TextMapper | None = None,
+) -> ChatLabels:
+    """Declare an entry that holds a conversation, of which some messages hold coordinates.
+
+    Args:
+        form: how the text of the addressed messages is written: a dialect of actions, another
+            format of labels, or a function `(text, move) -> text` at the top level of a module.
+            Tool calls (`tool_calls`) and blocks such as `tool_use` are given to it as dictionaries.
+        roles: the roles of the addressed messages. `human` and `gpt` are `user` and `assistant`.
+        indices: the positions of the addressed messages among all messages, from 0, or from the end
+            if negative; all if `None`.
+        others: the format of all other messages. By default they stay as they are, and one with two
+            numbers, of which one is above 1, is an error: a prompt may name a point, or the size of
+            the screen. `"leave"` lets them pass.
+
+    Returns:
+        A value for `labels=`.
+
+    Raises:
+        ParameterError: a role is given twice or none is given, or a function cannot be pickled.
+        ParameterTypeError: an argument has another type.
+        UnknownNameError: there is no such format.
+    """
+    names = (roles,) if isinstance(roles, str) else tuple(roles)
+    if not names or not all(isinstance(cast("object", name), str) for name in names):
+        raise ParameterTypeError(f"chat roles must be texts such as 'assistant', got {roles!r}")
+    places = None if indices is None else tuple(indices)
+    if places is not None and not all(type(cast("object", index)) is int for index in places):
+        raise ParameterTypeError(f"chat indices must be whole numbers, got {indices!r}")
+    for declared in (form, others):
+        if declared is not None:
+            find_format(declared)
+    return ChatLabels(form, tuple(ROLES.get(name, name) for name in names), places, others)
 
 
 def map_label(key: str, form: Format, value: Any, move: Move) -> Any:

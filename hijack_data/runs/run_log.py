@@ -13,7 +13,7 @@
     RUN/episodes/<id>/steps.jsonl   line k: observation k, and the action that followed it
     RUN/episodes/<id>/frames/       the clean screens, and the agent's pictures that differ
 
-Since version 2 everything names the SHA-256 of what was written before it:
+Everything names the SHA-256 of what was written before it:
 
 * a line of `steps.jsonl` that of the line before (`previous`), the first that of the episode's id;
 * `episode.json` that of the last line (`chain`), and how many there are (`lines`);
@@ -23,7 +23,7 @@ Since version 2 everything names the SHA-256 of what was written before it:
 So an edit is detected unless everything after it is rewritten. A complete rewrite leaves no trace
 in the folder; only the signature of `seal.json` protects against it (see `hijack_data.runs.seal`).
 
-Since version 3 a record states what its agent was given in addition to instruction and pictures
+A record states what its agent was given in addition to instruction and pictures
 (`GIVEN`).
 """
 

@@ -30,7 +30,7 @@ from .agent_calls import (
     error_frames,
     error_text,
 )
-from .registry import check_agent
+from .agent_checks import check_agent
 
 HEADER = struct.Struct(">I")
 MAX_REPLY = 16 * 2**20  # bytes of an agent's answer as JSON

@@ -5,14 +5,14 @@ An agent of your own is one class with `predict`, see `base.Agent`: from an inst
 an agent file: `--agent my_agent.yaml`, or the bare name of one that comes with the package.
 """
 
-import inspect
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any, TypeAlias
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
 
 from hijack_data.entry_points import left_out
-from hijack_data.errors import ParameterError, suggest
+from hijack_data.errors import suggest
 from hijack_data.registry import Registry
 
+from .agent_checks import agent_problems
 from .base import DONE, WAIT, Agent, Observation
 
 AgentMaker: TypeAlias = Callable[[], Agent]
@@ -41,42 +41,6 @@ class DoNothing:
         return "Let us see what happens.", [WAIT]
 
 
-def _problems(maker: Any, _: str) -> Iterator[str]:
-    """Yield what is wrong with the class of an agent, or with a function that makes agents."""
-    if not callable(maker):
-        yield "an agent is a class, or a function that returns an agent"
-        return
-    if isinstance(maker, type) and not callable(getattr(maker, "predict", None)):
-        yield "it has no predict(instruction, obs)"
-    required = [name for name, value in _parameters(maker).items() if _is_needed(value)]
-    if required:
-        yield f"it is made without arguments; give {', '.join(required)} a default"
-
-
-def _parameters(maker: Any) -> dict[str, inspect.Parameter]:
-    try:
-        return dict(inspect.signature(maker).parameters)
-    except (TypeError, ValueError):  # of a class in C
-        return {}
-
-
-def _is_needed(parameter: inspect.Parameter) -> bool:
-    several = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
-    return parameter.default is inspect.Parameter.empty and parameter.kind not in several
-
-
-def check_agent(maker: Any) -> None:
-    """Check the class of an agent, or a function that makes agents.
-
-    Raises:
-        ParameterError: it is none; the message has all problems.
-    """
-    problems = "; ".join(_problems(maker, ""))
-    if problems:
-        title = getattr(maker, "__qualname__", type(maker).__qualname__)
-        raise ParameterError(f"cannot register {title}: {problems}")
-
-
 class AgentRegistry(Registry[AgentMaker]):
     """Agents by name; an agent file is found, too, by its path or its packaged name."""
 
@@ -87,6 +51,7 @@ class AgentRegistry(Registry[AgentMaker]):
         code of a user is imported by another process, which describes it, and not by this one.
         """
         from . import agent_files, makers  # they need PyYAML and all parsers
+        from .agent_process import describe
         from .references import is_foreign
 
         if text in self.entries:
@@ -95,8 +60,6 @@ class AgentRegistry(Registry[AgentMaker]):
             self.load()
             return self.add(makers.agent_file_maker(text), text)
         if super().is_reference(text) and text.rpartition(":")[2] and is_foreign(text):
-            from .agent_process import describe
-
             return self.add(describe(text), text)
         return super().find(text)
 
@@ -129,7 +92,7 @@ AGENTS = AgentRegistry(
         "pixel_onlooker_no_check": "online_env.agents.pixel.onlooker_agent:NoCheck",
         "pixel_onlooker_no_summary": "online_env.agents.pixel.onlooker_agent:NoSummary",
     },
-    problems=_problems,
+    problems=agent_problems,
 )
 register = AGENTS.register
 

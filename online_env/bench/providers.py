@@ -14,7 +14,7 @@ from hijack_data.types import Size
 from ..desktops.protocol import Desktop
 from ..errors import DesktopError, DesktopTimeoutError, MissingPackageError
 from ..tasks import TASKS
-from ..tasks.kit.apps import APPS
+from ..tasks.task_apps import APPS
 
 # Called with the size (height, width) in pixels; the desktop exists inside the context. Its `reset`
 # restores the pristine state. A desktop with a `record["sites"]` has a local internet.

@@ -63,8 +63,8 @@ def corrupt(
     Prints what the probe saw on the machine. Exit code 1: the probe is false, or something could
     not be taken back.
     """
-    from ..embedded.registry import folder
     from ..embedded.running import attach
+    from ..embedded.runtime.registry import folder
 
     cls = _find_corruption(name, undo)
     with attach(desktop_name) as desktop:

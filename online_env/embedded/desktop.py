@@ -10,9 +10,9 @@ from hijack_data.types import Size, UInt8Array
 from ..desktops.http import HttpDesktop
 from ..desktops.protocol import CAPABILITIES, Capability, RunResult, TaskConfig
 from ..errors import DesktopError, GuestError, MissingCapabilityError, UnknownDesktopError
-from . import handle, network_root, registry
+from . import handle, network_root
 from .desktop_supply import DesktopSupply
-from .runtime import network
+from .runtime import network, registry
 from .runtime.frame_reader import FrameReader
 from .runtime.rootless import LACKING
 

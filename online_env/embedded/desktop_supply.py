@@ -9,9 +9,8 @@ from dataclasses import replace
 from typing import Any
 
 from ..errors import DesktopError
-from . import registry
 from .handle import Handle
-from .runtime import hidden_folders
+from .runtime import hidden_folders, registry
 from .runtime.desktop_config import DesktopConfig
 
 

@@ -15,10 +15,10 @@ from hijack_data import extras
 from .. import extra
 from ..errors import MissingPackageError
 from ..privilege import as_root
-from . import home, packages, registry
+from . import home, packages
 from .handle import INSTEAD, LINUX, PACKAGES
 from .image import image_checks as images
-from .runtime import limits, rootless
+from .runtime import limits, registry, rootless
 
 # Does in a few milliseconds what a desktop needs of the kernel, in a process of its own, and leaves
 # nothing.

@@ -16,9 +16,9 @@ from hijack_data.types import Size, as_size
 
 from .. import extra
 from ..errors import DesktopError, DesktopTimeoutError, RootRequiredError
-from . import home, registry
+from . import home
 from .image import cache
-from .runtime import hidden_folders, session
+from .runtime import hidden_folders, registry, session
 from .runtime.desktop_config import DesktopConfig, SetupError
 
 PACKAGES = Path(__file__).resolve().parents[2]

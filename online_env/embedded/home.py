@@ -14,10 +14,8 @@ from pathlib import Path
 
 from . import default_pictures
 from .runtime.account import UID
+from .runtime.hidden_folders import LAYERS
 
-_DATA = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share")
-ROOTS = Path("/var/lib/agenthijack")
-PARENT = ROOTS if os.geteuid() == 0 else _DATA / "agenthijack"
 SOURCES = Path(__file__).resolve().parent
 FOLDERS = (
     "Desktop",
@@ -44,12 +42,12 @@ MimeType=text/html;x-scheme-handler/http;x-scheme-handler/https;
 """
 
 
-def layer_path(parent: Path = PARENT) -> Path:
+def layer_path(parent: Path = LAYERS) -> Path:
     """Return the path of the layer made from the present sources, whether it is there or not."""
     return parent / f"layer-{_digest()}"
 
 
-def ensure_layer(parent: Path = PARENT) -> Path:
+def ensure_layer(parent: Path = LAYERS) -> Path:
     """Return the golden layer, built now if it is not there (about 1 s).
 
     Several processes may ask at once.
@@ -73,7 +71,7 @@ def ensure_layer(parent: Path = PARENT) -> Path:
     return final
 
 
-def remove_old_layers(parent: Path = PARENT) -> None:
+def remove_old_layers(parent: Path = LAYERS) -> None:
     """Remove layers of other versions; call it only while no desktop runs."""
     for path in (*parent.glob("layer-*"), *parent.glob("building-*")):
         if path != layer_path(parent):

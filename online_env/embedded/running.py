@@ -5,8 +5,8 @@ from typing import Any
 
 from ..errors import UnknownDesktopError
 from ..privilege import as_root
-from . import registry
 from .desktop import EmbeddedDesktop
+from .runtime import registry
 
 
 def choose(name: str | None) -> dict[str, Any]:

@@ -42,7 +42,7 @@ class Task(ABC):
     Attributes:
         name: The name, in snake_case.
         domain: The kind of work, such as `files`; the folder of a task of the suite.
-        apps: The applications that the task uses, as `kit.apps.APPS` names them. The first one is
+        apps: The applications that the task uses, as `task_apps.APPS` names them. The first one is
             open at the start, unless `initial_app` says otherwise.
         phrasings: The instruction in several wordings, of which the seed chooses one. `{key}` is
             replaced by what `draw` returns.

@@ -43,7 +43,7 @@ class CarefulHand(Hand):
 
     Args:
         desktop: Where to act.
-        apps: The applications of the task, as `kit.apps.APPS` names them; windows of others are
+        apps: The applications of the task, as `task_apps.APPS` names them; windows of others are
             closed.
         start: What to type to start the task's first application again; "" if it has none.
         password: The user's password.

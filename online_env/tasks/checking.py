@@ -22,9 +22,9 @@ from . import TASKS
 from .base import Outcome, Task
 from .folder_desktop import FolderDesktop
 from .hand import GiveUpError, Hand
-from .kit.apps import APPS
 from .machine import Machine
 from .plan_words import PlanWordsError, read_plan
+from .task_apps import APPS
 
 if TYPE_CHECKING:
     from ..embedded.desktop import EmbeddedDesktop
@@ -196,7 +196,7 @@ def shortcomings(task: Task) -> Iterator[str]:
         yield "its instruction hardly varies with the seed"
     for app in task.apps:
         if app not in APPS:
-            yield f"application {app!r} is not in the table of kit/apps.py"
+            yield f"application {app!r} is not in the table of tasks/task_apps.py"
 
 
 def _instruction_problems(task: Task) -> Iterator[str]:

@@ -14,7 +14,7 @@ from ..embedded.sites.state import SITES, SiteState
 from ..errors import DesktopError, DesktopTimeoutError, GuestError, MissingPackageError
 from .hand import Hand
 from .idle import wait_until_idle
-from .kit.apps import APPS, TaskApp, find_app
+from .task_apps import APPS, TaskApp, find_app
 
 # One entry a file, folder or link that is not hidden: kind, mode and path; then the digests. A file
 # that the user may not read, or that goes meanwhile, has none (and xargs ends with 123).
@@ -156,7 +156,7 @@ class Machine:
         """Start an application and wait until its window is there.
 
         Args:
-            app: A name of `kit.apps.APPS`.
+            app: A name of `task_apps.APPS`.
             *arguments: Files (paths from the root) or addresses to open.
         """
         task_app = find_app(app)
@@ -183,7 +183,7 @@ class Machine:
         """Wait until applications have nothing left to do, such as a file to save; at most 20 s.
 
         Args:
-            apps: Names of `kit.apps.APPS`; others are not looked at.
+            apps: Names of `task_apps.APPS`; others are not looked at.
         """
         processes = [name for app in apps if app in APPS for name in APPS[app].processes]
         if processes:

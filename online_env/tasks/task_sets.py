@@ -16,8 +16,8 @@ import yaml
 
 from hijack_data.errors import UnknownNameError, suggest
 
-from .kit.apps import APPS
 from .suite import class_references
+from .task_apps import APPS
 
 SUITE = "suite"  # the set of all tasks that come with the library
 CORE = 24  # tasks of the set `core`

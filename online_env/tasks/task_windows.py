@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Iterable
 from pathlib import PurePath
 
-from .kit.apps import APPS
+from .task_apps import APPS
 from .tree_nodes import TreeNode
 
 PANEL = "xfce4-panel"
@@ -19,7 +19,7 @@ class TaskWindows:
     """Tells the windows of a task's applications from those of others.
 
     Args:
-        apps: The applications of the task, as `kit.apps.APPS` names them.
+        apps: The applications of the task, as `task_apps.APPS` names them.
         start: What to type to start the first of them again, with its documents; "" if unknown.
     """
 

@@ -13,8 +13,7 @@ from typing import Any
 
 import pytest
 
-from online_env.embedded import registry
-from online_env.embedded.runtime import network
+from online_env.embedded.runtime import network, registry
 
 from support import needs
 

@@ -18,7 +18,7 @@ from online_env.corrupting.ledger import LEDGER_FILE, Ledger
 from online_env.desktops.commands import launch
 from online_env.effects.app_minimization import DESKTOP_WINDOW_TYPES
 from online_env.effects.descriptions import in_words, undone_in_words
-from online_env.embedded import registry
+from online_env.embedded.runtime import registry
 
 from support.effects import reach, windows
 from support.waiting import until as wait

@@ -19,7 +19,8 @@ pytest.importorskip("httpx", reason=needs.ONLINE)
 
 from online_env import desktop_commands, privilege
 from online_env.desktops.protocol import RunResult
-from online_env.embedded import home, packages, registry, running
+from online_env.embedded import home, packages, running
+from online_env.embedded.runtime import registry
 from online_env.embedded.view import Viewer
 from online_env.errors import DesktopError, RootRequiredError, UnknownDesktopError
 

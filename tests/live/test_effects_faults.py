@@ -11,7 +11,7 @@ import pytest
 
 from hijack_data.plan import Effect
 from online_env.effects import perform, resume
-from online_env.embedded import registry
+from online_env.embedded.runtime import registry
 
 from support.effects import reach
 from support.waiting import until as wait

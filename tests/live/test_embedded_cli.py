@@ -19,8 +19,9 @@ from PIL import Image
 
 import hijack_data as hj
 from online_env import desktop_commands
-from online_env.embedded import registry, view
+from online_env.embedded import view
 from online_env.embedded.desktop import EmbeddedDesktop
+from online_env.embedded.runtime import registry
 
 
 def hijack(*arguments, code=0):

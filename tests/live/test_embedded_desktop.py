@@ -12,8 +12,8 @@ import pytest
 from hijack_data.errors import ParameterError
 from online_env import EmbeddedDesktop
 from online_env.desktops.protocol import CAPABILITIES
-from online_env.embedded import home, registry
-from online_env.embedded.runtime import account
+from online_env.embedded import home
+from online_env.embedded.runtime import account, registry
 from online_env.errors import DesktopError, UnknownDesktopError
 
 from support.waiting import still

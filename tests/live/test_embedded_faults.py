@@ -11,8 +11,8 @@ import time
 
 import pytest
 
-from online_env.embedded import handle, registry
-from online_env.embedded.runtime import network
+from online_env.embedded import handle
+from online_env.embedded.runtime import network, registry
 from online_env.errors import DesktopError
 
 from support import needs

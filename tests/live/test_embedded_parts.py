@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from hijack_data.errors import ParameterError, UnknownNameError
 from online_env.desktop_commands import desktop
-from online_env.embedded import default_pictures, desktop_supply, doctor, home, packages, registry
+from online_env.embedded import default_pictures, desktop_supply, doctor, home, packages
 from online_env.embedded.guest import commands, recorder, routes_files
 from online_env.embedded.image import sources
 from online_env.embedded.runtime import (
@@ -25,6 +25,7 @@ from online_env.embedded.runtime import (
     identity,
     internet,
     network,
+    registry,
     root_file_system,
     session,
 )

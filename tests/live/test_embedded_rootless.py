@@ -16,8 +16,7 @@ from hijack_data.plan import Effect
 from online_env import privilege
 from online_env.desktops.http import HttpDesktop
 from online_env.effects import perform
-from online_env.embedded import registry
-from online_env.embedded.runtime import kernel, rootless
+from online_env.embedded.runtime import kernel, registry, rootless
 from online_env.embedded.runtime.desktop_config import SetupError
 from online_env.errors import MissingCapabilityError
 

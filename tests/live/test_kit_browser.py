@@ -7,7 +7,7 @@ import pytest
 
 from online_env.tasks import Hand, Machine
 from online_env.tasks.kit import browser
-from online_env.tasks.kit.apps import APPS
+from online_env.tasks.task_apps import APPS
 
 REGISTER = "http://forms.test/register"
 

@@ -24,8 +24,8 @@ import pytest
 from hijack_data.plan import Effect
 from online_env.desktops.http import HttpDesktop
 from online_env.effects import perform
-from online_env.embedded import handle, registry
-from online_env.embedded.runtime import hidden_folders
+from online_env.embedded import handle
+from online_env.embedded.runtime import hidden_folders, registry
 from online_env.embedded.runtime.guest_spawner import SERVER_PROCESS_NAME
 from online_env.errors import DesktopError
 

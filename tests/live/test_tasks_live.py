@@ -17,7 +17,7 @@ from online_env import tasks
 from online_env.embedded.sites import SiteState
 from online_env.errors import MissingPackageError
 from online_env.tasks import task_sets
-from online_env.tasks.kit.apps import APPS
+from online_env.tasks.task_apps import APPS
 
 
 @pytest.fixture(scope="module")

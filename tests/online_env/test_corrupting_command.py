@@ -52,7 +52,7 @@ def desktop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Windows:
     made = Windows()
     (tmp_path / "d1").mkdir()
     monkeypatch.setattr("online_env.embedded.running.attach", lambda name: made)
-    monkeypatch.setattr("online_env.embedded.registry.folder", lambda name: tmp_path / name)
+    monkeypatch.setattr("online_env.embedded.runtime.registry.folder", lambda name: tmp_path / name)
     monkeypatch.chdir(tmp_path)
     return made
 

@@ -17,7 +17,7 @@ pytest.importorskip("Xlib", reason=needs.ONLINE)
 
 from Xlib import xauth
 
-from online_env.embedded import doctor, home, registry
+from online_env.embedded import doctor, home
 from online_env.embedded.runtime import (
     guest_spawner,
     health,
@@ -27,6 +27,7 @@ from online_env.embedded.runtime import (
     limits,
     logs,
     network,
+    registry,
 )
 from online_env.embedded.runtime.desktop_config import DesktopConfig, SetupError
 from online_env.embedded.runtime.logs import BoundedLogs

@@ -10,9 +10,8 @@ import time
 import numpy as np
 import pytest
 
-from online_env.embedded import registry
 from online_env.embedded.guest.frame_format import ASK, DONE, FrozenScreen, PointerImage
-from online_env.embedded.runtime import forward
+from online_env.embedded.runtime import forward, registry
 from online_env.embedded.runtime.frame_reader import FrameReader
 from online_env.embedded.runtime.framebuffer import FREEZE_SOCKET
 

@@ -11,8 +11,9 @@ from support import needs
 pytest.importorskip("httpx", reason=needs.ONLINE)
 
 from online_env import desktop_commands
-from online_env.embedded import registry, view
+from online_env.embedded import view
 from online_env.embedded.desktop import EmbeddedDesktop
+from online_env.embedded.runtime import registry
 
 ME = (os.getpid(), registry.process_start(os.getpid()))
 

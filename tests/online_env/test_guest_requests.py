@@ -14,7 +14,7 @@ from support import needs
 pytest.importorskip("starlette", reason=needs.ONLINE)
 
 from online_env.embedded.guest import commands, request_checks
-from online_env.embedded.registry import process_start
+from online_env.embedded.runtime.registry import process_start
 
 from support.guests import TOKEN, at_home, guest_client, httpx, said
 from support.processes import children, cmdline

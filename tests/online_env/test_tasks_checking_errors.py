@@ -113,7 +113,7 @@ def test_what_a_task_of_the_suite_should_have_is_noted(tmp_path: Path) -> None:
     assert judged.ok, "braces of the text are written twice"
     assert judged.notes == (
         "it has 1 phrasings, not 3",
-        "application 'emacs' is not in the table of kit/apps.py",
+        "application 'emacs' is not in the table of tasks/task_apps.py",
     )
 
 

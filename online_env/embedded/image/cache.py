@@ -22,7 +22,8 @@ from hijack_data.file_io import unwritable, write_atomic
 from hijack_data.locking import LockedError, lock
 
 from ...errors import DesktopImageError
-from .. import home, registry
+from ..runtime import registry
+from ..runtime.hidden_folders import LAYERS
 from . import archive, debian, file_entries, manifest
 from .manifest import Manifest
 
@@ -45,7 +46,7 @@ Report = Callable[[str], None]
 def place() -> Path:
     """The folder of the images: `$AGENTHIJACK_IMAGES`, or `images` beside the golden homes."""
     folder = os.environ.get(VARIABLE)
-    return Path(folder).absolute() if folder else home.PARENT / "images"
+    return Path(folder).absolute() if folder else LAYERS / "images"
 
 
 def ensure_place() -> Path:

@@ -15,8 +15,8 @@ import numpy as np
 
 from hijack_data.types import UInt8Array
 
-from .. import registry
 from ..guest.frame_format import ASK, DONE, FrozenScreen, to_rgb
+from . import registry
 from .framebuffer import FREEZE_SOCKET
 
 READ_TIMEOUT_S = 5.0

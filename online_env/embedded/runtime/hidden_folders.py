@@ -14,8 +14,10 @@ from pathlib import Path
 
 from hijack_data.extras import DISTRIBUTION
 
-from .. import home
-
+# The folder of root's golden layers and images, and that of this user.
+_DATA = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share")
+ROOT_LAYERS = Path("/var/lib/agenthijack")
+LAYERS = ROOT_LAYERS if os.geteuid() == 0 else _DATA / "agenthijack"
 PACKAGES = ("hijack_data", "online_env", "pipelines")
 _hidden_by_caller: dict[str, None] = {}
 
@@ -38,8 +40,8 @@ def hidden() -> tuple[str, ...]:
 
 
 def _own() -> Iterator[str | Path]:
-    yield home.PARENT
-    yield home.ROOTS
+    yield LAYERS
+    yield ROOT_LAYERS
     # What was made for this project holds nothing that a desktop needs: a virtual environment, a
     # clone.
     if sys.prefix != sys.base_prefix:

@@ -6,8 +6,7 @@ import subprocess
 import time
 from typing import IO, cast
 
-from .. import registry
-from . import kernel, limits, network, session
+from . import kernel, limits, network, registry, session
 from .desktop_config import DesktopConfig, SetupError
 from .logs import BoundedLogs
 

@@ -23,7 +23,6 @@ import socket
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from .. import registry
 from . import (
     account,
     forward,
@@ -32,6 +31,7 @@ from . import (
     kernel,
     limits,
     network,
+    registry,
     root_file_system,
     rootless,
     session,

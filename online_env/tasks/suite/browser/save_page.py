@@ -5,11 +5,11 @@ import re
 from online_env.embedded.sites.library import articles
 from online_env.tasks import Task
 from online_env.tasks.kit import plan_steps
-from online_env.tasks.kit.apps import APPS
 from online_env.tasks.kit.articles import address
 from online_env.tasks.kit.pages import visit
 from online_env.tasks.kit.served_pages import seen_text, served_page
 from online_env.tasks.kit.word_lists import TOPICS
+from online_env.tasks.task_apps import APPS
 
 FOLDERS = ("Documents", "Desktop", "Downloads")
 

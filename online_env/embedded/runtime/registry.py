@@ -19,8 +19,8 @@ from typing import Any
 
 from hijack_data.locking import LockedError, lock
 
-from .runtime import limits, network
-from .runtime.desktop_config import SetupError
+from . import limits, network
+from .desktop_config import SetupError
 
 # One folder for root's desktops, and one for those of each other user.
 RUN = Path("/run/agenthijack") if os.geteuid() == 0 else Path(f"/tmp/agenthijack-{os.geteuid()}")
