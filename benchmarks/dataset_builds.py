@@ -25,7 +25,7 @@ from PIL import Image, ImageDraw
 
 import hijack_data as hj
 from hijack_data.drawing.text import load_font
-from hijack_data.file_io import decode_image, pixel_sha256
+from hijack_data.picture_io import decode_image, pixel_sha256
 from hijack_data.types import Action, Step, Trajectory
 from pipelines import build, open_dataset, render
 from pipelines.building.parquet_writer import write_parquet

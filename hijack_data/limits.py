@@ -4,8 +4,12 @@ A plan of two hundred bytes can name any size. These limits are larger than ever
 (8K is 33 million pixels) and small enough for a machine with a few GB of free memory.
 """
 
+from typing import TYPE_CHECKING
+
 from .errors import ParameterError
-from .types import Size
+
+if TYPE_CHECKING:
+    from .types import Size
 
 # Pixels of a picture that is read, resized or planned for: 16384x16384, the most that `Resolution`
 # makes, which is 0.8 GB of RGB.
@@ -16,7 +20,7 @@ SPRITE_PIXELS = 2**26
 PIXELS_AT_ONCE = 2**22
 
 
-def check_area(size: Size, what: str) -> Size:
+def check_area(size: "Size", what: str) -> "Size":
     """Return `size`, (height, width) in pixels, if it is not too large.
 
     Raises:

@@ -20,7 +20,8 @@ import numpy as np
 from PIL import Image
 
 from .errors import AssetError, ParameterTypeError, shown
-from .file_io import pixel_sha256, read_versioned_json
+from .file_io import read_versioned_json
+from .picture_io import pixel_sha256
 from .registry import find_registry
 from .types import ACTION_TYPES, MAX_SIDE, Action, Box, Size, UInt8Array
 

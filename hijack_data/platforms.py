@@ -1,11 +1,8 @@
 """Platforms: the kinds of machines that recordings show."""
 
-from typing import get_args
-
+from .choices import PLATFORMS, Platform
 from .errors import ParameterError, ParameterTypeError, suggest
-from .types import Platform
 
-PLATFORMS: tuple[Platform, ...] = get_args(Platform)
 # The platform of the shipped pictures; in recordings of any other platform they look foreign.
 OURS: Platform = "linux-xfce"
 _ALIASES: dict[str, Platform] = {

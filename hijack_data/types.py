@@ -14,6 +14,7 @@ from typing import Literal, TypeAlias, cast
 import numpy as np
 import numpy.typing as npt
 
+from .choices import Platform
 from .errors import ParameterError, ParameterTypeError, shown
 
 Size: TypeAlias = tuple[int, int]  # (height, width) in pixels
@@ -343,7 +344,6 @@ class Step:
 
 # `linux` is any desktop other than Xfce, or an unknown one; `web` is a page without the screen
 # around it.
-Platform: TypeAlias = Literal["linux-xfce", "linux", "windows", "macos", "android", "ios", "web"]
 
 
 @dataclass(frozen=True)

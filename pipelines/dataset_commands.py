@@ -1,32 +1,25 @@
-"""`hijack build`, `inspect`, `verify`, `sign`, `stats` and `export`."""
+"""`hijack build`, `inspect`, `verify`, `sign`, `stats` and `export`.
+
+A command imports what it needs when it runs: `--help` answers at once.
+"""
 
 import dataclasses
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from hijack_data.choices import LABEL_POLICIES, OUTPUTS, PLATFORMS
 from hijack_data.cli.completion import complete, complete_configuration
 from hijack_data.cli.options import BriefCommand, seed_option
 from hijack_data.cli.terminal import console, echo
-from hijack_data.config.options import LABEL_POLICIES
-from hijack_data.file_io import unwritable, write_atomic
-from hijack_data.platforms import PLATFORMS
-from hijack_data.runs import seal
 
-from .building.build import build as build_dataset
-from .building.build_report import Findings
-from .dataset.manifest import OUTPUTS
-from .engines import LOCAL
-from .exports import FORMATS, ONLOOKER
-from .exports import export as export_dataset
-from .exports.dialects import DIALECTS
-from .inspection import SAMPLE, inspect_source
-from .proof.rebuild import is_run, rebuild
-from .proof.verify import verify as verify_dataset
-from .readers.reader_options import BOXES, COORDINATES
+from .choices import BOXES, COORDINATES, DIALECTS, EXPORTS, LOCAL, ONLOOKER, SAMPLE
+
+if TYPE_CHECKING:
+    from .building.build_report import Findings
 
 
 class Meter:
@@ -190,6 +183,8 @@ def build(
     source: tuple[str, ...], as_json: bool, format_: str | None, lazy: bool | None, **options: Any
 ) -> None:
     """Build a Hugging Face dataset from recorded trajectories."""
+    from .building.build import build as build_dataset
+
     meter = Meter(as_json)
     options["output"] = None if lazy is None else OUTPUTS[lazy]
     try:
@@ -262,6 +257,8 @@ def _end(result: Any, code: int) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def inspect(source: tuple[str, ...], format_: str | None, as_json: bool, **options: Any) -> None:
     """Show the content of recordings, and the result of a build, without building."""
+    from .inspection import inspect_source
+
     found = inspect_source(source, format=format_, **options)
     if as_json:
         echo(json.dumps(found.to_data()))
@@ -285,6 +282,9 @@ def inspect(source: tuple[str, ...], format_: str | None, as_json: bool, **optio
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def verify(folder: str, source: tuple[str, ...], key: str | None, as_json: bool) -> None:
     """Check every byte, picture, plan and label of a dataset, or of a run."""
+    from .proof.rebuild import is_run, rebuild
+    from .proof.verify import verify as verify_dataset
+
     if is_run(folder):
         if source:
             raise click.UsageError("--source goes with a dataset; a run holds its own recordings")
@@ -306,6 +306,11 @@ def verify(folder: str, source: tuple[str, ...], key: str | None, as_json: bool)
 )
 def sign(runs: Path, key: str) -> None:
     """Sign a run for its recipients, after verifying it: hijack sign RUNS --key KEY."""
+    from hijack_data.file_io import unwritable
+    from hijack_data.runs import seal
+
+    from .proof.rebuild import rebuild
+
     seal.check_key(key)
     try:
         (runs / seal.SEAL).unlink(missing_ok=True)
@@ -325,6 +330,8 @@ def sign(runs: Path, key: str) -> None:
 @click.option("-o", "--out", metavar="OUT.html", help="Write a page with pictures, too.")
 def stats(folder: str, as_json: bool, out: str | None) -> None:
     """Show the figures of a dataset: counts, visible targets, changed pixels."""
+    from hijack_data.file_io import write_atomic
+
     from .dataset.stats import stats as stats_of
     from .dataset.stats_page import page
 
@@ -344,7 +351,7 @@ def stats(folder: str, as_json: bool, out: str | None) -> None:
     required=True,
     metavar="NAME",
     shell_complete=complete("pipelines.exports:FORMATS", ONLOOKER),
-    help=f"The format ({', '.join([*FORMATS.entries, ONLOOKER])}, FILE.py:CLASS).",
+    help=f"The format ({', '.join([*EXPORTS, ONLOOKER])}, FILE.py:CLASS).",
 )
 @click.option("-o", "--out", required=True, metavar="FOLDER", help="The folder to make.")
 @click.option(
@@ -364,6 +371,8 @@ def stats(folder: str, as_json: bool, out: str | None) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def export(folder: str, as_json: bool, **options: Any) -> None:
     """Export a dataset as chat rows, verl Parquet, WebDataset tar files or onlooker data."""
+    from .exports import export as export_dataset
+
     meter = Meter(as_json)
     try:
         report = export_dataset(folder, options.pop("out"), progress=meter, **options)

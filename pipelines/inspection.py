@@ -19,6 +19,7 @@ from .building.build_report import MAX_SHOWN_INPUTS, BuildReport
 from .building.dry_run import run_dry
 from .building.row_settings import make_settings
 from .building.shards import ShardTask, shard_tasks
+from .choices import SAMPLE
 from .dataset.columns import pyarrow
 from .readers import Rejected, get_reader
 from .readers.reader_options import ReaderOptions
@@ -28,7 +29,6 @@ from .readers.safe_files import image_size
 from .readers.survey import summary
 from .sources import SourceItem, Sources
 
-SAMPLE = 3
 _SPACE = re.compile(r"Coordinates: (.*?)(?:[.;:]\s|\Z)", re.DOTALL)
 UNKNOWN = "not said"
 ONE_SHARD = 10**9  # rows: more than any sample has

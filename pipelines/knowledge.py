@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from hijack_data.apps import KNOWN, collect_apps, may_be_same, mentioned_programs, normalize_app
+from hijack_data.choices import PLATFORMS
 from hijack_data.config.nodes import (
     ConfigNode,
     MappingNode,
@@ -35,7 +36,7 @@ from hijack_data.config.nodes import (
 )
 from hijack_data.config.yaml_reader import read_yaml
 from hijack_data.errors import ParameterError, ParameterTypeError, suggest
-from hijack_data.platforms import OURS, PLATFORMS, as_platform, find_platform
+from hijack_data.platforms import OURS, as_platform, find_platform
 from hijack_data.types import Platform, Trajectory
 
 from .errors import BuildError, SourceError

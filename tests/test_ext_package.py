@@ -116,7 +116,8 @@ def test_doctor_lists_each_kind(installed):
 
 
 def test_the_plugin_corrupts_a_picture(installed, tmp_path, noise):
-    from hijack_data.file_io import encode_png, write_atomic
+    from hijack_data.file_io import write_atomic
+    from hijack_data.picture_io import encode_png
 
     write_atomic(tmp_path / "in.png", encode_png(noise))
     words = ("apply", tmp_path / "in.png", "dead_pixels", "-o", tmp_path / "o.png", "--json")

@@ -29,7 +29,8 @@ import numpy as np
 import hijack_data as hj
 from hijack_data.plugin import Corruption, Draft, Paste, Resample, register
 from hijack_data.config import load_config
-from hijack_data.file_io import encode_png, load_image, write_atomic
+from hijack_data.file_io import write_atomic
+from hijack_data.picture_io import encode_png, load_image
 from hijack_data.kernels.cpu import jit
 
 SIZE = (540, 1100)

@@ -10,7 +10,7 @@ from PIL import Image
 import hijack_data as hj
 from hijack_data.composites import composite, is_bare
 from hijack_data.errors import HijackError
-from hijack_data.file_io import load_image
+from hijack_data.picture_io import load_image
 
 ROOT = Path(__file__).resolve().parents[2]
 RECORDED = ROOT / "examples" / "recordings" / "images"

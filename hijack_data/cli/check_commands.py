@@ -1,20 +1,18 @@
 """`hijack check` and `hijack doctor`: test a plug-in, and list what this machine has installed."""
 
+import ctypes
 import importlib
 import importlib.metadata
 import json
 import platform
 import sys
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import click
-from rich.markup import escape
-from rich.table import Table
-from rich.text import Text
 
-from .. import conformance, extras
-from .. import corruption as registry
+from .. import extras
 from ..errors import PluginError
 from ..loading import SUFFIX, LoadedFile, run_file
 from ..shadowed import OTHERS, find_shadow
@@ -77,8 +75,13 @@ def _check_content(loaded: LoadedFile, target: str, plugins: list[str]) -> None:
 
 def _check_file(out: Any, loaded: LoadedFile, desktop: bool) -> int:
     """Check corruptions and effects; return how many checks failed."""
+    from rich.markup import escape
+
+    from .. import conformance
+    from ..corruption import find_corruption
+
     failed = 0
-    corruptions = [registry.find_corruption(name) for name in loaded.corruptions]
+    corruptions = [find_corruption(name) for name in loaded.corruptions]
     for cls in corruptions:
         out.print(f"[bold]{cls().id}[/] {escape(cls.summary())}")
         failed += sum(not _show(out, result) for result in conformance.run(cls))
@@ -150,6 +153,8 @@ def _show(out: Any, result: Any) -> bool:
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def doctor(as_json: bool) -> None:
     """List what is installed, what is missing, and the commands that add it."""
+    from rich.table import Table
+
     rows, remedy = list(_doctor_rows()), doctor_rows.extras_remedy()
     if as_json:
         echo(json.dumps({"found": [_row_data(row) for row in rows], "remedy": remedy}))
@@ -181,6 +186,8 @@ def _doctor_rows() -> Iterator[DoctorRow]:
 
 def _shadow_rows() -> Iterator[DoctorRow]:
     """Yield a row for each of our packages that a folder or file of the user's hides."""
+    from rich.markup import escape
+
     for name in OTHERS:
         problem = find_shadow(name)
         if problem:
@@ -189,6 +196,8 @@ def _shadow_rows() -> Iterator[DoctorRow]:
 
 def _row_data(row: DoctorRow) -> dict[str, Any]:
     """Return a row without markup, for `--json`."""
+    from rich.text import Text
+
     mark, component, purpose, state = (Text.from_markup(cell).plain for cell in row)
     return {"ok": mark == "ok", "what": component, "for": purpose, "found": state}
 
@@ -196,7 +205,21 @@ def _row_data(row: DoctorRow) -> dict[str, Any]:
 def _gpu() -> tuple[str, str, str, str]:
     if extras.lacking(["torch"]):
         return "[yellow]--[/]", "gpu", "CUDA kernels", "needs the torch extra"
+    no_device = "no CUDA device; everything runs on the CPU"
+    if not _has_gpu_driver():
+        return "[yellow]--[/]", "gpu", "CUDA kernels", no_device
     torch = importlib.import_module("torch")
     if not torch.cuda.is_available():
-        return "[yellow]--[/]", "gpu", "CUDA kernels", "no CUDA device; everything runs on the CPU"
+        return "[yellow]--[/]", "gpu", "CUDA kernels", no_device
     return "[green]ok[/]", "gpu", "CUDA kernels", torch.cuda.get_device_name(0)
+
+
+def _has_gpu_driver() -> bool:
+    """Return whether torch could find a GPU: importing torch to ask it takes seconds."""
+    if sys.platform != "linux" or Path("/dev/kfd").exists():  # AMD's driver
+        return True
+    try:
+        ctypes.CDLL("libcuda.so.1")
+    except OSError:
+        return False
+    return True

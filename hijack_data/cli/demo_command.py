@@ -12,8 +12,9 @@ from .. import extras
 from .._apply import apply
 from ..corruption import make_corruption
 from ..errors import HijackError, MissingDependencyError
-from ..file_io import encode_png, load_image, make_folder, write_atomic
+from ..file_io import make_folder, write_atomic
 from ..gallery import contact_sheet
+from ..picture_io import encode_png, load_image
 from . import hijack
 from .picture_commands import make_scene
 from .terminal import echo

@@ -2,20 +2,30 @@
 
 import json
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-from rich.markup import escape
-from rich.table import Table
 
-from .. import corruption as registry
-from .. import params as p
 from .completion import complete
 from .terminal import console, echo
 
+if TYPE_CHECKING:
+    from rich.table import Table
 
-def describe(cls: type[registry.Corruption]) -> dict[str, Any]:
+    from ..corruption import Corruption
+
+
+def describe_all() -> list[dict[str, Any]]:
+    """Return everything about all corruptions as JSON data."""
+    from ..corruption import corruption_names, find_corruption
+
+    return [describe(find_corruption(name)) for name in corruption_names()]
+
+
+def describe(cls: "type[Corruption]") -> dict[str, Any]:
     """Return everything about a corruption as JSON data."""
+    from .. import params as p
+
     spec = cls()
     rows: list[dict[str, Any]] = []
     for key, (meta, default) in p.parameters(cls).items():
@@ -35,12 +45,14 @@ def describe(cls: type[registry.Corruption]) -> dict[str, Any]:
     }
 
 
-def acts(spec: registry.Corruption) -> str:
+def acts(spec: "Corruption") -> str:
     """Return in words at which steps a corruption acts."""
+    from ..params import Every
+
     match spec.steps:
         case None:
             return "every step"
-        case p.Every(every=every):
+        case Every(every=every):
             return f"every {every} steps"
         case -1:
             return "before the episode"
@@ -93,13 +105,15 @@ def _changes(level: dict[str, Any]) -> str:
 @click.option("--markdown", "as_markdown", is_flag=True, help="Print the reference page.")
 def list_command(as_json: bool, as_markdown: bool) -> None:
     """List all corruptions, the paper's nine first."""
-    rows = [describe(registry.find_corruption(name)) for name in registry.corruption_names()]
+    rows = describe_all()
     if as_markdown:
         echo(markdown(rows), nl=False)
         return
     if as_json:
         echo(json.dumps(rows, indent=1))
         return
+    from rich.markup import escape
+
     table = _table("name", "acts on", "when", "what it does")
     for row in rows:
         cells = (row["name"], row["scope"], row["acts"], row["summary"])
@@ -112,7 +126,11 @@ def list_command(as_json: bool, as_markdown: bool) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def show(name: str, as_json: bool) -> None:
     """Show one corruption: its parameters, defaults, ranges and severity levels."""
-    info = describe(registry.find_corruption(name))
+    from rich.markup import escape
+
+    from ..corruption import find_corruption
+
+    info = describe(find_corruption(name))
     if as_json:
         echo(json.dumps(info, indent=1))
         return
@@ -132,7 +150,9 @@ def show(name: str, as_json: bool) -> None:
         out.print(f"severity {level}: {text}", markup=False)
 
 
-def _table(*columns: str) -> Table:
+def _table(*columns: str) -> "Table":
+    from rich.table import Table
+
     return Table(*columns, box=None, header_style="bold", pad_edge=False)
 
 

@@ -4,8 +4,6 @@ from pathlib import Path
 
 import click
 
-from .. import corruption as registry
-from .. import declaration
 from ..errors import HijackError, ParameterError
 from ..file_io import write_atomic
 from .terminal import echo
@@ -81,8 +79,11 @@ def _check_path(path: Path) -> None:
 
 
 def _check_name(name: str) -> None:
+    from .. import declaration
+    from ..corruption import corruption_names
+
     problem = next(declaration.name_problems(name), None)
-    if problem is None and name in registry.corruption_names():
+    if problem is None and name in corruption_names():
         problem = f"name {name!r} is taken; hijack list shows all that are"
     if problem is not None:
         raise ParameterError(problem)

@@ -17,7 +17,8 @@ from ..config import specs_from
 from ..corruption import Corruption, check_names, find_corruption
 from ..elements import scene_from
 from ..errors import HijackError, MissingDependencyError, ParameterError, PlanError
-from ..file_io import encode_png, load_image, pixel_sha256, write_atomic
+from ..file_io import write_atomic
+from ..picture_io import encode_png, load_image, pixel_sha256
 from ..plan import Plan
 from ..planner import Planner
 from ..types import Scene, UInt8Array

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from ..errors import HijackError, ImageError, counted
-from ..file_io import FORMATS
+from ..picture_io import FORMATS
 from ..plan import Plan
 from ..types import UInt8Array
 from .terminal import echo

@@ -8,11 +8,10 @@ import re
 from collections.abc import Mapping
 from typing import Any, Protocol, cast
 
+from ..choices import LABEL_POLICIES, OUTPUTS
 from ..errors import ParameterError, ParameterTypeError
 from ..params import Parameter
 
-LABEL_POLICIES = ("keep", "avoid", "drop", "recover")
-OUTPUTS = ("materialised", "lazy")
 _SPLIT = re.compile(r"\w{1,64}")
 
 

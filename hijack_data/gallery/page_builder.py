@@ -10,7 +10,7 @@ from .._apply import apply
 from ..composites import Composite, composite, is_bare
 from ..elements import scene_from
 from ..errors import HijackError, ImageError, counted
-from ..file_io import load_image
+from ..picture_io import load_image
 from ..plan import CLEAN, Plan
 from ..planner import Planner
 from ..safety import judge

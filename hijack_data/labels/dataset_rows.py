@@ -27,7 +27,7 @@ from ..actions.recorded_actions import SCREENAGENT, SIZELESS, map_recorded
 from ..backends import to_numpy
 from ..corruption import find_corruption
 from ..errors import HijackError, LabelError
-from ..file_io import pixel_sha256
+from ..picture_io import pixel_sha256
 from ..plan import CLEAN, Plan
 from ..safety import changed_pixels, target_visible
 from ..smart_resize import smart_resize

@@ -10,7 +10,8 @@ import click
 from hijack_data.cli.options import seed_option
 from hijack_data.cli.terminal import echo
 from hijack_data.corruption import Corruption, find_corruption
-from hijack_data.file_io import encode_png, write_atomic
+from hijack_data.file_io import write_atomic
+from hijack_data.picture_io import encode_png
 
 from ..errors import DesktopError
 from .ledger import Ledger

@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import ParameterError
-from hijack_data.file_io import pixel_sha256, unwritable, write_atomic
+from hijack_data.file_io import unwritable, write_atomic
 from hijack_data.locking import Lock, LockedError, lock
+from hijack_data.picture_io import pixel_sha256
 from hijack_data.png import encode
 from hijack_data.runs.run_log import EPISODE, EPISODES, FRAMES, STEPS, digest_of, episode_slug
 from hijack_data.types import UInt8Array

@@ -14,8 +14,9 @@ import numpy as np
 from PIL import Image
 
 from hijack_data.errors import HijackError
-from hijack_data.file_io import pixel_sha256, write_atomic
+from hijack_data.file_io import write_atomic
 from hijack_data.pack import FORMAT, INDEX, VERSION, picture_kinds
+from hijack_data.picture_io import pixel_sha256
 from hijack_data.types import Size, UInt8Array
 
 from ..errors import DesktopError

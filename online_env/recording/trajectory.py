@@ -13,7 +13,8 @@ from typing import Any
 
 from hijack_data.elements.interactive_roles import INTERACTIVE_ENDINGS, INTERACTIVE_ROLES
 from hijack_data.errors import HijackError
-from hijack_data.file_io import encode_png, write_atomic
+from hijack_data.file_io import write_atomic
+from hijack_data.picture_io import encode_png
 from hijack_data.platforms import OURS
 from hijack_data.types import Action, Box, Size, UInt8Array
 

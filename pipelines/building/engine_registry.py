@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 
 from hijack_data.registry import Registry
 
+from ..choices import LOCAL
 from ..dataset.shard import ShardRecord
 from ..errors import BuildError
 from .shards import ShardTask
@@ -18,7 +19,6 @@ Tick: TypeAlias = Callable[[int], None]
 Engine: TypeAlias = Callable[
     [Iterable[ShardTask], RowSettings, Path, int, Tick], Generator[ShardRecord]
 ]
-LOCAL = "local"
 RAY = "ray"
 
 

@@ -7,15 +7,15 @@ from typing import Any, cast
 import yaml
 
 from hijack_data import extras
+from hijack_data.choices import LABEL_POLICIES, LAZY, OUTPUTS
 from hijack_data.config import load_config
-from hijack_data.config.options import LABEL_POLICIES
 from hijack_data.errors import suggest
 from hijack_data.pack import VARIABLE
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
 from hijack_data.rng import Stream
 
-from ..dataset.manifest import LAZY, OUTPUTS, libraries
+from ..dataset.manifest import libraries
 from ..errors import BuildError, DatasetError
 from ..readers.base import reader_source
 from ..sources import Sources

@@ -8,9 +8,9 @@ from typing import Any, cast
 
 from hijack_data import apply, scene_from
 from hijack_data.errors import ActionError, HijackError, ImageError, ParameterError
-from hijack_data.file_io import pixel_sha256
 from hijack_data.labels.dataset_rows import plan_columns
 from hijack_data.pack import AssetPack
+from hijack_data.picture_io import pixel_sha256
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner
 from hijack_data.safety import changed_pixels, target_visible

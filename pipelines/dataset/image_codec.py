@@ -20,8 +20,8 @@ from PIL import Image
 
 from hijack_data import extras
 from hijack_data.errors import ImageTypeError, MissingDependencyError
-from hijack_data.file_io import FORMATS, decode_image
 from hijack_data.kernels import lower
+from hijack_data.picture_io import FORMATS, decode_image
 from hijack_data.plan import Paste, Plan
 from hijack_data.png import assemble, chunk, filtered
 from hijack_data.types import UInt8Array
@@ -146,7 +146,7 @@ def changed_rows(plan: Plan) -> Rows | None:
 def decode(data: bytes, name: str) -> UInt8Array:
     """Decode a picture file to uint8 RGB `[H, W, 3]`.
 
-    The result is that of `hijack_data.file_io.decode_image`, but faster for common PNG files.
+    The result is that of `hijack_data.picture_io.decode_image`, but faster for common PNG files.
 
     Raises:
         ImageError: the picture, named `name` in the message, is damaged, or its EXIF orientation

@@ -10,6 +10,7 @@ from typing import Any
 
 from PIL import features
 
+from hijack_data.choices import LAZY
 from hijack_data.file_io import read_versioned_json, write_atomic
 
 from ..errors import RESUME, DatasetError
@@ -23,8 +24,6 @@ FORMAT = "agenthijack-dataset"
 # A manifest names its format at its beginning.
 _HEAD_BYTES = 200
 VERSION = 1
-LAZY = "lazy"
-OUTPUTS = ("materialised", LAZY)
 # The files next to the shards; the manifest contains their hashes.
 FILES = ("README.md", "config.yaml", "quarantine.jsonl")
 FILE_HASHES = "files"

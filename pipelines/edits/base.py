@@ -11,10 +11,11 @@ from functools import cached_property
 from typing import ClassVar, Literal, TypeAlias
 
 from hijack_data.apps import KINDS
+from hijack_data.choices import PLATFORMS
 from hijack_data.errors import HijackError
 from hijack_data.pack import Asset, AssetPack, AssetTarget, RecordedAction
 from hijack_data.plan import Effect, Op
-from hijack_data.platforms import OURS, PLATFORMS
+from hijack_data.platforms import OURS
 from hijack_data.rng import Stream
 from hijack_data.types import (
     Action,

@@ -21,9 +21,11 @@ from hijack_data.labels.action_formats import own_action
 from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Action, Size
 
+from ..choices import DIALECTS
+
 _UI_TARS_CLICKS = {"click": "click", "double_click": "left_double", "right_click": "right_single"}
 _UI_TARS_WORDS = {"wait": "wait()", "fail": "call_user()"}
-THOUSAND = (1000, 1000)
+_GRID = (1000, 1000)
 _NO_KEY = frozenset(" +'\"\\\n")
 _ESCAPES = str.maketrans({"\\": "\\\\", "'": "\\'", "\n": "\\n", "\t": "\\t", "\r": "\\r"})
 
@@ -92,19 +94,16 @@ def _ui_tars_pointing(action: Action, scaling: Scaling, dialect: str) -> str:
 
 
 def _ui_tars_10(row: Mapping[str, Any]) -> str:
-    return _ui_tars(row, lambda size: Scaling(size, THOUSAND, grid=False), "ui_tars")
+    return _ui_tars(row, lambda size: Scaling(size, _GRID, grid=False), "ui_tars")
 
 
 def _ui_tars_15(row: Mapping[str, Any]) -> str:
     return _ui_tars(row, lambda size: Scaling(size, smart_resize(*size)), "ui_tars_1.5")
 
 
-_RENDER: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
-    "pyautogui": _pyautogui,
-    "ui_tars": _ui_tars_10,
-    "ui_tars_1.5": _ui_tars_15,
-}
-DIALECTS = tuple(_RENDER)
+_RENDER: Mapping[str, Callable[[Mapping[str, Any]], str]] = dict(
+    zip(DIALECTS, (_pyautogui, _ui_tars_10, _ui_tars_15), strict=True)
+)
 
 
 def _box(x: int | None, y: int | None, scaling: Scaling) -> str:

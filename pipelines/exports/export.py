@@ -11,6 +11,7 @@ from hijack_data.errors import ActionError, ParameterError
 from hijack_data.registry import Registry
 
 from ..building.build_options import Progress
+from ..choices import EXPORTS, ONLOOKER
 from ..dataset.manifest import is_lazy
 from ..dataset.opening import open_dataset
 from ..errors import BuildError
@@ -37,9 +38,6 @@ class Writer(Protocol):
         ...
 
 
-ONLOOKER = "onlooker"  # writes three tables instead of one, so it has its own function
-
-
 def _problems(writer: Any, _: str) -> Iterator[str]:
     """Yield what is wrong with a writer."""
     if not callable(writer):
@@ -55,12 +53,7 @@ def _problems(writer: Any, _: str) -> Iterator[str]:
 FORMATS = Registry[Callable[[Path], Writer]](
     "export format",
     "exports",
-    builtin={
-        "atif": "pipelines.exports.atif:AtifWriter",
-        "chat": "pipelines.exports.chat:ChatWriter",
-        "verl": "pipelines.exports.verl:VerlWriter",
-        "webdataset": "pipelines.exports.webdataset:WebDatasetWriter",
-    },
+    builtin=EXPORTS,
     problems=_problems,
     reserved={ONLOOKER: "pipelines.exports.onlooker:export_onlooker"},
 )

@@ -10,8 +10,8 @@ import numpy as np
 from hijack_data import apply
 from hijack_data.corruption import Corruption
 from hijack_data.errors import HijackError, shown
-from hijack_data.file_io import pixel_sha256
 from hijack_data.labels.dataset_rows import params_json
+from hijack_data.picture_io import pixel_sha256
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner, leaves
 from hijack_data.safety import changed_pixels

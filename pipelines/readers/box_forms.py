@@ -12,9 +12,10 @@ from typing import TypeAlias
 
 from hijack_data.types import Box, Size, are_fractions
 
+from ..choices import BOXES, FRACTIONS, PIXELS, THOUSAND, XYWH
 from . import fields
 from .fields import FieldError, FieldTypeError
-from .reader_options import BOXES, FRACTIONS, PIXELS, THOUSAND, XYWH, ReaderOptions
+from .reader_options import ReaderOptions
 
 Form: TypeAlias = tuple[str, str]  # the space and the order
 Forms: TypeAlias = frozenset[Form]

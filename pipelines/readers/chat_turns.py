@@ -14,11 +14,12 @@ from hijack_data.errors import ParameterError
 from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Action, Size, Step
 
+from ..choices import FRACTIONS, RESIZED, THOUSAND
 from ..prompts import parse_question
 from . import fields
 from .fields import FieldError, JsonObject
 from .model_replies import ModelReply, ReplyContext, is_action, parse_reply
-from .reader_options import FRACTIONS, RESIZED, THOUSAND, Space, space_scaling
+from .reader_options import Space, space_scaling
 from .recorded_actions import PYAUTOGUI, ParsedAction, RecordedStep, raw_action_text
 from .safe_files import parse_embedded
 from .tool_calls import acting_calls, call_arguments, parse_call

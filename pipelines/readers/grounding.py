@@ -9,6 +9,7 @@ from typing import Any
 from hijack_data.platforms import find_platform
 from hijack_data.types import Action, Box, Size, Step, Trajectory
 
+from ..choices import FRACTIONS, PIXELS, XYWH, XYXY
 from . import fields
 from .base import FileReader, Rejected, register
 from .box_forms import Form, box_center, box_in, detect_form
@@ -16,7 +17,7 @@ from .fields import FieldError, JsonObject
 from .file_head import FileHead, one_of_each
 from .json_rows import FOLDERS, JsonRow, json_rows, picture_at, read_tables
 from .parquet_rows import screen_domain
-from .reader_options import FRACTIONS, NO_CHOICES, PIXELS, XYWH, XYXY, ReaderOptions
+from .reader_options import NO_CHOICES, ReaderOptions
 from .recording_facts import PICTURE_EPISODES, RecordedTrajectory, stated_episode
 from .safe_files import Source, relative_name, source_root
 

@@ -14,12 +14,12 @@ from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import ActionError, HijackError
 from hijack_data.types import Action, Box, Size, Step, Trajectory
 
+from ..choices import FRACTIONS, XYXY
 from . import fields
 from .base import FileReader, Rejected, register
 from .box_forms import box_center, box_in
 from .fields import FieldError, JsonObject
 from .json_rows import FOLDERS, JsonRow, json_rows, picture_at, read_tables
-from .reader_options import FRACTIONS, XYXY
 from .recorded_actions import PYAUTOGUI, RecordedStep, raw_action_text
 from .recording_facts import RecordedTrajectory
 from .safe_files import Source, relative_name, source_root

@@ -5,11 +5,11 @@ from typing import Any
 
 from hijack_data.types import Action, Box, Size, Trajectory
 
+from ..choices import PIXELS, XYWH
 from . import fields
 from .box_forms import box_center, box_in
 from .fields import FieldError, JsonObject
 from .parquet_rows import SOURCE, ParquetRow
-from .reader_options import PIXELS, XYWH
 from .recorded_actions import PYAUTOGUI, RecordedStep, first_action
 from .recording_facts import RecordedTrajectory, stated_episode
 from .safe_files import parse_embedded

@@ -27,10 +27,11 @@ from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.errors import HijackError
 from hijack_data.types import Action, Box, Size
 
+from ..choices import FRACTIONS, PIXELS, THOUSAND, XYXY
 from . import fields
 from .box_forms import box_center, box_in
 from .fields import FieldError
-from .reader_options import FRACTIONS, PIXELS, THOUSAND, XYXY, Space, space_scaling
+from .reader_options import Space, space_scaling
 from .recorded_actions import PYAUTOGUI, QWEN_3, UI_TARS, ParsedAction, read_recorded
 
 SCROLL_NOTCHES = 5  # the distance of a scroll without one, as in UI-TARS's own code

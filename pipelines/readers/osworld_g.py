@@ -9,12 +9,12 @@ from typing import Any, TypeAlias
 
 from hijack_data.types import Action, Size
 
+from ..choices import PIXELS, XYWH, XYXY
 from . import fields
 from .base import register
 from .box_forms import box_in
 from .fields import FieldError, JsonObject
 from .published_set import GroundingTarget, PublishedSet, click_at
-from .reader_options import PIXELS, XYWH, XYXY
 
 KINDS = ("bbox", "polygon", "refusal")
 OUTLINE = "target_polygon"  # in `extra`; `hijack score` knows it, too

@@ -8,6 +8,7 @@ from typing import Any
 
 from hijack_data.types import Size, Trajectory
 
+from ..choices import FRACTIONS, PIXELS, XYXY
 from . import fields
 from .arrow import SUFFIX as ARROW
 from .base import FileReader, Rejected, files_below, register
@@ -19,7 +20,7 @@ from .lerobot import in_lerobot
 from .mind2web import COLUMNS as MIND2WEB
 from .mind2web import mind2web
 from .parquet_rows import ParquetRow, chat, grounding, trajectory
-from .reader_options import FRACTIONS, NO_CHOICES, PIXELS, XYXY, ReaderOptions
+from .reader_options import NO_CHOICES, ReaderOptions
 from .recorded_pictures import GroupRows, open_parquet
 from .recording_facts import EPISODES, PICTURE_EPISODES, ROW_EPISODES
 from .safe_files import Source, inside, relative_name, source_root

@@ -10,11 +10,12 @@ from typing import Any, cast
 from hijack_data.surrogates import has_half
 from hijack_data.types import Action, Size, Step, Trajectory
 
+from ..choices import PIXELS, XYXY
 from . import fields
 from .box_forms import Form, box_center, box_in
 from .chat_turns import ChatTurns, TurnImage, messages_in
 from .fields import FieldError, JsonObject
-from .reader_options import NO_CHOICES, PIXELS, XYXY, ReaderOptions
+from .reader_options import NO_CHOICES, ReaderOptions
 from .recorded_actions import COMPUTER_13, PYAUTOGUI, RecordedStep, read_recorded
 from .recorded_pictures import as_bytes, in_parquet
 from .recording_facts import RecordedTrajectory, stated_episode

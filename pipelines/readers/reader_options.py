@@ -20,18 +20,11 @@ from hijack_data.errors import ParameterError, suggest
 from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Size
 
+from ..choices import BOXES, COORDINATES, FRACTIONS, PIXELS, RESIZED, THOUSAND
 from ..errors import BuildError
 from .base import Reader
 from .fields import FieldError
 
-PIXELS = "pixels"
-FRACTIONS = "fractions"
-THOUSAND = "thousand"
-RESIZED = "resized"
-COORDINATES = (PIXELS, FRACTIONS, THOUSAND, RESIZED)
-XYWH = "xywh"
-XYXY = "xyxy"
-BOXES = (XYWH, XYXY)
 Space: TypeAlias = str | Size
 
 

@@ -18,9 +18,10 @@ from hijack_data.errors import ActionError, HijackError, ParameterError
 from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Action, Size, Step
 
+from ..choices import COORDINATES, FRACTIONS, PIXELS, RESIZED, THOUSAND
 from . import fields
 from .fields import FieldError
-from .reader_options import COORDINATES, FRACTIONS, PIXELS, RESIZED, THOUSAND, Space, space_scaling
+from .reader_options import Space, space_scaling
 
 PYAUTOGUI = "pyautogui"
 COMPUTER_13 = "computer_13"

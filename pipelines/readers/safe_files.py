@@ -25,7 +25,8 @@ from typing import Any, TypeAlias, cast
 
 from PIL import Image
 
-from hijack_data.file_io import FORMATS, open_regular
+from hijack_data.file_io import open_regular
+from hijack_data.picture_io import FORMATS
 from hijack_data.surrogates import has_half
 from hijack_data.types import Size
 

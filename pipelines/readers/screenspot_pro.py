@@ -4,10 +4,10 @@ from pathlib import Path
 
 from hijack_data.types import Size
 
+from ..choices import PIXELS, XYXY
 from .base import register
 from .fields import JsonObject
 from .published_set import GroundingTarget, PublishedSet, click_at
-from .reader_options import PIXELS, XYXY
 
 
 @register

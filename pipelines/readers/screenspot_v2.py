@@ -5,10 +5,10 @@ from pathlib import Path
 
 from hijack_data.types import Size
 
+from ..choices import PIXELS, XYWH
 from .base import register
 from .fields import JsonObject
 from .published_set import GroundingTarget, PublishedSet, click_at
-from .reader_options import PIXELS, XYWH
 
 _TABLE = re.compile(r"screenspot_(desktop|mobile|web)_v2\.json")
 

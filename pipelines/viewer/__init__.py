@@ -4,8 +4,3 @@ A dataset (`dataset_source.py`) has the attributes and methods of `source.Viewer
 filters and counts its rows, and `json_answers.py` makes the page's data. Runs are in `runs/`.
 `routes.py` maps paths to answers, `server.py` speaks HTTP.
 """
-
-from .opening import open_source
-from .server import ViewServer, serve
-
-__all__ = ["ViewServer", "open_source", "serve"]

@@ -2,16 +2,16 @@
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from hijack_data.cli.terminal import echo
 from hijack_data.errors import counted
 
-from .dataset_source import DatasetSource
-from .opening import open_source
-from .runs import RunSource
-from .server import serve
+if TYPE_CHECKING:
+    from .dataset_source import DatasetSource
+    from .runs import RunSource
 
 
 @click.command()
@@ -39,6 +39,9 @@ from .server import serve
 )
 def view(folder: str, port: int, file: Path | None, patterns: tuple[str, ...]) -> None:
     """Look through a dataset, or the episodes of a run, in a browser."""
+    from .opening import open_source
+    from .server import serve
+
     _check_options(file, patterns)
     source = open_source(folder)
     for problem in source.problems:
@@ -56,13 +59,14 @@ def _check_options(file: Path | None, patterns: tuple[str, ...]) -> None:
 
 
 def _export(
-    source: DatasetSource | RunSource, folder: str, patterns: tuple[str, ...], file: Path
+    source: "DatasetSource | RunSource", folder: str, patterns: tuple[str, ...], file: Path
 ) -> None:
     """Write the episodes of a run to one file.
 
     Raises:
         UsageError: the source is a dataset.
     """
+    from .runs import RunSource
     from .runs.export import export_file
 
     if not isinstance(source, RunSource):

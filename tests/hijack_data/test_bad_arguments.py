@@ -15,10 +15,11 @@ from hijack_data.errors import (
     ParameterTypeError,
     shown,
 )
-from hijack_data.file_io import load_image, write_atomic
+from hijack_data.file_io import write_atomic
 from hijack_data.gallery import gallery
 from hijack_data.limits import SPRITE_PIXELS
 from hijack_data.pack import AssetPack
+from hijack_data.picture_io import load_image
 
 PICTURE = np.zeros((90, 120, 3), np.uint8)
 PLAN = hj.Marks(number=2, mark_size=5).plan(hj.Scene((90, 120)), seed=1)

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 
 import hijack_data as hj
 from hijack_data.errors import HijackError, ParameterError, ParameterTypeError, PlanError
-from hijack_data.file_io import encode_png, write_atomic
+from hijack_data.file_io import write_atomic
+from hijack_data.picture_io import encode_png
 from hijack_data.plan import Effect, Paste, Plan, Resample, _digest
 
 MARK = {"draw": "mark", "shape": "circle", "size": 5, "color": "blue"}

@@ -16,7 +16,8 @@ from PIL import Image
 import hijack_data as hj
 from hijack_data import cli
 from hijack_data.cli import main
-from hijack_data.file_io import encode_png, load_image, write_atomic
+from hijack_data.file_io import write_atomic
+from hijack_data.picture_io import encode_png, load_image
 
 from support import lean
 

@@ -15,14 +15,12 @@ import hijack_data as hj
 from hijack_data.errors import AssetError, HijackError, ImageError, ParameterTypeError
 from hijack_data.file_io import (
     check_versioned,
-    decode_image,
-    encode_png,
-    load_image,
     read_regular,
     read_versioned_json,
     replace_atomic,
     write_atomic,
 )
+from hijack_data.picture_io import decode_image, encode_png, load_image
 from pipelines.dataset.image_codec import decode
 
 

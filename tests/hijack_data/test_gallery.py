@@ -25,10 +25,10 @@ from hijack_data.cli import main
 from hijack_data.cli.picture_commands import parse_settings
 from hijack_data.corruption import find_corruption
 from hijack_data.errors import ParameterError, ParameterTypeError
-from hijack_data.file_io import load_image
 from hijack_data.gallery import gallery, sample_id
 from hijack_data.gallery.reproduce import cli_call, python_call, schedule
 from hijack_data.gallery.tiles import _start, painted
+from hijack_data.picture_io import load_image
 
 HOSTILE = "<img src=x onerror=alert(1)>.png"
 LIVE = ("multi_apps", "accidental_touch", "app_minimization", "network_error", "verification")

@@ -14,7 +14,8 @@ import hijack_data as hj
 from hijack_data import corruption as registry
 from hijack_data import loading
 from hijack_data.errors import PluginError
-from hijack_data.file_io import encode_png, write_atomic
+from hijack_data.file_io import write_atomic
+from hijack_data.picture_io import encode_png
 
 from support import lean
 from support.plugins import write

@@ -13,7 +13,7 @@ from support import needs
 pytest.importorskip("lxml", reason=needs.ONLINE)
 
 import hijack_data as hj
-from hijack_data.file_io import load_image
+from hijack_data.picture_io import load_image
 from online_env.corrupting.ledger import LEDGER_FILE, Ledger
 from online_env.desktops.commands import launch
 from online_env.effects.app_minimization import DESKTOP_WINDOW_TYPES

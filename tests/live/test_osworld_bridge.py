@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from hijack_data.file_io import encode_png
+from hijack_data.picture_io import encode_png
 from online_env.errors import DesktopTimeoutError
 from online_env.osworld import env as env_module
 from online_env.osworld import venv

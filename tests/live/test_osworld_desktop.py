@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hijack_data.file_io import encode_png
+from hijack_data.picture_io import encode_png
 from online_env.desktops.capability_survey import survey
 from online_env.desktops.osworld import CAP_NOTE, CHUNK_BYTES, MAX_OUTPUT_BYTES, OsworldDesktop
 from online_env.desktops.protocol import Desktop, RunResult

@@ -12,7 +12,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 import hijack_data as hj
 from hijack_data.errors import HijackError, ParameterError
-from hijack_data.file_io import load_image
+from hijack_data.picture_io import load_image
 from online_env.environment import CorruptedEnv, Settle
 from online_env.environment.settle import wait_until_settled
 

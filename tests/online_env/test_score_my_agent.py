@@ -116,7 +116,7 @@ def test_actions_of_agent_s3_pass_the_guard(endpoint, tmp_path):
     agent = AGENTS.get(AGENTS.find(f"{file}:MyAgent"))()
     env, _ = square_env()
     obs, _ = env.reset(seed=3)
-    from hijack_data.file_io import encode_png
+    from hijack_data.picture_io import encode_png
 
     aci = agent._aci
     aci.assign_screenshot({"screenshot": encode_png(obs["screenshot"])})

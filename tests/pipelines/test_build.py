@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 import hijack_data as hj
-from hijack_data.file_io import load_image
+from hijack_data.picture_io import load_image
 from pipelines import build, inspect_source, open_dataset, verify
 from pipelines.building.dataset_card import _size_category
 from pipelines.building.step_rows import RowSettings

@@ -11,7 +11,7 @@ from PIL import Image
 
 import hijack_data as hj
 from hijack_data.errors import ImageTypeError
-from hijack_data.file_io import decode_image, pixel_sha256
+from hijack_data.picture_io import decode_image, pixel_sha256
 from pipelines.dataset.image_codec import HEAD, LEVEL, BaseImage, changed_rows, deflate, encode
 
 

@@ -13,8 +13,8 @@ from isal import isal_zlib
 from PIL import ExifTags, Image
 
 from hijack_data.errors import ImageError
-from hijack_data.file_io import decode_image
 from hijack_data.kernels.cpu import jit
+from hijack_data.picture_io import decode_image
 from pipelines.dataset import png_decoder
 from pipelines.dataset.image_codec import decode, encode
 

@@ -12,11 +12,12 @@ from hijack_data.actions.dialects.qwen import tool_call_text
 from hijack_data.cli import hijack
 from hijack_data.types import Action
 from pipelines import build, open_dataset
+from pipelines.choices import COORDINATES
 from pipelines.dataset.manifest import read_manifest
 from pipelines.errors import BuildError
 from pipelines.readers import Rejected, get_reader
 from pipelines.readers.fields import FieldError
-from pipelines.readers.reader_options import COORDINATES, ReaderOptions, with_choices
+from pipelines.readers.reader_options import ReaderOptions, with_choices
 from pipelines.readers.recorded_actions import read_recorded
 
 from support.formats import png, screenagent, write_json, write_lines

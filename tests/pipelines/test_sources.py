@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 import hijack_data as hj
-from hijack_data.file_io import encode_png, write_atomic
+from hijack_data.file_io import write_atomic
+from hijack_data.picture_io import encode_png
 from hijack_data.types import Trajectory
 from pipelines import build, open_dataset, verify
 from pipelines.errors import BuildError, SourceError

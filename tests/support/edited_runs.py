@@ -7,7 +7,7 @@ import numpy as np
 from PIL import Image
 
 from hijack_data import apply
-from hijack_data.file_io import pixel_sha256
+from hijack_data.picture_io import pixel_sha256
 from hijack_data.plan import Plan
 from hijack_data.runs.run_head import config_digest
 from hijack_data.runs.run_log import digest_of

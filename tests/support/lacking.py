@@ -61,9 +61,9 @@ def main(order: dict[str, Any]) -> None:
         sys.modules.pop(name, None)  # what starts before us may have it
     sys.meta_path[:] = [Without(finder, order["modules"]) for finder in sys.meta_path]
     from hijack_data.cli import main as hijack
-    from pipelines.viewer import view_command as viewer
+    from pipelines.viewer import server
 
-    viewer.serve = lambda *_: None  # a page would be served until Ctrl-C
+    server.serve = lambda *_: None  # a page would be served until Ctrl-C
     results: dict[str, Any] = {}
     for name, words in order["commands"].items():
         results[name] = watched(lambda words=words: hijack(words))

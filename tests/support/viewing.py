@@ -13,7 +13,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from PIL import Image
 
-from pipelines.viewer import ViewServer, open_source
+from pipelines.viewer.opening import open_source
+from pipelines.viewer.server import ViewServer
 
 
 @contextlib.contextmanager

@@ -11,7 +11,7 @@ from hijack_data.actions.agent_actions import read_action
 from hijack_data.compose import Sequence
 from hijack_data.corruption import Corruption, make_corruption
 from hijack_data.errors import ActionError
-from hijack_data.file_io import pixel_sha256
+from hijack_data.picture_io import pixel_sha256
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner
 from hijack_data.types import Scene, Size, UInt8Array, as_boxes

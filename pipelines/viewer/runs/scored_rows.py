@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import HijackError
-from hijack_data.file_io import pixel_sha256
+from hijack_data.picture_io import pixel_sha256
 from hijack_data.runs.run_log import ROW
 from hijack_data.types import UInt8Array
 

@@ -10,7 +10,8 @@ import pytest
 from hijack_data.errors import HijackError
 from pipelines import build, open_dataset
 from pipelines.errors import DatasetError
-from pipelines.viewer import json_answers, open_source
+from pipelines.viewer import json_answers
+from pipelines.viewer.opening import open_source
 from pipelines.viewer.picture_cache import Pictures
 
 from support.viewing import edit

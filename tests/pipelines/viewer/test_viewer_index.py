@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 from hijack_data.errors import HijackError, UnknownNameError
 from pipelines import open_dataset
-from pipelines.viewer import json_answers, open_source
+from pipelines.viewer import json_answers
 from pipelines.viewer.index import Index
+from pipelines.viewer.opening import open_source
 
 LABELS = ["clean", "pop_ups", "resolution", "marks", "subtitle"]
 WORDS = st.sampled_from(["", "marks", "clean", "Open the Door", "b/0001"])

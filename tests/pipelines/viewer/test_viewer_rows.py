@@ -12,7 +12,8 @@ from PIL import Image
 
 from pipelines import build, open_dataset
 from pipelines.errors import DatasetError
-from pipelines.viewer import json_answers, open_source
+from pipelines.viewer import json_answers
+from pipelines.viewer.opening import open_source
 from pipelines.viewer.picture_cache import Pictures
 
 from support.viewing import edit, read

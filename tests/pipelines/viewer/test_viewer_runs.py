@@ -11,7 +11,7 @@ from PIL import Image
 from hijack_data.errors import HijackError
 from hijack_data.runs.run_log import VERSION
 from pipelines.errors import DatasetError
-from pipelines.viewer import open_source
+from pipelines.viewer.opening import open_source
 from pipelines.viewer.runs import RunSource
 from pipelines.viewer.runs.action_strokes import parse_strokes
 

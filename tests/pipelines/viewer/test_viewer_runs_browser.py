@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hijack_data.runs.run_log import digest_of
-from pipelines.viewer import open_source
+from pipelines.viewer.opening import open_source
 from pipelines.viewer.runs import RunSource
 from pipelines.viewer.runs.export import export_file
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from hijack_data.errors import HijackError
-from pipelines.viewer import open_source
+from pipelines.viewer.opening import open_source
 from pipelines.viewer.runs import RunSource
 
 from support.edited_runs import journal, read_lines, write_lines

@@ -12,7 +12,7 @@ import hijack_data as hj
 from hijack_data.errors import HijackError
 from online_env.scoring.run import ScoreRun, ScoreSettings
 from pipelines import build, open_dataset
-from pipelines.viewer import open_source
+from pipelines.viewer.opening import open_source
 from pipelines.viewer.runs import RunSource
 from pipelines.viewer.runs.export import export_page
 

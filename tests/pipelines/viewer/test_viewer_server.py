@@ -15,7 +15,8 @@ import pytest
 
 from hijack_data.errors import HijackError
 from pipelines import open_dataset
-from pipelines.viewer import ViewServer, open_source
+from pipelines.viewer.opening import open_source
+from pipelines.viewer.server import ViewServer
 
 from support.viewing import read, served
 
