@@ -12,9 +12,10 @@ import click
 from hijack_data.cli.options import BriefCommand, FiniteRange, seed_option
 from hijack_data.cli.terminal import echo
 from hijack_data.errors import ParameterError
-from hijack_data.types import Size
 
 if TYPE_CHECKING:
+    from hijack_data.types import Size
+
     from .embedded.desktop import EmbeddedDesktop
 
 VIDEO = Path("desktop.mp4")
@@ -114,13 +115,13 @@ class RecordOptions:
     seconds: float | None = None
     assets: Path | None = None
     only: str | None = None
-    sizes: Sequence[Size] = ()
+    sizes: "Sequence[Size]" = ()
     looks: str | None = None
     task: str | None = None
     seed: int = 0
     person: bool = False
     instruction: str | None = None
-    size: Size = (1080, 1920)
+    size: "Size" = (1080, 1920)
     port: int = 0
 
 
@@ -243,7 +244,7 @@ def _sites(desktop: "EmbeddedDesktop") -> Any:
     return SiteState(desktop.record["sites"])
 
 
-def parse_size(text: str) -> Size:
+def parse_size(text: str) -> "Size":
     """Return `(height, width)` of a text such as 1920x1080.
 
     Raises:

@@ -9,14 +9,14 @@ import click
 
 from hijack_data.cli.options import seed_option
 from hijack_data.cli.terminal import echo
-from hijack_data.corruption import Corruption, find_corruption
 from hijack_data.file_io import write_atomic
-from hijack_data.picture_io import encode_png
 
 from ..errors import DesktopError
 from .ledger import Ledger
 
 if TYPE_CHECKING:
+    from hijack_data.corruption import Corruption
+
     from .desktop_corruption import AppliedPlan
 
 
@@ -75,13 +75,15 @@ def corrupt(
         sys.exit(_corrupt(desktop, cls, ledger, output, as_json, options))
 
 
-def _find_corruption(name: str | None, undo: bool) -> type[Corruption] | None:
+def _find_corruption(name: str | None, undo: bool) -> "type[Corruption] | None":
     """Return the corruption of that name; `None` for all that are to be undone.
 
     Raises:
         UsageError: There is neither a name nor --undo.
     """
     if name is not None:
+        from hijack_data.corruption import find_corruption
+
         return find_corruption(name)
     if not undo:
         raise click.UsageError("give the NAME of a corruption (hijack list), or --undo")
@@ -90,7 +92,7 @@ def _find_corruption(name: str | None, undo: bool) -> type[Corruption] | None:
 
 def _corrupt(
     desktop: Any,
-    cls: type[Corruption],
+    cls: "type[Corruption]",
     ledger: Ledger,
     output: Path | None,
     as_json: bool,
@@ -113,6 +115,8 @@ def _corrupt(
     if picture is None and not applied.records:
         picture = Path(f"{spec.name}.png")
     if picture is not None:
+        from hijack_data.picture_io import encode_png
+
         write_atomic(picture, encode_png(applied.after))
     if as_json:
         echo(json.dumps(_report(applied, spec.name, desktop.id, picture)))
@@ -149,7 +153,7 @@ def _print(applied: "AppliedPlan", name: str, desktop: str, picture: Path | None
         echo(f"  take it back with: hijack desktop corrupt --undo {name} --on {desktop}")
 
 
-def _undo(desktop: Any, cls: type[Corruption] | None, ledger: Ledger, as_json: bool) -> int:
+def _undo(desktop: Any, cls: "type[Corruption] | None", ledger: Ledger, as_json: bool) -> int:
     from .desktop_corruption import undo_recorded, undo_unrecorded
 
     name = None if cls is None else cls.name

@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, runtime_checkable
 
-from hijack_data.types import Size, UInt8Array
+if TYPE_CHECKING:
+    from hijack_data.types import Size, UInt8Array
 
 Capability: TypeAlias = Literal["firewall", "lock", "windows", "apps", "accessibility", "files"]
 CAPABILITIES: frozenset[Capability] = frozenset(
@@ -48,11 +49,11 @@ class Desktop(Protocol):
         ...
 
     @property
-    def size(self) -> Size:
+    def size(self) -> "Size":
         """`(height, width)` of the screen in pixels."""
         ...
 
-    def screenshot(self) -> UInt8Array:
+    def screenshot(self) -> "UInt8Array":
         """The screen with the pointer drawn: uint8 RGB `[H, W, 3]`."""
         ...
 
