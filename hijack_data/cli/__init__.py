@@ -55,7 +55,7 @@ COMMANDS = {
     "compare": "online_env.report.report_command:compare_command",
     "gate": "online_env.report.report_command:gate",
     "leaderboard": "online_env.report.report_command:leaderboard_command",
-    "tasks": "online_env.tasks.task_commands:tasks",
+    "tasks": "online_env.task_commands:tasks",
     "osworld": "online_env.osworld.osworld_commands:osworld",
 }
 # Commands that need the processes, users and sockets of a POSIX system.

@@ -4,7 +4,6 @@ import json
 from pathlib import Path
 
 import click
-from rich.table import Table
 
 from hijack_data.cli.completion import complete
 from hijack_data.cli.terminal import console, echo
@@ -33,7 +32,7 @@ def tasks(set_: str | None, as_json: bool, out: Path | None) -> None:
 
 
 def _list(set_: str | None, as_json: bool, out: Path | None) -> None:
-    from . import catalogue, task_sets
+    from .tasks import catalogue, task_sets
 
     rows = catalogue.rows(task_sets.members(set_ or task_sets.SUITE))
     if out is not None:
@@ -47,6 +46,8 @@ def _list(set_: str | None, as_json: bool, out: Path | None) -> None:
 
 
 def _show(rows: list[dict[str, object]]) -> None:
+    from rich.table import Table
+
     table = Table(box=None, pad_edge=False, expand=True)
     table.add_column("task", no_wrap=True)
     table.add_column("domain", no_wrap=True)
