@@ -14,12 +14,11 @@ import numpy as np
 from PIL import Image
 
 from .. import extras
+from ..choices import BACKENDS
 from ..errors import ImageTypeError, UnknownNameError, shown, suggest
 from .base import Backend
 
-__all__ = ["NAMES", "Backend", "convert", "find_backend", "to_numpy"]
-
-NAMES = ("numpy", "torch", "jax")
+__all__ = ["Backend", "convert", "find_backend", "to_numpy"]
 
 
 def find_backend(image: object) -> Backend:
@@ -54,11 +53,11 @@ def convert(image: np.ndarray[Any, Any], name: str) -> Any:
     """Return a NumPy picture `[H, W, 3]` as an array of the named framework, in its layout.
 
     Raises:
-        UnknownNameError: `name` is not in `NAMES`.
+        UnknownNameError: `name` is not in `choices.BACKENDS`.
         MissingDependencyError: the framework is not installed.
     """
-    if not isinstance(cast(object, name), str) or name not in NAMES:
-        raise UnknownNameError(f"unknown backend {shown(name)}{suggest(name, NAMES)}")
+    if not isinstance(cast(object, name), str) or name not in BACKENDS:
+        raise UnknownNameError(f"unknown backend {shown(name)}{suggest(name, BACKENDS)}")
     try:
         backend = _backend(name)
     except ImportError:

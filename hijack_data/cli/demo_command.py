@@ -16,7 +16,7 @@ from ..file_io import make_folder, write_atomic
 from ..gallery import contact_sheet
 from ..picture_io import encode_png, load_image
 from . import hijack
-from .picture_commands import make_scene
+from .picture_plans import make_scene
 from .terminal import echo
 
 HERE = Path(__file__).resolve()

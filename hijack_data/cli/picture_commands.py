@@ -4,124 +4,19 @@ import importlib.util
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
-import yaml
 
-from .. import params as p
-from .._apply import apply
-from ..backends import NAMES, convert, to_numpy
-from ..composites import composite, is_bare, uses_elements
-from ..config import specs_from
-from ..corruption import Corruption, check_names, find_corruption
-from ..elements import scene_from
-from ..errors import HijackError, MissingDependencyError, ParameterError, PlanError
-from ..file_io import write_atomic
-from ..picture_io import encode_png, load_image, pixel_sha256
-from ..plan import Plan
-from ..planner import Planner
-from ..types import Scene, UInt8Array
+from ..choices import BACKENDS
 from .completion import complete
 from .options import BriefCommand, seed_option
-from .picture_folders import apply_to_folder, find_pictures
 from .terminal import echo
 
-
-def parse_settings(cls: type[Corruption], settings: tuple[str, ...]) -> dict[str, Any]:
-    """Turn `key=value` words into parameters.
-
-    The value of a text parameter is taken as it is, any other is read as YAML.
-
-    Raises:
-        ParameterError: a word is not `key=value`, or its value is not YAML.
-    """
-    values: dict[str, Any] = {}
-    for setting in settings:
-        key, sign, text = setting.partition("=")
-        if not sign:
-            raise ParameterError(f"--set {setting!r} must be key=value")
-        check_names(cls, {key: None})
-        if key in values:
-            raise ParameterError(f"--set {key} is given twice; remove one")
-        parameter, _ = p.parameters(cls)[key]
-        if parameter.kind in ("str", "choice", "color", "ip"):
-            values[key] = text.replace("\\n", "\n")
-            continue
-        try:
-            values[key] = yaml.safe_load(text)
-        except yaml.YAMLError:
-            accepts = parameter.accepts
-            raise ParameterError(f"--set {key}: {text!r} cannot be read as {accepts}") from None
-    return values
-
-
-def make_scene(
-    planner: Planner, image: UInt8Array, tree: str | None
-) -> tuple[Scene, tuple[str, ...]]:
-    """Make the scene of a picture, with its elements if the corruption needs them."""
-    if tree is not None:
-        return scene_from(image, tree=_read(tree)), ()
-    if not uses_elements(planner):
-        return scene_from(image, detect="none"), ()
-    try:
-        return scene_from(image), ()
-    except MissingDependencyError as error:
-        return scene_from(image, detect="none"), (f"no elements are known: {error}",)
-
-
-def _read(path: str) -> bytes:
-    try:
-        return Path(path).read_bytes()
-    except OSError as error:
-        raise HijackError(f"{path}: cannot be read ({error.strerror or error})") from None
-
-
-def _make_plan(
-    image: UInt8Array,
-    name: str | None,
-    plan_file: str | None,
-    settings: tuple[str, ...],
-    **key: Any,
-) -> tuple[Plan, tuple[str, ...]]:
-    # The plan, read from a file or made for this picture.
-    severity = key.pop("severity")
-    tree = key.pop("tree")
-    if plan_file is not None:
-        if settings or severity is not None:
-            raise click.UsageError(
-                "--plan contains the parameters already; leave out --set and --severity"
-            )
-        return _read_plan(plan_file, name), ()
-    if name is None:
-        raise click.UsageError("give the NAME of a corruption, or --plan FILE")
-    cls = find_corruption(name)
-    values = parse_settings(cls, settings)
-    spec = cls(**values) if severity is None else cls.at(severity, **values)
-    scene, notes = make_scene(spec, image, tree)
-    plan = spec.plan(scene, **key)
-    if not is_bare(plan):
-        return plan, notes
-    try:
-        composited = composite(plan, image, scene, seed=key["seed"], sample=key["sample"])
-    except HijackError as error:
-        if not notes:
-            raise
-        raise HijackError(f"{error}; {notes[-1]}") from None
-    advice = "a live desktop shows its own, see `hijack desktop corrupt`"
-    return composited.plan, (*notes, f"fidelity: {composited.fidelity}; {advice}")
-
-
-def _read_plan(file: str, name: str | None) -> Plan:
-    plan = Plan.from_json(_read(file))
-    if name is not None and plan.corruption not in (find_corruption(name)().id, name):
-        raise PlanError(f"{file}: a plan of {plan.corruption}, not of {name}")
-    if is_bare(plan):
-        raise PlanError(
-            f"{file}: a plan of {plan.corruption} for a machine, which shows nothing on a"
-            " picture; leave out --plan and give the corruption's name"
-        )
-    return plan
+if TYPE_CHECKING:
+    from ..plan import Plan
+    from ..planner import Planner
+    from ..types import UInt8Array
 
 
 @click.command(
@@ -162,7 +57,7 @@ def _read_plan(file: str, name: str | None) -> Plan:
 )
 @click.option(
     "--backend",
-    type=click.Choice(NAMES),
+    type=click.Choice(BACKENDS),
     default="numpy",
     show_default=True,
     help="What draws; the bytes are the same.",
@@ -188,12 +83,19 @@ def apply_command(
 
     Such as: hijack apply screen.png marks -o marked.png
     """
+    from .._apply import apply
+    from ..backends import convert, to_numpy
+    from ..file_io import write_atomic
+    from ..picture_io import encode_png, load_image
+    from .picture_folders import apply_to_folder
+    from .picture_plans import make_plan
+
     sample = options.pop("sample")
 
-    def corrupt(image: str, out: str, sample: str) -> tuple[Plan, UInt8Array, tuple[str, ...]]:
+    def corrupt(image: str, out: str, sample: str) -> "tuple[Plan, UInt8Array, tuple[str, ...]]":
         arguments: dict[str, Any] = {**options, "sample": sample}
         pixels, notes = load_image(image)
-        plan, plan_notes = _make_plan(
+        plan, plan_notes = make_plan(
             pixels, name, arguments.pop("plan_file"), arguments.pop("settings"), **arguments
         )
         result = to_numpy(apply(plan, convert(pixels, backend)))
@@ -226,8 +128,15 @@ def _refuse_for_folders(**options: str | None) -> None:
 
 
 def _report(
-    plan: Plan, result: UInt8Array, notes: tuple[str, ...], backend: str, out: str, as_json: bool
+    plan: "Plan",
+    result: "UInt8Array",
+    notes: tuple[str, ...],
+    backend: str,
+    out: str,
+    as_json: bool,
 ) -> None:
+    from ..picture_io import pixel_sha256
+
     sha = pixel_sha256(result)
     height, width = result.shape[:2]
     if as_json:
@@ -256,7 +165,10 @@ def gallery(
     images: tuple[str, ...], out: str, seed: int, corruptions: str | None, detect: Any
 ) -> None:
     """Make one self-contained HTML page of before/after pictures."""
+    from ..config import specs_from
+    from ..file_io import write_atomic
     from ..gallery import gallery as make_page
+    from .picture_folders import find_pictures
 
     if detect is None:
         detect = "picture" if importlib.util.find_spec("cv2") else "none"

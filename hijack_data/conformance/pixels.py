@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from .._apply import apply
-from ..backends import NAMES, convert, to_numpy
+from ..backends import convert, to_numpy
+from ..choices import BACKENDS
 from ..corruption import Corruption
 from ..errors import ParameterError
 from ..kernels.cpu import jit
@@ -42,7 +43,7 @@ def check_backends(cls: type[Corruption]) -> None:
 def _outputs(plan: Plan, image: UInt8Array) -> Iterator[tuple[str, UInt8Array]]:
     """Yield the result of each backend and code path."""
     jit.start()
-    for name in NAMES:
+    for name in BACKENDS:
         if name == "numpy" or _is_installed(name):
             yield name, to_numpy(apply(plan, convert(image, name)))
     planar = np.ascontiguousarray(image.transpose(2, 0, 1)).transpose(1, 2, 0)

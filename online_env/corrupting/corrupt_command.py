@@ -98,7 +98,7 @@ def _corrupt(
     as_json: bool,
     options: dict[str, Any],
 ) -> int:
-    from hijack_data.cli.picture_commands import parse_settings
+    from hijack_data.cli.picture_plans import parse_settings
 
     from .desktop_corruption import corrupt_desktop, refuse_twice
 

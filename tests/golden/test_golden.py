@@ -16,7 +16,8 @@ import pytest
 from PIL import features
 
 import hijack_data as hj
-from hijack_data.backends import NAMES, convert, to_numpy
+from hijack_data.backends import convert, to_numpy
+from hijack_data.choices import BACKENDS
 from hijack_data.conformance import picture, scene
 
 GOLDEN = Path(__file__).with_name("golden.json")
@@ -85,7 +86,7 @@ def test_plan_is_the_golden_one(golden, case):
     assert made(case)[0].digest() == golden["cases"][case]["digest"]
 
 
-@pytest.mark.parametrize("backend", NAMES)
+@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("case", CASES)
 def test_picture_is_the_golden_one(golden, case, backend):
     skip_other_freetype(golden, case)

@@ -22,7 +22,7 @@ from PIL import Image
 
 import hijack_data as hj
 from hijack_data.cli import main
-from hijack_data.cli.picture_commands import parse_settings
+from hijack_data.cli.picture_plans import parse_settings
 from hijack_data.corruption import find_corruption
 from hijack_data.errors import ParameterError, ParameterTypeError
 from hijack_data.gallery import gallery, sample_id
