@@ -124,6 +124,8 @@ class Undeclared:
         numbers: dict[str, Any] = {}
         for key, part in entries.items():
             inside = f"{path}.{key}"
+            if not _is_harmless_key(path, key, part):
+                self.parts.setdefault(path, entries)
             self.check(inside, part)
             if _is_number(part) and not _is_count(inside) and not self._skip(inside, part):
                 numbers[inside] = part
@@ -219,6 +221,15 @@ def _is_harmless_text(path: str, text: str | bytes) -> bool:
     if count == 1:
         return not (_is_number(text) and names_place(path))
     return count == 0 or _last_word(path) in PROSE | IDENTIFIERS
+
+
+def _is_harmless_key(path: str, key: Any, part: Any) -> bool:
+    """Return whether the key of a dictionary names no place, as `"500,300"` or `(500, 300)` may."""
+    if isinstance(key, str | bytes):
+        return _numbers_in(key) < 2 or _is_harmless_text(path, key)
+    if _is_single_number(key):
+        return not _is_number(part) or _is_count(path)
+    return key is None
 
 
 # --- What to declare

@@ -201,6 +201,9 @@ SILENT: dict[str, Any] = {
     "pair": {"first": 10, "second": 20},
     "rect": {"left": "115"},
     "deep": {"list": [{"value": 4}]},
+    "names": {"960,540": "button"},
+    "spots": {(960, 540): "button"},
+    "across": {960: 540},
     # A value for each pixel, or flags of objects.
     "masks": torch.ones(3, *SIZE),
     "depth": np.zeros((*SIZE, 3), np.float32),
