@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import hypothesis
 import numpy as np
 import pytest
 
@@ -25,6 +26,11 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 # is no GPU.
 if not any(Path(name).exists() for name in ("/dev/nvidia0", "/dev/kfd")):
     os.environ["TRITON_INTERPRET"] = "1"
+
+# On a busy machine an example may take any time. In CI the profile of that name has no deadline, too.
+if "CI" not in os.environ:
+    hypothesis.settings.register_profile("no_deadline", deadline=None)
+    hypothesis.settings.load_profile("no_deadline")
 
 # what the tests look at is the kernels, not the NumPy code of a process's first pictures
 jit.start()
