@@ -52,6 +52,23 @@ Locator: TypeAlias = Callable[[Any, Size], "list[Location]"]
 
 
 @dataclass(frozen=True)
+class RowFormat:
+    """How many labels of one form are changed at once, one in each row of an array.
+
+    Both functions check every row as if it were the only one.
+
+    Attributes:
+        width: how many numbers one label has.
+        map_rows: returns rows `[N, width]`, int64 or float64, after a `Move`.
+        locate_rows: returns where the rows point on a picture of a size (height, width).
+    """
+
+    width: int
+    map_rows: Callable[[Numbers, Move], Numbers]
+    locate_rows: Callable[[Numbers, Size], list[Location]]
+
+
+@dataclass(frozen=True)
 class Format:
     """One way to write a label.
 
@@ -62,12 +79,14 @@ class Format:
         map_value: returns a value after a `Move`, without modifying the given value.
         locate: returns where a value points on a picture of a size (height, width).
         declaration: what is declared to get this format, if that is not its name.
+        rows: how many labels are changed at once; `None` if only one at a time can be.
     """
 
     name: str
     map_value: Mapper
     locate: Locator = lambda value, size: []
     declaration: Any = None
+    rows: RowFormat | None = None
 
     @property
     def declared(self) -> Any:
@@ -80,11 +99,14 @@ def with_unit(order: str, unit: int) -> str:
     return order + {0: "", 1: "01", 1000: "1000"}[unit]
 
 
-def check_unit(numbers: Numbers, unit: int, size: Size, anywhere: bool = False) -> None:
+def check_unit(
+    numbers: Numbers, unit: int, size: Size, anywhere: bool = False, each: bool = False
+) -> None:
     """Check that numbers `[N, 2 or 4]`, x before y, fit a coordinate space.
 
     `unit` is 0 for pixels of a picture of `size` (height, width), 1 for fractions, 1000 for
-    thousandths. With `anywhere`, boxes may lie outside the picture.
+    thousandths. With `anywhere`, boxes may lie outside the picture; without it, at least one must
+    lie inside, and with `each` all must.
 
     Raises:
         LabelError: the numbers can only belong to another space.
@@ -108,7 +130,8 @@ def check_unit(numbers: Numbers, unit: int, size: Size, anywhere: bool = False) 
     if numbers.shape[1] == 4 and not anywhere:
         starts_inside = (numbers[:, 0] < width) & (numbers[:, 1] < height)
         ends_inside = (numbers[:, 2:] > 0).all(axis=1)
-        if not (starts_inside & ends_inside).any():
+        is_inside = starts_inside & ends_inside
+        if not (is_inside.all() if each else is_inside.any()):
             raise LabelError(
                 f"holds {example}, which is outside the {width}x{height} picture; is it in its"
                 " pixels?"

@@ -7,7 +7,7 @@ import numpy as np
 from ..actions import Scaling
 from ..errors import LabelError
 from ..types import Size
-from .base import Format, Location, Move, check_unit, with_unit
+from .base import Format, Location, Move, RowFormat, check_unit, with_unit
 from .nested_numbers import Numbers, change_groups
 
 ORDERS = ("xyxy", "xywh", "cxcywh", "yxyx")
@@ -43,7 +43,9 @@ def _in_order(order: str, edges: Numbers) -> Numbers:
     return np.concatenate([centre, sides], axis=1)
 
 
-def _check_edges(order: str, unit: int, boxes: Numbers, size: Size, anywhere: bool) -> Numbers:
+def _check_edges(
+    order: str, unit: int, boxes: Numbers, size: Size, anywhere: bool, each: bool
+) -> Numbers:
     # Returns the edges of boxes; raises `LabelError` for a box that cannot be right.
     edges = _edges(order, boxes)
     reversed_ = (edges[:, 2:] < edges[:, :2]).any(axis=1)
@@ -51,7 +53,7 @@ def _check_edges(order: str, unit: int, boxes: Numbers, size: Size, anywhere: bo
         example = boxes[reversed_][0].tolist()
         advice = "; boxes of x, y, width, height are 'xywh'" if order == "xyxy" else ""
         raise LabelError(f"holds {example}, which as {order} ends before it starts{advice}")
-    check_unit(edges, unit, size, anywhere)
+    check_unit(edges, unit, size, anywhere, each)
     return edges
 
 
@@ -70,28 +72,32 @@ def _scale_edges(edges: Numbers, scaling: Scaling, is_whole: bool) -> Numbers:
 def box_format(order: str, unit: int, anywhere: bool = False) -> Format:
     """Return the format of boxes in some order; with `anywhere` they may be off the picture."""
 
-    def map_value(value: Any, move: Move) -> Any:
-        def change(boxes: Numbers) -> Numbers:
-            edges = _check_edges(order, unit, boxes, move.before, anywhere)
-            if unit:
-                return boxes
-            is_whole = boxes.dtype.kind == "i"
-            return _in_order(order, _scale_edges(edges, move.scaling, is_whole))
+    def map_rows(boxes: Numbers, move: Move, each: bool = True) -> Numbers:
+        edges = _check_edges(order, unit, boxes, move.before, anywhere, each)
+        if unit:
+            return boxes
+        is_whole = boxes.dtype.kind == "i"
+        return _in_order(order, _scale_edges(edges, move.scaling, is_whole))
 
-        return change_groups(value, 4, change)
+    def locate_rows(boxes: Numbers, size: Size, each: bool = True) -> list[Location]:
+        edges = _check_edges(order, unit, boxes, size, anywhere, each)
+        if unit:
+            height, width = size
+            edges = edges * (np.array([width, height, width, height]) / unit)
+        return [Location(tuple(row)) for row in edges.tolist()]
+
+    def map_value(value: Any, move: Move) -> Any:
+        return change_groups(value, 4, lambda boxes: map_rows(boxes, move, each=False))
 
     def locate(value: Any, size: Size) -> list[Location]:
         locations: list[Location] = []
 
         def collect(boxes: Numbers) -> Numbers:
-            edges = _check_edges(order, unit, boxes, size, anywhere)
-            if unit:
-                height, width = size
-                edges = edges * (np.array([width, height, width, height]) / unit)
-            locations.extend(Location(tuple(row)) for row in edges.tolist())
+            locations.extend(locate_rows(boxes, size, each=False))
             return boxes
 
         change_groups(value, 4, collect)
         return locations
 
-    return Format(with_unit(order, unit), map_value, locate)
+    rows = RowFormat(4, map_rows, locate_rows)
+    return Format(with_unit(order, unit), map_value, locate, rows=rows)

@@ -1,8 +1,7 @@
 """The labels of a sample: which entries are labels, their formats, and how they are changed."""
 
 import sys
-from collections.abc import Callable, Collection, Iterable, Mapping
-from functools import partial
+from collections.abc import Collection, Mapping
 from typing import Any, TypeAlias, cast
 
 import numpy as np
@@ -10,17 +9,25 @@ import numpy as np
 from ..actions import calls_pyautogui
 from ..errors import HijackError, LabelError, ParameterError, ParameterTypeError, suggest
 from ..plan import Plan
-from ..sample_pictures import FOLLOWING, has_pixels, is_sequence, is_tensor, names_picture, rebuilt
+from ..sample_pictures import has_pixels, is_sequence, names_picture, rebuilt
 from ..types import Size
 from .action_formats import is_own_action
 from .base import Format, Location, Move
 from .box_formats import box_format
 from .dataset_rows import COLUMNS, is_row, map_action_code
 from .formats import FORMATS, LEAVE, PICTURE, find_format, label_locations, map_label
+from .label_paths import (
+    SampleDict,
+    find_lost_step,
+    is_following,
+    locate_at_path,
+    map_at_path,
+    names_at,
+    split_path,
+)
 from .nested_numbers import to_host
 from .undeclared_entries import Undeclared, declarations, undeclared_error
 
-SampleDict: TypeAlias = Mapping[str, Any]
 Declared: TypeAlias = Mapping[str, Any]
 
 # Entries with a fixed meaning in every sample, and their formats unless others are declared.
@@ -137,7 +144,7 @@ class Labels:
         self._follow_tensors(sample, moved, plan, skip)
         undeclared = Undeclared(self._is_settled)
         for key, value in sample.items():
-            if key in self.formats or key in skip or value is None or _is_following(value):
+            if key in self.formats or key in skip or value is None or is_following(value):
                 continue
             if not self._follow_fixed(key, sample, move, moved, row):
                 undeclared.check(key, value)
@@ -157,22 +164,22 @@ class Labels:
             LabelError: a path leads nowhere, or to two places.
         """
         for path, form in self.formats.items():
-            key, steps = _split(path, sample)
+            key, steps = split_path(path, sample)
             if not steps and "." in path and path.partition(".")[0] in sample:
                 first, *inner_steps = path.split(".")
-                if _names_at(sample[first], inner_steps) is None:
+                if names_at(sample[first], inner_steps) is None:
                     raise LabelError(
                         f"labels={{{path!r}: ...}} means two entries of the sample: {path!r}, and"
                         f" {'.'.join(inner_steps)!r} inside {first!r}; rename one of them"
                     )
             if path in self.optional or form.name == LEAVE:
                 continue
-            names = sample if key not in sample else _names_at(sample[key], steps)
+            names = sample if key not in sample else names_at(sample[key], steps)
             if names is not None:
+                advice = suggest(find_lost_step(path, sample), map(str, names))
                 raise LabelError(
                     f"labels={{{path!r}: {form.name!r}}} matches nothing in the sample"
-                    f"{suggest(_lost_step(path, sample), map(str, names))}; where the entry may be"
-                    f" missing, write {path + '?'!r}"
+                    f"{advice}; where the entry may be missing, write {path + '?'!r}"
                 )
 
     def _is_settled(self, path: str, value: Any) -> bool:
@@ -183,10 +190,9 @@ class Labels:
     def _follow_path(
         self, path: str, form: Format, sample: SampleDict, move: Move, moved: dict[str, Any]
     ) -> None:
-        key, steps = _split(path, sample)
+        key, steps = split_path(path, sample)
         if key in sample and form.name not in (LEAVE, PICTURE):
-            change = partial(_map_unless_tensor, path, form, move=move)
-            moved[key] = _change_at_path(sample[key], steps, change)
+            moved[key] = map_at_path(path, form, sample[key], steps, move)
 
     def _follow_tensors(
         self, sample: SampleDict, moved: dict[str, Any], plan: Plan, skip: Collection[str]
@@ -203,7 +209,7 @@ class Labels:
                 moved[key] = after
 
     def _map_tensors(self, path: str, value: Any, plan: Plan) -> Any:
-        if _is_following(value):
+        if is_following(value):
             if path in self.unchanged_paths:
                 return value
             from .torchvision_labels import check_order, follow_tensor
@@ -215,6 +221,8 @@ class Labels:
             return value
         if isinstance(value, Mapping):
             entries = cast("Mapping[Any, Any]", value)
+            if not any(map(_may_hold_tensors, entries.values())):
+                return entries
             parts = {
                 key: self._map_tensors(f"{path}.{key}", part, plan) for key, part in entries.items()
             }
@@ -306,7 +314,7 @@ class Labels:
         Raises:
             LabelError: an entry could be the target, but none is declared, or several are.
         """
-        candidates = [path for path in self._pointing() if _split(path, sample)[0] in sample]
+        candidates = [path for path in self._pointing() if split_path(path, sample)[0] in sample]
         fixed = ("target", "target_box", "action")
         candidates += [key for key in fixed if _has_fixed_format(key, sample)]
         several = [
@@ -364,7 +372,7 @@ class Labels:
         return locations if len(locations) == 1 and _has_area(locations[0].target) else []
 
     def _places_at(self, path: str, sample: SampleDict, size: Size) -> list[Location]:
-        key, steps = _split(path, sample)
+        key, steps = split_path(path, sample)
         value = sample.get(key)
         if value is None:
             return []
@@ -374,13 +382,7 @@ class Labels:
             return []
         else:
             form = _fixed_format(path, value)
-        locations: list[Location] = []
-
-        def collect(part: Any) -> None:
-            locations.extend(label_locations(path, form, part, size))
-
-        _change_at_path(value, steps, collect)
-        return locations
+        return locate_at_path(path, form, value, steps, size)
 
     def _end(self, sample: SampleDict, size: Size) -> tuple[float, ...] | None:
         """Return where a drag from the target ends, from the action or from `action_code`."""
@@ -471,36 +473,18 @@ def _width(value: Any) -> int:
     return len(cast(Any, parts)) if hasattr(cast(Any, parts), "__len__") else 0
 
 
-def _split(path: str, sample: SampleDict) -> tuple[str, list[str]]:
-    """Split a path into an entry of a sample and the path inside that entry."""
-    if path in sample:
-        return path, []
-    key, *steps = path.split(".")
-    return key, steps
-
-
-def _map_unless_tensor(path: str, form: Format, value: Any, *, move: Move) -> Any:
-    """Return a declared label after a move; torchvision's own labels are moved elsewhere."""
-    first = value
-    while isinstance(first, list | tuple) and first:
-        first = cast("list[Any]", first)[0]
-    return value if _is_following(first) else map_label(path, form, value, move)
-
-
 def _is_code(value: Any) -> bool:
     text = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
     return isinstance(text, str) and calls_pyautogui(text)
 
 
-def _is_following(value: Any) -> bool:
-    return is_tensor(value, *FOLLOWING)
-
-
 def _may_hold_tensors(value: Any) -> bool:
+    if value is None or isinstance(value, str | int | float):
+        return False
     if isinstance(value, list | tuple):
         parts = cast("list[Any]", value)
         return bool(parts) and not isinstance(parts[0], int | float | str)
-    return isinstance(value, Mapping) or _is_following(value)
+    return isinstance(value, Mapping) or is_following(value)
 
 
 def _is_side(value: Any, side: int) -> bool:
@@ -509,55 +493,3 @@ def _is_side(value: Any, side: int) -> bool:
         return bool(np.all(np.asarray(to_host(value)) == side))
     except (TypeError, ValueError, RuntimeError):  # no numbers, or lists of different lengths
         return False
-
-
-def _names_at(value: Any, steps: list[str]) -> Iterable[Any] | None:
-    """Return `None` if a path leads somewhere, otherwise the names where it fails.
-
-    A value that is `None` or an empty list proves nothing, and counts as somewhere.
-    """
-    if value is None or not steps:
-        return None
-    if isinstance(value, Mapping):
-        entries = cast("Mapping[str, Any]", value)
-        if steps[0] not in entries:
-            return list(entries)
-        return _names_at(entries[steps[0]], steps[1:])
-    if not isinstance(value, list | tuple):
-        return ()
-    names: Iterable[Any] | None = None
-    for part in cast("list[Any]", value):
-        if part is None:
-            continue
-        names = _names_at(part, steps)
-        if names is None:
-            return None
-    return names
-
-
-def _lost_step(path: str, sample: SampleDict) -> str:
-    """Return the part of a path that leads nowhere."""
-    key, steps = _split(path, sample)
-    if key not in sample:
-        return path if "." not in path else key
-    count = next(
-        n for n in range(1, len(steps) + 1) if _names_at(sample[key], steps[:n]) is not None
-    )
-    return steps[count - 1]
-
-
-def _change_at_path(value: Any, steps: list[str], change: Callable[[Any], Any]) -> Any:
-    """Return a copy of a value with the end of a path changed, also inside lists on the path."""
-    if value is None:
-        return None
-    if not steps:
-        return change(value)
-    if isinstance(value, list | tuple):
-        parts = [_change_at_path(part, steps, change) for part in cast("list[Any]", value)]
-        return tuple(parts) if isinstance(value, tuple) else parts
-    if not isinstance(value, Mapping):
-        return value
-    entries = dict(cast("Mapping[str, Any]", value))
-    if steps[0] in entries:
-        entries[steps[0]] = _change_at_path(entries[steps[0]], steps[1:], change)
-    return entries

@@ -7,7 +7,7 @@ import numpy as np
 from ..actions import Scaling
 from ..errors import LabelError
 from ..types import Size
-from .base import Format, Location, Move, check_unit, with_unit
+from .base import Format, Location, Move, RowFormat, check_unit, with_unit
 from .nested_numbers import Numbers, change_groups
 
 _NOWHERE = (-1, -1)
@@ -40,38 +40,41 @@ def point_format(order: str, unit: int, visibility: bool = False) -> Format:
                 bounds.check(y, axis=0)
         return points
 
-    def map_value(value: Any, move: Move) -> Any:
-        def change(groups: Numbers) -> Numbers:
-            is_visible = seen_in(groups)
-            if not is_visible.any():
-                return groups
-            points = checked(groups[is_visible], move.before)
-            if unit:
-                return groups
-            is_whole = points.dtype.kind == "i"
-            scale = move.scaling.points if is_whole else move.scaling.positions
-            out = groups.copy()
-            out[is_visible, :2] = in_order(scale(points))
-            return out
+    def map_rows(groups: Numbers, move: Move) -> Numbers:
+        is_visible = seen_in(groups)
+        if not is_visible.any():
+            return groups
+        points = checked(groups[is_visible], move.before)
+        if unit:
+            return groups
+        is_whole = points.dtype.kind == "i"
+        scale = move.scaling.points if is_whole else move.scaling.positions
+        out = groups.copy()
+        out[is_visible, :2] = in_order(scale(points))
+        return out
 
-        return change_groups(value, width, change)
+    def locate_rows(groups: Numbers, size: Size) -> list[Location]:
+        visible_groups = groups[seen_in(groups)]
+        if not len(visible_groups):
+            return []
+        points = checked(visible_groups, size)
+        if unit:
+            height, width = size
+            points = points * (np.array([width, height]) / unit)
+        return [Location(tuple(row)) for row in points.tolist()]
+
+    def map_value(value: Any, move: Move) -> Any:
+        return change_groups(value, width, lambda groups: map_rows(groups, move))
 
     def locate(value: Any, size: Size) -> list[Location]:
         locations: list[Location] = []
 
         def collect(groups: Numbers) -> Numbers:
-            visible_groups = groups[seen_in(groups)]
-            if not len(visible_groups):
-                return groups
-            points = checked(visible_groups, size)
-            if unit:
-                height, width = size
-                points = points * (np.array([width, height]) / unit)
-            locations.extend(Location(tuple(row)) for row in points.tolist())
+            locations.extend(locate_rows(groups, size))
             return groups
 
         change_groups(value, width, collect)
         return locations
 
     name = "xyv" if visibility else with_unit(order, unit)
-    return Format(name, map_value, locate)
+    return Format(name, map_value, locate, rows=RowFormat(width, map_rows, locate_rows))

@@ -212,8 +212,10 @@ def _numbers_in(text: str | bytes) -> int:
             text = text.decode("utf-8")
         except UnicodeDecodeError:
             return 2
-    matches = _NUMBER.finditer(text)
-    return sum(1 for _, _ in zip(matches, range(2), strict=False))
+    first = _NUMBER.search(text)
+    if first is None:
+        return 0
+    return 1 if _NUMBER.search(text, first.end()) is None else 2
 
 
 def _is_harmless_text(path: str, text: str | bytes) -> bool:

@@ -1,0 +1,162 @@
+"""Labels at the end of a dotted path, such as `objects.bbox`, also inside lists on the path."""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeAlias, cast
+
+import numpy as np
+
+from ..errors import HijackError
+from ..sample_pictures import FOLLOWING, is_tensor
+from ..types import Size
+from .base import Format, Location, Move
+from .formats import label_locations, map_label
+from .nested_numbers import Numbers
+
+SampleDict: TypeAlias = Mapping[str, Any]
+_NUMBER_TYPES = ({int}, {float}, {int, float})
+
+
+def split_path(path: str, sample: SampleDict) -> tuple[str, list[str]]:
+    """Split a path into an entry of a sample and the path inside that entry."""
+    if path in sample:
+        return path, []
+    key, *steps = path.split(".")
+    return key, steps
+
+
+def map_at_path(path: str, form: Format, value: Any, steps: list[str], move: Move) -> Any:
+    """Return a copy of the entry of a path, whose labels at the end of `steps` follow a move.
+
+    Raises:
+        LabelError: a label cannot follow the pixels; the message names the path.
+    """
+    if steps and form.rows is not None:
+        labels = _collect(value, steps)
+        rows = _read_rows(labels, form.rows.width)
+        if rows is not None:
+            try:
+                after = form.rows.map_rows(rows, move).tolist()
+            except HijackError:
+                pass  # below, the message names the label
+            else:
+                new_labels = map(_like, labels, after)
+                return change_at_path(value, steps, lambda _: next(new_labels))
+    return change_at_path(value, steps, lambda label: _map_unless_tensor(path, form, label, move))
+
+
+def locate_at_path(
+    path: str, form: Format, value: Any, steps: list[str], size: Size
+) -> list[Location]:
+    """Return where the labels at the end of a path point.
+
+    Raises:
+        LabelError: a label cannot be right; the message names the path.
+    """
+    labels = _collect(value, steps)
+    rows = None if form.rows is None else _read_rows(labels, form.rows.width)
+    if rows is not None and form.rows is not None:
+        try:
+            return form.rows.locate_rows(rows, size)
+        except HijackError:
+            pass  # below, the message names the label
+    return [place for label in labels for place in label_locations(path, form, label, size)]
+
+
+def _collect(value: Any, steps: list[str]) -> list[Any]:
+    labels: list[Any] = []
+    change_at_path(value, steps, labels.append)
+    return labels
+
+
+def _read_rows(labels: list[Any], width: int) -> Numbers | None:
+    """Return labels as the rows of one array; `None` unless all are alike, and several.
+
+    They are lists or tuples of `width` finite numbers of Python, all of whole numbers, or all with
+    a fraction.
+    """
+    if len(labels) < 2:
+        return None
+    is_float: set[bool] = set()
+    for label in labels:
+        if type(label) not in (list, tuple) or len(label) != width:
+            return None
+        kinds = set(map(type, label))
+        if kinds not in _NUMBER_TYPES:
+            return None
+        is_float.add(float in kinds)
+    if len(is_float) > 1:
+        return None
+    try:
+        rows: Numbers = np.array(labels, np.float64 if is_float.pop() else np.int64)
+    except OverflowError:
+        return None
+    return rows if np.isfinite(rows).all() else None
+
+
+def _like(label: Any, numbers: list[Any]) -> Any:
+    return tuple(numbers) if type(label) is tuple else numbers
+
+
+def _map_unless_tensor(path: str, form: Format, value: Any, move: Move) -> Any:
+    """Return a declared label after a move; torchvision's own labels are moved elsewhere."""
+    first = value
+    while isinstance(first, list | tuple) and first:
+        first = cast("list[Any]", first)[0]
+    return value if is_following(first) else map_label(path, form, value, move)
+
+
+def is_following(value: Any) -> bool:
+    """Return whether a value is a label of torchvision, which is moved elsewhere."""
+    return is_tensor(value, *FOLLOWING)
+
+
+def change_at_path(value: Any, steps: list[str], change: Callable[[Any], Any]) -> Any:
+    """Return a copy of a value with the end of a path changed, also inside lists on the path."""
+    if value is None:
+        return None
+    if not steps:
+        return change(value)
+    if isinstance(value, list | tuple):
+        parts = [change_at_path(part, steps, change) for part in cast("list[Any]", value)]
+        return tuple(parts) if isinstance(value, tuple) else parts
+    if not isinstance(value, Mapping):
+        return value
+    entries = dict(cast("Mapping[str, Any]", value))
+    if steps[0] in entries:
+        entries[steps[0]] = change_at_path(entries[steps[0]], steps[1:], change)
+    return entries
+
+
+def names_at(value: Any, steps: list[str]) -> Iterable[Any] | None:
+    """Return `None` if a path leads somewhere, otherwise the names where it fails.
+
+    A value that is `None` or an empty list proves nothing, and counts as somewhere.
+    """
+    if value is None or not steps:
+        return None
+    if isinstance(value, Mapping):
+        entries = cast("Mapping[str, Any]", value)
+        if steps[0] not in entries:
+            return list(entries)
+        return names_at(entries[steps[0]], steps[1:])
+    if not isinstance(value, list | tuple):
+        return ()
+    names: Iterable[Any] | None = None
+    for part in cast("list[Any]", value):
+        if part is None:
+            continue
+        names = names_at(part, steps)
+        if names is None:
+            return None
+    return names
+
+
+def find_lost_step(path: str, sample: SampleDict) -> str:
+    """Return the part of a path that leads nowhere."""
+    key, steps = split_path(path, sample)
+    if key not in sample:
+        return path if "." not in path else key
+    count = next(
+        n for n in range(1, len(steps) + 1) if names_at(sample[key], steps[:n]) is not None
+    )
+    return steps[count - 1]
