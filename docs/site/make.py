@@ -35,7 +35,6 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "start",
         "concepts",
         "command_line",
-        "faq",
         "troubleshooting",
         "comparison",
     ),
@@ -71,7 +70,6 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Live": (
         "live_evaluation",
         "embedded_desktop",
-        "desktop_image",
         "effects",
         "security",
         "local_internet",
@@ -91,7 +89,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 
 # How much more a page counts in the search than others.
 SEARCH = {
-    **dict.fromkeys(("install.md", "faq.md", "troubleshooting.md"), 2),
+    **dict.fromkeys(("install.md", "troubleshooting.md"), 2),
     **dict.fromkeys(("concepts.md", "start.md"), 2),
     **dict.fromkeys(("training.md", "score_my_model.md", "score_my_agent.md"), 2),
     **dict.fromkeys(("architecture.md", "changelog.md", "results.md"), 0.5),
