@@ -20,6 +20,7 @@ import notebooks
 import pictures
 import reference
 import results
+import tables
 import yaml
 
 import hijack_data as hj
@@ -145,6 +146,9 @@ def all_pages(folder: Path) -> dict[str, str]:
     texts["index.md"] = landing.replace("{{ chart }}", charts.success("UI-TARS-1.5-7B"))
     texts["gallery.md"] = (HERE / "gallery.md").read_text(encoding="utf-8")
     texts["try.md"] = corruption_pages.try_page(folder)
+    texts["verify_runs.md"] = texts["verify_runs.md"].replace(
+        "<!-- every field -->", tables.fields_of_a_run()
+    )
     texts["suite.md"] = copied.searchable_suite(texts["suite.md"])
     texts["figures.md"] = charts.page()
     texts["paper_results.md"] = charts.results_of_the_paper()
