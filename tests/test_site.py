@@ -191,6 +191,27 @@ def test_a_bar_in_the_code_of_a_table_is_no_backslash(tmp_path: Path):
     assert copied.text_of(file, {}) == "| `a|b` | c \\| d |\n\n```sh\nx \\| y\n```\n"
 
 
+def test_the_page_to_try_knows_which_pictures_are_not_there(tmp_path: Path):
+    pictures = pytest.importorskip("pictures")
+    there = pictures.file_name("marks", pictures.SCREENS[1], level=5, seed=1)
+    (tmp_path / there).parent.mkdir()
+    (tmp_path / there).touch()
+    page = corruption_pages.try_page(tmp_path)
+    choices = json.loads(re.search(r'id="choices">(.*)</script>', page)[1])
+    small = {file for file, *_ in pictures.wanted() if "level" in file}
+    assert {file for choice in choices.values() for file in choice["missing"]} == small - {there}
+    assert choices["marks"]["levels"] == [1, 2, 3, 4, 5]
+    assert choices["verification"]["levels"] == [3]
+    assert "{{" not in page
+
+
+def test_the_suite_has_a_search_and_shows_each_screen_once():
+    made = copied.searchable_suite((ROOT / "docs" / "suite.md").read_text())
+    assert made.index('<input type="search"') < made.index("| domain | tasks |")
+    shown = re.findall(r"\]\((images/suite/[^)]+)\)", made)
+    assert len({(ROOT / "docs" / file).read_bytes() for file in shown}) == len(shown) > 50
+
+
 def test_every_page_has_its_place(tmp_path: Path):
     texts = make.all_pages(tmp_path)
     nav = str(make.settings(texts)["nav"])

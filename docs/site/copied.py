@@ -19,6 +19,11 @@ OUTSIDE = {
     "CHANGELOG.md": "changelog.md",
     "benchmarks/RESULTS.md": "results.md",
 }
+_FINDER = """<p class="finder"><label>Search the tasks
+<input type="search" placeholder="calc held_out rename"></label>
+<span role="status"></span></p>
+
+"""
 _FENCE = re.compile(r"^( *)```([a-z]+)[^\n`]*$", re.M)
 # Of a console's lines, those without a prompt are coloured as output: ours have none.
 _COLOURED_AS = {"console": "sh"}
@@ -47,6 +52,25 @@ def text_of(path: Path, site: Mapping[str, str]) -> str:
         linked = _LINK.sub(lambda match: _link(match, path, site), pieces[number])
         pieces[number] = _ROW_OF_A_TABLE.sub(_row, linked)
     return "".join(pieces)
+
+
+def searchable_suite(text: str) -> str:
+    """The page of the suite with a search, and each first screen once.
+
+    Many tasks of a domain begin on the same screen; its picture stands at the first of them.
+    """
+    shown: set[bytes] = set()
+
+    def picture(match: re.Match[str]) -> str:
+        pixels = (ROOT / "docs" / match[1]).read_bytes()
+        if pixels in shown:
+            return ""
+        shown.add(pixels)
+        return match[0] + "{ loading=lazy }"
+
+    text = re.sub(r"!\[First screen of \w+\]\((images/[^)]+)\)", picture, text)
+    head, mark, rest = text.partition("| domain | tasks |")
+    return head + _FINDER + mark + rest
 
 
 def plain_fences(text: str) -> str:

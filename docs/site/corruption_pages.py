@@ -1,7 +1,8 @@
 """A page for each corruption, and the gallery, from what the library says about itself."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,8 @@ from hijack_data.cli.list_commands import describe
 from hijack_data.composites import composite, is_bare
 
 TEXTS = yaml.safe_load((Path(__file__).parent / "texts.yaml").read_text(encoding="utf-8"))
-# Where the divider stands at first, in percent, so that what is drawn is to its right.
-DIVIDED_AT = {"pop_ups": 18, "multi_apps": 25, "subtitle": 20}
+# Where the divider stands at first, in percent: in the middle of what any of the nine changes.
+DIVIDED_AT = 45
 KINDS = {
     "visual_disruptor": "changes what is seen",
     "unexpected_operation": "does something that the agent did not do",
@@ -113,13 +114,12 @@ def _lines(name: str, folder: Path) -> Iterator[str]:
 
 def _slider(name: str) -> str:
     screen = pictures.screen_of(name)
-    at = DIVIDED_AT.get(name, 40)
     return (
-        f'<div class="ba" style="--x:{at}%">'
+        f'<div class="ba" style="--x:{DIVIDED_AT}%">'
         f'<img src="../pictures/{screen}.webp" alt="The recorded screen" width="1280" height="720">'
         f'<img class="over" src="../pictures/{name}/after.webp" alt="The same screen under {name}"'
         ' width="1280" height="720">'
-        f'<input type="range" min="0" max="100" value="{at}" aria-label="Before and after">'
+        f'<input type="range" min="0" max="100" value="{DIVIDED_AT}" aria-label="Before and after">'
         '<span class="tag left">before</span><span class="tag right">after</span></div>\n'
     )
 
@@ -136,7 +136,8 @@ def _severities(name: str, info: dict[str, Any], folder: Path) -> Iterator[str]:
     tiles: list[tuple[str, str]] = []
     for number, level in enumerate(levels, 1):
         said = ", ".join(f"{key}={json.dumps(value)}" for key, value in level.items())
-        tiles.append((f"{name}/level-{number}.webp", f"<b>{number}</b> {said or 'defaults'}"))
+        file = pictures.file_name(name, pictures.screen_of(name), level=number)
+        tiles.append((file, f"<b>{number}</b> {said or 'defaults'}"))
     yield strip(tiles, folder)
 
 
@@ -214,13 +215,17 @@ def _parameters(info: dict[str, Any]) -> Iterator[str]:
 def _seeds(name: str, folder: Path) -> Iterator[str]:
     yield "## Seeds\n"
     yield "A plan follows from the seed, the corruption, the sample, the step and the epoch, and"
-    yield "from nothing else ([Concepts](../concepts.md#plan)).\n"
-    files = [folder / name / f"seed-{seed}.webp" for seed in pictures.SEEDS]
-    different = {file.read_bytes() for file in files if file.exists()}
+    yield "from the scene where the corruption uses it ([Concepts](../concepts.md#plan)). More"
+    yield "screens, levels and seeds: [Try it](../try.md).\n"
+    screen = pictures.screen_of(name)
+    files = {seed: pictures.file_name(name, screen, seed=seed) for seed in pictures.SEEDS}
+    different = {
+        (folder / file).read_bytes() for file in files.values() if (folder / file).exists()
+    }
     if len(different) < 2:
         yield "This corruption draws nothing at random: every seed gives the same picture.\n"
         return
-    yield strip([(f"{name}/seed-{s}.webp", f"seed={s}") for s in pictures.SEEDS], folder)
+    yield strip([(file, f"seed={seed}") for seed, file in files.items()], folder)
 
 
 def _measured(name: str) -> Iterator[str]:
@@ -235,19 +240,40 @@ def _measured(name: str) -> Iterator[str]:
     yield f"desktop and {agent[name]} % under this corruption ([results](../paper_results.md)).\n"
 
 
-def gallery(folder: Path) -> str:
-    """The page with all nine on three screens."""
-    lines = [
-        "# Gallery\n",
-        "The nine corruptions on recorded screens of this repository, with the default parameters"
-        f" and seed {pictures.SEED}. Choose a name for its page;"
-        " `hijack gallery your/*.png -o g.html` makes such a page of your own screens.\n",
-    ]
-    for name in hj.corruption_names()[:9]:
-        lines.append(f"## [{TEXTS[name]['title']}](corruptions/{name}.md)\n")
-        tiles = [(f"{name}/on-{screen}.webp", "") for screen in pictures.SCREENS]
-        lines.append(strip(tiles, folder, up=""))
-    return "\n".join(lines)
+def try_page(folder: Path) -> str:
+    """The page on which the reader chooses screen, corruption, severity and seed."""
+    choices = {
+        name: {
+            "levels": list(pictures.levels(name)),
+            "missing": [
+                file
+                for screen, level, seed in product(
+                    pictures.SCREENS, pictures.levels(name), pictures.SEEDS
+                )
+                if not (folder / (file := pictures.file_name(name, screen, level, seed))).exists()
+            ],
+        }
+        for name in hj.corruption_names()[:9]
+    }
+    text = (Path(__file__).parent / "try.md").read_text(encoding="utf-8")
+    parts = {
+        "screens": _options(pictures.SCREENS, pictures.SCREENS[0]),
+        "corruptions": _options(choices, "pop_ups"),
+        "seeds": _options(map(str, pictures.SEEDS), str(pictures.SEED)),
+        "screen": pictures.SCREENS[0],
+        "first": pictures.file_name("pop_ups", pictures.SCREENS[0]),
+        "at": str(DIVIDED_AT),
+        "choices": json.dumps(choices),
+    }
+    for name, part in parts.items():
+        text = text.replace(f"{{{{ {name} }}}}", part)
+    return text
+
+
+def _options(values: Iterable[str], chosen: str) -> str:
+    return "".join(
+        f"<option{' selected' if value == chosen else ''}>{value}</option>" for value in values
+    )
 
 
 def blocks() -> Iterator[tuple[str, str, str]]:

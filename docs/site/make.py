@@ -20,9 +20,11 @@ import notebooks
 import pictures
 import reference
 import results
+import tables
 import yaml
 
 import hijack_data as hj
+from hijack_data.gallery import gallery
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -30,15 +32,7 @@ PAGES = ROOT / "build" / "pages"
 SETTINGS = ROOT / "build" / "mkdocs.yml"
 # What stands where; a page of docs/ that is in no section is under "More".
 SECTIONS: dict[str, tuple[str, ...]] = {
-    "Start": (
-        "install",
-        "start",
-        "concepts",
-        "command_line",
-        "faq",
-        "troubleshooting",
-        "comparison",
-    ),
+    "Start": ("install", "start", "concepts", "command_line", "troubleshooting", "comparison"),
     "Datasets": (
         "datasets",
         "sources",
@@ -71,7 +65,6 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Live": (
         "live_evaluation",
         "embedded_desktop",
-        "desktop_image",
         "effects",
         "security",
         "local_internet",
@@ -91,7 +84,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 
 # How much more a page counts in the search than others.
 SEARCH = {
-    **dict.fromkeys(("install.md", "faq.md", "troubleshooting.md"), 2),
+    **dict.fromkeys(("install.md", "troubleshooting.md"), 2),
     **dict.fromkeys(("concepts.md", "start.md"), 2),
     **dict.fromkeys(("training.md", "score_my_model.md", "score_my_agent.md"), 2),
     **dict.fromkeys(("architecture.md", "changelog.md", "results.md"), 0.5),
@@ -124,6 +117,10 @@ def write_pages() -> int:
     folder = PAGES / "pictures"
     for problem in pictures.make(folder):
         print(f"left out: {problem}")
+    shown = gallery(
+        [pictures.RECORDED / f"{name}.png" for name in pictures.SCREENS], embed_width=960
+    )
+    (folder / "gallery.html").write_text(shown.html, encoding="utf-8")
     shutil.copytree(ROOT / "docs" / "images", PAGES / "images")
     shutil.copytree(
         results.RESULTS, PAGES / "results", ignore=shutil.ignore_patterns("*.md", "run")
@@ -147,7 +144,12 @@ def all_pages(folder: Path) -> dict[str, str]:
     texts = {name: copied.text_of(path, site) for name, path in files.items()}
     landing = (HERE / "landing.md").read_text(encoding="utf-8")
     texts["index.md"] = landing.replace("{{ chart }}", charts.success("UI-TARS-1.5-7B"))
-    texts["gallery.md"] = corruption_pages.gallery(folder)
+    texts["gallery.md"] = (HERE / "gallery.md").read_text(encoding="utf-8")
+    texts["try.md"] = corruption_pages.try_page(folder)
+    texts["verify_runs.md"] = texts["verify_runs.md"].replace(
+        "<!-- every field -->", tables.fields_of_a_run()
+    )
+    texts["suite.md"] = copied.searchable_suite(texts["suite.md"])
     texts["figures.md"] = charts.page()
     texts["paper_results.md"] = charts.results_of_the_paper()
     texts |= results.pages() | notebooks.pages(folder)
@@ -176,7 +178,7 @@ def settings(texts: Iterable[str]) -> dict[str, Any]:
         title: [f"{name}.md" for name in names if f"{name}.md" in known]
         for title, names in SECTIONS.items()
     }
-    corruptions: list[Any] = ["gallery.md"]
+    corruptions: list[Any] = ["gallery.md", "try.md"]
     corruptions += [{corruption_pages.TEXTS[Path(name).stem]["title"]: name} for name in nine]
     corruptions.append({"All parameters": "corruptions.md"})
     books = [f"notebooks/{name}.md" for name in NOTEBOOKS]
@@ -189,7 +191,7 @@ def settings(texts: Iterable[str]) -> dict[str, Any]:
             nav[-1] = {title: [*names, {"Notebooks": books}]}
             nav.append({"Corruptions": corruptions})
     nav.append({"Reference": api})
-    placed = {*books, *nine, *api, *project, "index.md", "gallery.md", "corruptions.md"}
+    placed = {*books, *nine, *api, *project, "index.md", "gallery.md", "try.md", "corruptions.md"}
     placed |= {name for names in sections.values() for name in names}
     nav.append({"Project": [*project, *sorted(known - placed)]})
     return {"INHERIT": "../mkdocs.yml", "docs_dir": "pages", "site_dir": "site", "nav": nav}

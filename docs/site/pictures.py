@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,8 @@ SCREENS = ("notes-04", "rename-03", "multiply-03")
 # The screen on which the page of a corruption shows it, and the seed that shows it well.
 SHOWN_ON = {"accidental_touch": "rename-03"}
 SEED = 3
-SEEDS = (0, 1, 2)
-WIDE, SMALL = 1280, 480
+SEEDS = (1, 2, 3)
+WIDE, SMALL = 1280, 640
 # What surrounds a screenshot that became smaller.
 AROUND = (203, 209, 218)
 
@@ -66,6 +67,17 @@ def save(pixels: np.ndarray, path: Path, width: int) -> None:
     picture.save(path, "WEBP", quality=82, method=4)
 
 
+def file_name(corruption: str, screen: str, level: int = 3, seed: int = SEED) -> str:
+    """The file of a small corrupted picture, below the folder of the pictures."""
+    return f"{corruption}/{screen}-level{level}-seed{seed}.webp"
+
+
+def levels(corruption: str) -> range:
+    """The severity levels of a corruption; one without levels is shown as level 3."""
+    count = len(type(hj.make_corruption(corruption)).severities)
+    return range(1, count + 1) if count else range(3, 4)
+
+
 def wanted() -> Iterator[tuple[str, str, hj.plugin.Corruption, int, int]]:
     """Yield every corrupted picture of the site.
 
@@ -74,13 +86,9 @@ def wanted() -> Iterator[tuple[str, str, hj.plugin.Corruption, int, int]]:
     for name in hj.corruption_names()[:9]:
         plain = hj.make_corruption(name)
         yield f"{name}/after.webp", screen_of(name), plain, SEED, WIDE
-        for seed in SEEDS:
-            yield f"{name}/seed-{seed}.webp", screen_of(name), plain, seed, SMALL
-        for level in range(1, len(type(plain).severities) + 1):
-            made = type(plain).at(level)
-            yield f"{name}/level-{level}.webp", screen_of(name), made, SEED, SMALL
-        for screen in SCREENS:
-            yield f"{name}/on-{screen}.webp", screen, plain, SEED, SMALL
+        for screen, level, seed in product(SCREENS, levels(name), SEEDS):
+            made = plain if level == 3 else type(plain).at(level)
+            yield file_name(name, screen, level, seed), screen, made, seed, SMALL
 
 
 def make(folder: Path) -> list[str]:

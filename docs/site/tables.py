@@ -5,6 +5,8 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from pipelines.proof.run_checks.field_checks import FIELDS
+
 HERE = Path(__file__).resolve().parent
 RESULTS = HERE.parents[1] / "benchmarks" / "RESULTS.md"
 
@@ -80,3 +82,13 @@ def paper() -> list[dict[str, str]]:
     """The paper's table of success rates in percent: an agent a row, a condition a column."""
     with (HERE / "paper.csv").open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file))
+
+
+def fields_of_a_run() -> str:
+    """Every field of a run's files and what it is compared with, as a table."""
+    rows = ["| in | is | fields |", "|---|---|---|"]
+    for kind, checks in FIELDS.items():
+        for check in dict.fromkeys(checks.values()):
+            fields = " ".join(f"`{name}`" for name, value in checks.items() if value == check)
+            rows.append(f"| `{kind}` | {check} | {fields} |")
+    return "\n".join(rows)

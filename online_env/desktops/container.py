@@ -1,4 +1,4 @@
-"""Reset a container that is a desktop, for `HttpDesktop` (docs/desktop_image.md)."""
+"""Reset a container that is a desktop, for `HttpDesktop` (docs/embedded_desktop.md)."""
 
 import urllib.error
 import urllib.request

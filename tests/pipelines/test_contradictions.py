@@ -2,7 +2,6 @@
 the library knows; the rest, which only a signature protects, is listed here, too."""
 
 import json
-import re
 import shutil
 from pathlib import Path
 
@@ -20,7 +19,6 @@ from online_env.bench.jobs import Job
 from online_env.environment import CorruptedEnv, Setting
 from online_env.results import origin, records
 from pipelines.proof.rebuild import rebuild
-from pipelines.proof.run_checks.field_checks import FIELDS
 
 from support.edited_runs import (
     both,
@@ -37,7 +35,6 @@ from support.edited_runs import (
 from support.live import FakeDesktop, FakeStage
 from support.recorded import Silent, Teller, config, no_machine
 
-ROOT = Path(__file__).resolve().parents[2]
 TASK, SEED = "write_note", 3
 PLANNERS = {
     "clean": None,
@@ -334,13 +331,3 @@ def test_an_episode_that_is_under_way_is_no_problem(run):
         f"run.json: 1 of 3 planned episodes are not there, such as {MINIMISED}"
     ]
     assert report.unfinished == 1
-
-
-def test_the_page_lists_every_field_with_its_check():
-    page = (ROOT / "docs" / "verify_runs.md").read_text(encoding="utf-8")
-    listed = {}
-    for kind, check, names in re.findall(r"^\| `([\w.]+)` \| (\w+) \| (.*?) \|", page, re.M):
-        for name in re.findall(r"`(\w+)`", names):
-            listed[kind, name] = check
-    known = {(kind, name): check for kind, names in FIELDS.items() for name, check in names.items()}
-    assert listed == known

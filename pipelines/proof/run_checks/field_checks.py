@@ -1,7 +1,7 @@
 """Every field of a run's files, and what it is compared with: a closed world.
 
 A field that is not in `FIELDS` is a problem, and so is a file that no part of the run names.
-docs/verify_runs.md has the same table in words.
+The site shows it as a table, on the page of docs/verify_runs.md.
 """
 
 from collections import Counter
