@@ -1,8 +1,10 @@
 """`hijack demo`: the main tasks of the library, on recordings that come with the package."""
 
 import importlib
+import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -60,11 +62,11 @@ def demo(out: Path, desktop: bool) -> None:
     screens = [recordings() / "images" / name for name in SCREENS]
     outputs = [out / "before_after.png", out / "gallery.html"]
     make_folder(out)
-    run_command("apply", screens[1], "pop_ups", "-o", out / "pop_ups.png", "--seed", 3)
-    before_and_after(screens[0], outputs[0])
-    run_command("gallery", *screens, "-o", outputs[1])
-    if dataset(out / "dataset"):
-        outputs.append(out / "dataset")
+    with command_beside("gallery", *screens, "-o", outputs[1]):
+        run_command("apply", screens[1], "pop_ups", "-o", out / "pop_ups.png", "--seed", 3)
+        before_and_after(screens[0], outputs[0])
+        if dataset(out / "dataset"):
+            outputs.append(out / "dataset")
     failed = desktop and corrupt_live_desktop(out / "nine.png")
     if desktop and (out / "nine.png").exists():
         outputs.append(out / "nine.png")
@@ -91,6 +93,27 @@ def run_command(*words: object) -> None:
         raise SystemExit(code)
 
 
+@contextmanager
+def command_beside(*words: object) -> Iterator[None]:
+    """Run a `hijack` command in a process of its own during the body, then print what it said.
+
+    Raises:
+        SystemExit: as `run_command` does.
+    """
+    texts = [str(word) for word in words]
+    program = [sys.executable, "-m", "hijack_data", *texts]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, encoding="utf-8") as process:
+        try:
+            yield
+            output, _ = process.communicate()
+        except BaseException:
+            process.kill()
+            raise
+    echo(f"$ hijack {' '.join(texts)}\n{output.rstrip()}")
+    if process.returncode not in (0, 1):
+        raise SystemExit(process.returncode)
+
+
 def before_and_after(picture: Path, out: Path) -> None:
     """Write one picture with a before and an after of the four visual corruptions."""
     screen, _ = load_image(picture)
@@ -111,15 +134,15 @@ def dataset(folder: Path) -> bool:
         Whether the dataset could be built, which needs the extra `hf`.
     """
     try:
-        datasets = extras.load("datasets", "the dataset of the demo", "hf")
-        extras.require("the dataset of the demo", "hf", ("pyarrow",))
+        extras.require("the dataset of the demo", "hf", ("datasets", "pyarrow"))
     except MissingDependencyError as error:
         echo(f"dataset: left out ({error})")
         return False
     run_command("build", recordings(), "--out", folder, "--seed", 7, "--resume")
-    run_command("verify", folder)
-    datasets.disable_progress_bars()
-    rows: Sequence[Any] = datasets.load_dataset(str(folder), split="train")
+    with command_beside("verify", folder):
+        datasets: Any = importlib.import_module("datasets")
+        datasets.disable_progress_bars()
+        rows: Sequence[Any] = datasets.load_dataset(str(folder), split="train")
     second = rows[1]
     echo(
         f"load_dataset: {len(rows)} rows; the second: {second['corruption']},"
