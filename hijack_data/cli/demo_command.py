@@ -3,7 +3,7 @@
 import importlib
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -128,26 +128,19 @@ def before_and_after(picture: Path, out: Path) -> None:
 
 
 def dataset(folder: Path) -> bool:
-    """Build a dataset, verify it, and load it with `datasets` alone, as any user would.
+    """Build a dataset of one recording, verify it, and say how to load it.
 
     Returns:
         Whether the dataset could be built, which needs the extra `hf`.
     """
     try:
-        extras.require("the dataset of the demo", "hf", ("datasets", "pyarrow"))
+        extras.require("the dataset of the demo", "hf", ("pyarrow", "isal"))
     except MissingDependencyError as error:
         echo(f"dataset: left out ({error})")
         return False
-    run_command("build", recordings(), "--out", folder, "--seed", 7, "--resume")
-    with command_beside("verify", folder):
-        datasets: Any = importlib.import_module("datasets")
-        datasets.disable_progress_bars()
-        rows: Sequence[Any] = datasets.load_dataset(str(folder), split="train")
-    second = rows[1]
-    echo(
-        f"load_dataset: {len(rows)} rows; the second: {second['corruption']},"
-        f" {second['action_code']!r}"
-    )
+    run_command("build", recordings(), "--out", folder, "--seed", 7, "--limit", 1, "--resume")
+    run_command("verify", folder)
+    echo(f"in Python: datasets.load_dataset({str(folder)!r}, split='train')")
     return True
 
 
