@@ -3,7 +3,7 @@
 import importlib
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -62,7 +62,7 @@ def demo(out: Path, desktop: bool) -> None:
     screens = [recordings() / "images" / name for name in SCREENS]
     outputs = [out / "before_after.png", out / "gallery.html"]
     make_folder(out)
-    with command_beside("gallery", *screens, "-o", outputs[1]):
+    with command_beside("gallery", *screens[:2], "-o", outputs[1]):
         run_command("apply", screens[1], "pop_ups", "-o", out / "pop_ups.png", "--seed", 3)
         before_and_after(screens[0], outputs[0])
         if dataset(out / "dataset"):
@@ -94,7 +94,7 @@ def run_command(*words: object) -> None:
 
 
 @contextmanager
-def command_beside(*words: object) -> Iterator[None]:
+def command_beside(*words: object) -> Generator[None]:
     """Run a `hijack` command in a process of its own during the body, then print what it said.
 
     Raises:
