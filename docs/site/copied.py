@@ -74,7 +74,8 @@ def _link(match: re.Match[str], path: Path, site: Mapping[str, str]) -> str:
     name = os.path.relpath(path.parent / file, ROOT)
     own = site.get(os.path.relpath(path, ROOT), "")
     place = site.get(name, "")
-    if image and name.startswith(("docs/images/", "docs/results/")):
+    shipped = image or name.endswith(".html")
+    if shipped and name.startswith(("docs/images/", "docs/results/")):
         place = name.removeprefix("docs/")
     if place:
         return (

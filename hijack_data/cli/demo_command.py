@@ -16,27 +16,13 @@ from ..corruption import make_corruption
 from ..errors import HijackError, MissingDependencyError
 from ..file_io import encode_png, load_image, make_folder, write_atomic
 from ..gallery import contact_sheet
+from ..paths import example_recordings
 from . import hijack
 from .picture_commands import make_scene
 from .terminal import echo
 
-HERE = Path(__file__).resolve()
-# The folders in an installed package, and in a clone.
-PLACES = (HERE.parents[1] / "_examples" / "recordings", HERE.parents[2] / "examples" / "recordings")
 SCREENS = ("notes-04.png", "rename-04.png", "multiply-03.png")
 VISUAL = ("pop_ups", "marks", "subtitle", "resolution")
-
-
-def recordings() -> Path:
-    """Return the folder of the recordings that come with the package or the clone.
-
-    Raises:
-        HijackError: the folder is missing.
-    """
-    for place in PLACES:
-        if (place / "trajectories.jsonl").is_file():
-            return place
-    raise HijackError(f"{PLACES[0]}: no recordings there; reinstall agenthijack")
 
 
 @click.command()
@@ -59,7 +45,7 @@ def demo(out: Path, desktop: bool) -> None:
 
     Parts that need an extra that is not installed are left out, with the command that adds it.
     """
-    screens = [recordings() / "images" / name for name in SCREENS]
+    screens = [example_recordings() / "images" / name for name in SCREENS]
     outputs = [out / "before_after.png", out / "gallery.html"]
     make_folder(out)
     with command_beside("gallery", *screens[:2], "-o", outputs[1]):
@@ -138,7 +124,9 @@ def dataset(folder: Path) -> bool:
     except MissingDependencyError as error:
         echo(f"dataset: left out ({error})")
         return False
-    run_command("build", recordings(), "--out", folder, "--seed", 7, "--limit", 1, "--resume")
+    run_command(
+        "build", example_recordings(), "--out", folder, "--seed", 7, "--limit", 1, "--resume"
+    )
     run_command("verify", folder)
     echo(f"in Python: datasets.load_dataset({str(folder)!r}, split='train')")
     return True
