@@ -42,9 +42,7 @@ from .server import serve
     is_flag=True,
     help="Pictures of --export at most 960 pixels wide and lossy: a fifth of the size.",
 )
-def view(
-    folder: str, port: int, file: Path | None, patterns: tuple[str, ...], small: bool
-) -> None:
+def view(folder: str, port: int, file: Path | None, patterns: tuple[str, ...], small: bool) -> None:
     """Look through a dataset, or the episodes of a run, in a browser."""
     _check_options(file, patterns, small)
     source = open_source(folder)
