@@ -18,7 +18,7 @@ from common import machine, table
 
 ROOT = Path(__file__).resolve().parent.parent
 RUNS = 5
-GOAL = "<= 40 s together, on a quiet machine"
+GOAL = "<= 20 s together, on a quiet machine"
 
 
 @dataclass
