@@ -44,7 +44,7 @@ $(VENV)/.made:
 	@touch $@
 
 $(VENV)/.light: pyproject.toml | $(VENV)/.made
-	@$(INSTALL) -e '.[hf,vision]'
+	@$(INSTALL) -e '.[vision]' pyarrow isal  # hf without datasets: with it, pyarrow imports pandas
 	@touch $@
 
 $(VENV)/.live: pyproject.toml | $(VENV)/.light

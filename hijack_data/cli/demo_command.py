@@ -128,7 +128,7 @@ def dataset(folder: Path) -> bool:
         "build", example_recordings(), "--out", folder, "--seed", 7, "--limit", 1, "--resume"
     )
     run_command("verify", folder)
-    echo(f"in Python: datasets.load_dataset({str(folder)!r}, split='train')")
+    echo(f"in Python, with the extra hf: datasets.load_dataset({str(folder)!r}, split='train')")
     return True
 
 
