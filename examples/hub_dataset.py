@@ -69,10 +69,9 @@ def finish_card(path: Path) -> None:
     card.data.license_name = card.data.license_link = None
     files = {"split": "train", "path": "data/train-*.parquet"}
     card.data.configs = [{"config_name": "default", "data_files": [files]}]
-    source = "The recordings are AgentHijack's own, under Apache-2.0."
-    before, title, after = card.text.partition("## Licence\n")
-    rest = after.partition("\n## ")
-    card.text = f"{before}{title}\n{source}\n{rest[1]}{rest[2]}"
+    before, title, after = card.text.partition("## Licence\n\n")
+    _, _, assets = after.partition("\n")  # what it says of the asset pack stays
+    card.text = f"{before}{title}The recordings are AgentHijack's own, under Apache-2.0.\n{assets}"
     card.save(path)
     load_dataset(str(path.parent), split="train")
 
