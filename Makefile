@@ -5,10 +5,16 @@ VENV := .venv
 BIN := $(VENV)/bin
 
 # CONSTRAINTS=.ci/constraints.txt installs the versions that CI has; without it, the newest that pyproject.toml admits.
-# uv installs in a third of pip's time. Where uv is missing or fails (it does not read pip's configuration), pip does the work.
+# uv installs in a third of pip's time: the one on PATH, or its wheel. Where it is missing or fails (it does not read pip's
+# configuration), pip does the work.
 CONSTRAIN := $(if $(CONSTRAINTS),-c $(CONSTRAINTS))
-INSTALL = install() { $(BIN)/uv pip install --quiet --python $(BIN)/python $(CONSTRAIN) "$$@" 2>/dev/null || \
+UV = $(or $(shell command -v uv),$(BIN)/uv)
+INSTALL = install() { $(UV) pip install --quiet --python $(BIN)/python $(CONSTRAIN) "$$@" 2>/dev/null || \
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile $(CONSTRAIN) "$$@"; }; install
+# The wheel of pip that comes with Python fetches uv as it is: unpacking and compiling it takes four seconds.
+PIP_WHEEL = $(shell $(PYTHON) -c 'import ensurepip, pathlib, sysconfig; \
+	places = sysconfig.get_config_var("WHEEL_PKG_DIR"), pathlib.Path(ensurepip.__file__).parent / "_bundled"; \
+	print(next(wheel for place in places if place for wheel in pathlib.Path(place).glob("pip-*.whl")))' 2>/dev/null)
 # A test waits for other processes a third of its time, so there are three tests for two cores.
 WORKERS ?= $(shell $(PYTHON) -c 'import os; print(3 * (os.cpu_count() or 1) // 2)')
 # --dist worksteal: each process keeps neighbouring tests, so what a file sets up is made once
@@ -31,12 +37,14 @@ live: $(VENV)/.live
 $(VENV)/.made:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "needs Python 3.11 or newer: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 2; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "needs venv: apt-get install -y python3-venv"; exit 2; }
-	$(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check uv 2>/dev/null || true
+	$(PYTHON) -m venv --without-pip $(VENV)
+	@$(UV) --version >/dev/null 2>&1 || \
+		$(BIN)/python $(PIP_WHEEL)/pip install --quiet --disable-pip-version-check --no-compile uv >/dev/null 2>&1 || true
+	@$(UV) pip install --quiet --python $(BIN)/python pip 2>/dev/null || $(BIN)/python -m ensurepip >/dev/null
 	@touch $@
 
 $(VENV)/.light: pyproject.toml | $(VENV)/.made
-	@$(INSTALL) -e '.[hf,vision]'
+	@$(INSTALL) -e '.[vision]' pyarrow isal  # hf without datasets: with it, pyarrow imports pandas
 	@touch $@
 
 $(VENV)/.live: pyproject.toml | $(VENV)/.light

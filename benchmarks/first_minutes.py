@@ -18,7 +18,7 @@ from common import machine, table
 
 ROOT = Path(__file__).resolve().parent.parent
 RUNS = 5
-GOAL = "<= 40 s together, on a quiet machine"
+GOAL = "<= 20 s together, on a quiet machine"
 
 
 @dataclass
@@ -70,7 +70,7 @@ def first_steps(clone: Path) -> list[list[str]]:
     demo, _ = cost([*hijack, "demo", "--no-desktop"], clone)
     environment = size(clone / ".venv")
     return [
-        ["environment of `make demo` (core, vision, hf)", str(installed), environment, ""],
+        ["environment of `make demo` (core, vision, pyarrow)", str(installed), environment, ""],
         ["to the first picture", str(installed + one), "", ""],
         ["to gallery and dataset (`make demo`)", str(installed + demo), size(clone / "demo"), GOAL],
     ]

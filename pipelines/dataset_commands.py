@@ -317,8 +317,9 @@ def sign(runs: Path, key: str) -> None:
     except OSError as error:
         raise unwritable(runs / seal.SEAL, error) from None
     report = rebuild(runs)
-    if not report.ok:
-        echo("\n".join([*report.lines(), "not signed: hijack verify finds problems"]))
+    if not report.ok or report.records is not None:
+        reason = "its steps are not there" if report.ok else "hijack verify finds problems"
+        echo("\n".join([*report.lines(), f"not signed: {reason}"]))
         raise SystemExit(1)
     seal.sign(runs, key)
     echo(f"{runs / seal.SEAL}: signed by {seal.signer(runs)}")

@@ -1,10 +1,12 @@
 """What docs/results publishes of a run is what the records beside it give."""
 
 import importlib
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import yaml
 
 from online_env import tasks
 from online_env.report.build import build_report, read_report
@@ -53,6 +55,16 @@ def test_the_readme_counts_the_episodes_of_its_figure():
     episodes = sum(row.n + row.invalid for row in report.summaries)
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert f"({report.run.tasks} tasks, {episodes:,} episodes;" in text
+    titles = yaml.safe_load((ROOT / "docs" / "site" / "texts.yaml").read_text(encoding="utf-8"))
+    solved = {
+        label: round(100 * report.cell("pixel", label).success) for label in ("clean", *titles)
+    }
+    for label, share in solved.items():  # as docs/site/figure.py draws them
+        title = titles[label]["title"] if label in titles else label
+        assert f"{title.lower()} {share} %" in text
+    clean = solved.pop("clean")
+    assert f"**{clean} %**" in text
+    assert f"**{min(solved.values())} to {max(solved.values())} %**" in text
 
 
 def solved_by_case(name: str) -> dict[tuple[str, str], bool]:
@@ -104,3 +116,25 @@ def test_a_page_without_a_place_for_its_table_stays_as_it_is(published_table, tm
     with pytest.raises(ValueError, match=r"about\.md: has no place for a table"):
         published_table.rewrite(page, "reference_agents", published_run("reference_agents"))
     assert page.read_text() == text
+
+
+def test_the_ten_episodes_are_sound_and_end_as_their_page_says():
+    page = (RESULTS / "ten_episodes.html").read_text(encoding="utf-8")
+    assert len(page) < 2_000_000
+    data = json.loads(page.partition('id="run-data">')[2].partition("</script>")[0])
+    assert len(data["episodes"]) == 10
+    for episode in data["episodes"]:
+        assert episode["problems"] + episode["checked"] == []
+        assert all(not step["lost"] for step in episode["steps"])
+    labels, outcomes = (
+        [data["texts"][key]["values"][code] for code in data["texts"][key]["codes"]]
+        for key in ("corruption", "outcome")
+    )
+    solved = [label for label, end in zip(labels, outcomes, strict=True) if end == "success"]
+    failed = [label for label in labels if label not in solved]
+    text = (RESULTS / "ten_episodes.md").read_text(encoding="utf-8")
+    row = next(line for line in text.splitlines() if line.startswith("| clean"))
+    assert [set(cell.split(", ")) for cell in row.strip("| ").split(" | ")] == [
+        set(solved),
+        set(failed),
+    ]

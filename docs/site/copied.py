@@ -29,6 +29,7 @@ _FENCE = re.compile(r"^( *)```([a-z]+)[^\n`]*$", re.M)
 _COLOURED_AS = {"console": "sh"}
 _ROW_OF_A_TABLE = re.compile(r"^ *\|.*$", re.M)
 _CODE = re.compile(r"`[^`]+`")
+_ABOUT = re.compile(r"docs/(results/\w+)/about\.md$")
 _LINK = re.compile(r"(!?)\[((?:[^\]\[]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 
 
@@ -98,7 +99,11 @@ def _link(match: re.Match[str], path: Path, site: Mapping[str, str]) -> str:
     name = os.path.relpath(path.parent / file, ROOT)
     own = site.get(os.path.relpath(path, ROOT), "")
     place = site.get(name, "")
-    if image and name.startswith(("docs/images/", "docs/results/")):
+    about = _ABOUT.match(name)
+    if about:  # a part of the page of its folder
+        place = f"{about[1]}.md"
+    shipped = image or name.endswith(".html")
+    if shipped and name.startswith(("docs/images/", "docs/results/")):
         place = name.removeprefix("docs/")
     if place:
         return (

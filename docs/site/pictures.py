@@ -109,17 +109,3 @@ def make(folder: Path) -> list[str]:
             continue
         save(pixels, folder / file, width)
     return left_out
-
-
-def sheet(path: Path, width: int = 1200) -> None:
-    """Write the nine in one picture, three in a row, for the README."""
-    gap, columns = 12, 3
-    tile = (width - gap * (columns - 1)) // columns
-    high = round(tile * 9 / 16)
-    whole = Image.new("RGB", (width, high * 3 + gap * 2), (255, 255, 255))
-    for number, name in enumerate(hj.corruption_names()[:9]):
-        pixels = corrupted(hj.make_corruption(name), shot(screen_of(name)), SEED)
-        small = Image.fromarray(pixels).resize((tile, high), Image.Resampling.LANCZOS)
-        row, column = divmod(number, columns)
-        whole.paste(small, (column * (tile + gap), row * (high + gap)))
-    whole.save(path, "WEBP", quality=80, method=6)

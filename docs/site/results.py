@@ -66,6 +66,8 @@ def index(found: dict[str, RunReport], folder: Path) -> str:
         "| result | what was measured |\n|---|---|",
         "| [The paper's table](../paper_results.md) | success on OSWorld's tasks, clean and under"
         " each of the nine; the paper's numbers, not run here |",
+        "| [Ten episodes to look at](ten_episodes.md) | one agent at one task, clean and under each"
+        " of the nine, with every picture |",
         "| [Training with DA-GRPO](da_grpo.md) | what training with corruptions adds on the toy"
         " desktop, with intervals |",
         "| [Training on the real desktop](desktop_training.md) | a small network that learns from"

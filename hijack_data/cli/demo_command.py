@@ -1,8 +1,10 @@
 """`hijack demo`: the main tasks of the library, on recordings that come with the package."""
 
 import importlib
+import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,28 +16,14 @@ from ..corruption import make_corruption
 from ..errors import HijackError, MissingDependencyError
 from ..file_io import make_folder, write_atomic
 from ..gallery import contact_sheet
+from ..paths import example_recordings
 from ..picture_io import encode_png, load_image
 from . import hijack
 from .picture_plans import make_scene
 from .terminal import echo
 
-HERE = Path(__file__).resolve()
-# The folders in an installed package, and in a clone.
-PLACES = (HERE.parents[1] / "_examples" / "recordings", HERE.parents[2] / "examples" / "recordings")
 SCREENS = ("notes-04.png", "rename-04.png", "multiply-03.png")
 VISUAL = ("pop_ups", "marks", "subtitle", "resolution")
-
-
-def recordings() -> Path:
-    """Return the folder of the recordings that come with the package or the clone.
-
-    Raises:
-        HijackError: the folder is missing.
-    """
-    for place in PLACES:
-        if (place / "trajectories.jsonl").is_file():
-            return place
-    raise HijackError(f"{PLACES[0]}: no recordings there; reinstall agenthijack")
 
 
 @click.command()
@@ -58,14 +46,14 @@ def demo(out: Path, desktop: bool) -> None:
 
     Parts that need an extra that is not installed are left out, with the command that adds it.
     """
-    screens = [recordings() / "images" / name for name in SCREENS]
+    screens = [example_recordings() / "images" / name for name in SCREENS]
     outputs = [out / "before_after.png", out / "gallery.html"]
     make_folder(out)
-    run_command("apply", screens[1], "pop_ups", "-o", out / "pop_ups.png", "--seed", 3)
-    before_and_after(screens[0], outputs[0])
-    run_command("gallery", *screens, "-o", outputs[1])
-    if dataset(out / "dataset"):
-        outputs.append(out / "dataset")
+    with command_beside("gallery", *screens[:2], "-o", outputs[1]):
+        run_command("apply", screens[1], "pop_ups", "-o", out / "pop_ups.png", "--seed", 3)
+        before_and_after(screens[0], outputs[0])
+        if dataset(out / "dataset"):
+            outputs.append(out / "dataset")
     failed = desktop and corrupt_live_desktop(out / "nine.png")
     if desktop and (out / "nine.png").exists():
         outputs.append(out / "nine.png")
@@ -92,6 +80,27 @@ def run_command(*words: object) -> None:
         raise SystemExit(code)
 
 
+@contextmanager
+def command_beside(*words: object) -> Generator[None]:
+    """Run a `hijack` command in a process of its own during the body, then print what it said.
+
+    Raises:
+        SystemExit: as `run_command` does.
+    """
+    texts = [str(word) for word in words]
+    program = [sys.executable, "-m", "hijack_data", *texts]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, encoding="utf-8") as process:
+        try:
+            yield
+            output, _ = process.communicate()
+        except BaseException:
+            process.kill()
+            raise
+    echo(f"$ hijack {' '.join(texts)}\n{output.rstrip()}")
+    if process.returncode not in (0, 1):
+        raise SystemExit(process.returncode)
+
+
 def before_and_after(picture: Path, out: Path) -> None:
     """Write one picture with a before and an after of the four visual corruptions."""
     screen, _ = load_image(picture)
@@ -106,26 +115,21 @@ def before_and_after(picture: Path, out: Path) -> None:
 
 
 def dataset(folder: Path) -> bool:
-    """Build a dataset, verify it, and load it with `datasets` alone, as any user would.
+    """Build a dataset of one recording, verify it, and say how to load it.
 
     Returns:
         Whether the dataset could be built, which needs the extra `hf`.
     """
     try:
-        datasets = extras.load("datasets", "the dataset of the demo", "hf")
-        extras.require("the dataset of the demo", "hf", ("pyarrow",))
+        extras.require("the dataset of the demo", "hf", ("pyarrow", "isal"))
     except MissingDependencyError as error:
         echo(f"dataset: left out ({error})")
         return False
-    run_command("build", recordings(), "--out", folder, "--seed", 7, "--resume")
-    run_command("verify", folder)
-    datasets.disable_progress_bars()
-    rows: Sequence[Any] = datasets.load_dataset(str(folder), split="train")
-    second = rows[1]
-    echo(
-        f"load_dataset: {len(rows)} rows; the second: {second['corruption']},"
-        f" {second['action_code']!r}"
+    run_command(
+        "build", example_recordings(), "--out", folder, "--seed", 7, "--limit", 1, "--resume"
     )
+    run_command("verify", folder)
+    echo(f"in Python, with the extra hf: datasets.load_dataset({str(folder)!r}, split='train')")
     return True
 
 

@@ -15,6 +15,7 @@ from ..types import Size, UInt8Array, size_text
 LOSSLESS_BYTES = 256 * 1024
 # The largest side of a WebP.
 WEBP_MAX_SIDE = 16383
+QUALITY, SMALL_QUALITY = 90, 60  # of lossy WebP
 
 
 @dataclass(frozen=True)
@@ -46,10 +47,11 @@ def caption(sizes: Sequence[Size], scale: float) -> str:
     return f"{text}, shown at {100 * scale:.0f} %"
 
 
-def embed(image: UInt8Array, scale: float) -> Embedded:
+def embed(image: UInt8Array, scale: float, *, small: bool = False) -> Embedded:
     """Store uint8 RGB `[H, W, 3]` for display, scaled down by `scale`.
 
-    A picture that is larger than the format allows is scaled down further.
+    A picture that is larger than the format allows is scaled down further. `small` stores it
+    lossily where that is smaller, for a screen at a fifth of the size.
     """
     height, width = image.shape[:2]
     factor = min(scale, WEBP_MAX_SIDE / max(height, width))
@@ -58,14 +60,20 @@ def embed(image: UInt8Array, scale: float) -> Embedded:
     picture = Image.fromarray(image)
     if (stored_height, stored_width) != (height, width):
         picture = picture.resize((stored_width, stored_height), Image.Resampling.LANCZOS)
-    return Embedded((stored_height, stored_width), _uri(picture))
+    return Embedded((stored_height, stored_width), _uri(picture, small))
 
 
-def _uri(picture: Image.Image) -> str:
+def _uri(picture: Image.Image, small: bool) -> str:
     # Method 0 makes files a fifth larger than the other methods, in a sixth of their time.
     data = _webp(picture, lossless=True, method=0)
-    if len(data) > LOSSLESS_BYTES:
-        data = _webp(picture, quality=90, method=4)
+    if small:
+        data = min(data, _webp(picture, quality=SMALL_QUALITY, method=4), key=len)
+    elif len(data) > LOSSLESS_BYTES:
+        data = _webp(picture, quality=QUALITY, method=4)
+    return _address(data)
+
+
+def _address(data: bytes) -> str:
     return f"data:image/webp;base64,{base64.b64encode(data).decode('ascii')}"
 
 

@@ -60,6 +60,17 @@ _FOREIGN = re.compile(r"[^\w.+-]+", re.ASCII)
 _USUAL = re.compile(r"[:/]")  # of names such as file.py:Class and trajectory/step
 
 
+def find_run(folder: Path) -> Path:
+    """Return the folder of a run: `folder`, or its `run` where a result is published.
+
+    A published result is a folder with `report.json` and the records in `run/`.
+    """
+    published = folder / "run"
+    if not (folder / RUN).exists() and (published / RUN).is_file():
+        return published
+    return folder
+
+
 def episode_slug(task: str, label: str, seed: int, agent: str, attempt: int) -> str:
     """Return the id of an episode, which is also the name of its folder."""
     parts = [task, label, f"s{seed}", agent]

@@ -5,11 +5,16 @@ It passes mouse and keyboard on to the desktop, and corrupts it on request.
 
 import hashlib
 import hmac
+import html
 import io
 import json
+import os
 import secrets
 import sys
-from collections.abc import Callable, Sequence
+import tempfile
+import webbrowser
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any, Protocol, cast
@@ -238,17 +243,41 @@ def serve(
     lasting: bool = True,
     buttons: ButtonPanel | None = None,
 ) -> None:
-    """Show a desktop until Ctrl-C.
+    """Show a desktop until Ctrl-C, in the user's browser if there is a display.
 
-    `say` is called with the address, and with whether the desktop goes on after that.
+    `say` is called with the address, with what can be pressed, and at the end with whether the
+    desktop goes on.
     """
     end = "the page, not the desktop" if lasting else "the page and its desktop"
     with Viewer(record, port, buttons) as viewer:
         say(f"watch desktop {record['id']} at {viewer.url}  (Ctrl-C ends {end})")
-        try:
-            viewer.serve_forever()
-        except KeyboardInterrupt:
-            say(
-                "the page has ended"
-                + ("; the desktop goes on" if lasting else ", and the desktop ends with it")
-            )
+        with opened_page(viewer.url):
+            if buttons is not None:
+                say(
+                    "in the page: press one of the buttons to corrupt the desktop, press it again"
+                    " to take that back; mouse and keyboard go to the desktop"
+                )
+            try:
+                viewer.serve_forever()
+            except KeyboardInterrupt:
+                say(
+                    "the page has ended"
+                    + ("; the desktop goes on" if lasting else ", and the desktop ends with it")
+                )
+
+
+@contextmanager
+def opened_page(url: str) -> Generator[None]:
+    """Open a page in the user's browser during the body; without a display, do nothing.
+
+    The address holds a token, and other users see the arguments of a browser. So the browser gets a
+    file that leads to the page and that nobody else can read.
+    """
+    if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        yield
+        return
+    with tempfile.TemporaryDirectory(prefix="agenthijack-") as folder:  # for this user alone
+        file = Path(folder) / "desktop.html"
+        file.write_text(f'<meta http-equiv="refresh" content="0;url={html.escape(url)}">')
+        webbrowser.open(file.as_uri())
+        yield

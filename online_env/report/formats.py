@@ -22,6 +22,7 @@ FORMATS: Mapping[str, str] = MappingProxyType(
         "markdown": "online_env.report.tables:as_markdown",
         "html": "online_env.report.html:as_html",
         "model-index": "online_env.report.model_card:as_model_index",
+        "eval-results": "online_env.report.model_card:as_eval_results",
     }
 )
 SUFFIXES: Mapping[str, str] = MappingProxyType(

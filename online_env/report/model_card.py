@@ -1,7 +1,7 @@
-"""The block `model-index` of a model card on the Hugging Face Hub.
+"""Results for the page of a model on the Hugging Face Hub: `model-index` and `.eval_results`.
 
-It goes into the YAML at the head of the card's README.md; the Hub shows its results on the page of
-the model. Values are percent.
+`model-index` goes into the YAML at the head of the card's README.md. A file of `.eval_results` also
+puts the model on the leaderboard of the dataset that it names. Values are percent.
 """
 
 from collections.abc import Iterator, Mapping
@@ -17,6 +17,7 @@ from .named_scores import REFERENCE_AGENTS
 
 TASK = {"type": "computer-use", "name": "Computer use"}
 DATASET = "agenthijack"
+HUB_DATASET = "OWNER/agenthijack"  # to be replaced: a dataset of the benchmark on the Hub
 _TOTAL = 100
 
 
@@ -27,16 +28,51 @@ def as_model_index(document: ReportDocument) -> str:
         ReportError: the run has no such agent.
     """
     report = document.report
+    index = [_model(report, row) for row in _ranked_models(report, "model-index")]
+    return yaml.safe_dump({"model-index": index}, sort_keys=False, allow_unicode=True, width=100)
+
+
+def as_eval_results(document: ReportDocument) -> str:
+    """Return a file for `.eval_results/` of a model's repository: success by condition.
+
+    Raises:
+        ReportError: the run has not exactly one agent that is no reference and was given nothing
+            more.
+    """
+    report = document.report
+    models = _ranked_models(report, "eval-results")
+    if len(models) > 1:
+        listed = ", ".join(row.agent for row in models)
+        raise ReportError(
+            f"--format eval-results: one model has one file, and {report.run.name} has {listed};"
+            " report a run of one of them"
+        )
+    cells = [cell for cell in report.cells if cell.agent == models[0].agent]
+    shares = {cell.corruption: cell.success for cell in cells} | {"all": models[0].corrupted}
+    settings = ", ".join(f"{key} {value}" for key, value in _arguments(report))
+    entries = [
+        {
+            "dataset": {"id": HUB_DATASET, "task_id": label},
+            "value": round(_TOTAL * share, 2),
+            "notes": f"success in percent; {_task_count(report)}; {settings}",
+        }
+        for label, share in shares.items()
+        if share is not None
+    ]
+    text = yaml.safe_dump(entries, sort_keys=False, allow_unicode=True, width=100)
+    return f"# Replace {HUB_DATASET} with the dataset of the benchmark on the Hub.\n{text}"
+
+
+def _ranked_models(report: RunReport, format: str) -> list[AgentSummary]:
     contestants = (row for row in report.summaries if not row.given)
     models = [row for row in contestants if row.agent not in REFERENCE_AGENTS]
     if not models:
         listed = ", ".join(report.agents)
         raise ReportError(
-            f"--format model-index: {report.run.name} has only reference agents ({listed}); run"
+            f"--format {format}: {report.run.name} has only reference agents ({listed}); run"
             " hijack bench with the agent of the card"
         )
-    index = [_model(report, row) for row in models]
-    return yaml.safe_dump({"model-index": index}, sort_keys=False, allow_unicode=True, width=100)
+    return models
 
 
 def _model(report: RunReport, row: AgentSummary) -> dict[str, Any]:

@@ -11,7 +11,16 @@ from hijack_data.errors import HijackError, shown
 from hijack_data.file_io import read_regular
 from hijack_data.runs.amounts import is_amount
 from hijack_data.runs.run_head import check_head
-from hijack_data.runs.run_log import EPISODE, EPISODES, LINKS, RECORDS, RUN, SCORE_RUN, episode_slug
+from hijack_data.runs.run_log import (
+    EPISODE,
+    EPISODES,
+    LINKS,
+    RECORDS,
+    RUN,
+    SCORE_RUN,
+    episode_slug,
+    find_run,
+)
 from hijack_data.surrogates import has_half
 
 ResultRecord: TypeAlias = dict[str, Any]
@@ -94,11 +103,13 @@ class Run:
 def read(folder: Path) -> Run:
     """Read a run, or the episodes that a `CorruptedEnv` logged outside a benchmark.
 
+    Of a published result (`docs/results/NAME`) it reads the run inside.
     A line that cannot be read is listed in `damaged`, and the others are kept.
 
     Raises:
         RunError: The folder holds neither, or was written by a newer version.
     """
+    folder = find_run(folder)
     if not (folder / RUN).exists() and (folder / EPISODES).is_dir():
         return _read_episodes(folder)
     head = read_head(folder)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from hijack_data.errors import counted
 from hijack_data.runs import seal
-from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, RUN, SEAL, STEPS
+from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, RUN, SEAL, STEPS, find_run
 
 from ..building.build_report import Findings
 from ..errors import SourceError
@@ -33,6 +33,8 @@ class RebuildReport(Findings):
         episodes: number of episodes that were checked.
         answers: number of records of a run of `hijack score`, which has no episodes; `None` for a
             run of `hijack bench`.
+        records: number of records of a run that was published without its steps; `None` for any
+            other run.
         steps: number of observations that were computed again.
         disturbed: number of those whose picture the plan changes.
         unfinished: number of episodes that were interrupted, and are not checked.
@@ -42,6 +44,7 @@ class RebuildReport(Findings):
 
     episodes: int = 0
     answers: int | None = None
+    records: int | None = None
     steps: int = 0
     disturbed: int = 0
     unfinished: int = 0
@@ -62,6 +65,9 @@ class RebuildReport(Findings):
         if self.answers is not None:
             state = "nothing differs" if self.ok else failed
             return f"{self.answers} answers to rows of a dataset: {state}"
+        if self.records is not None:
+            state = "the records agree with each other" if self.ok else failed
+            return f"{self.records} records: {state}; no steps were published"
         state = "all identical" if self.ok else failed
         unfinished = f", {self.unfinished} unfinished" if self.unfinished else ""
         observations = f"{self.steps} observations, {self.disturbed} of them disturbed"
@@ -70,7 +76,7 @@ class RebuildReport(Findings):
 
 def is_run(folder: str | os.PathLike[str]) -> bool:
     """Return whether a folder is a run or an episode, rather than a dataset."""
-    path = Path(folder)
+    path = find_run(Path(folder))
     if (path / EPISODES).is_dir():
         return True
     return (path / STEPS).is_file() or (path / RUN).is_file()
@@ -87,7 +93,7 @@ def rebuild(run: str | os.PathLike[str], key: str | None = None) -> RebuildRepor
         SourceError: the folder is neither a run nor an episode.
         SealError: `key` is not a public key.
     """
-    path = Path(run)
+    path = find_run(Path(run))
     if not is_run(path):
         raise SourceError(f"{path}: neither a run (with {EPISODES}/) nor an episode (with {STEPS})")
     report = RebuildReport(os.fspath(run))
@@ -102,6 +108,8 @@ def rebuild(run: str | os.PathLike[str], key: str | None = None) -> RebuildRepor
         _add_run(report, journal, path, key)
     if journal.is_scored:
         report.answers = len(journal.records)
+    if journal.lacks_episodes:
+        report.records = len(journal.records)
     report.unproved = list(_unproved_claims(report, journal, alone))
     return report
 
@@ -142,6 +150,11 @@ def _episode(folder: Path, journal: Journal, report: RebuildReport) -> Iterator[
 def _unproved_claims(report: RebuildReport, journal: Journal, alone: bool) -> Iterator[str]:
     if not alone and not journal.exists:
         yield f"there is no {RECORDS}: an episode that was removed is not missed"
+    if report.records is not None:
+        yield (
+            f"no steps were published ({EPISODES} is not there), so pictures, plans and actions"
+            " were not compared with the records; verify the run where it was played"
+        )
     elsewhere = journal.library.unavailable
     if not alone and journal.exists and not journal.is_scored and elsewhere:
         yield f"instructions and other facts of tasks and agents: {elsewhere}"

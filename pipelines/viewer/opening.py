@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from hijack_data.runs.run_log import EPISODES, RUN
+from hijack_data.runs.run_log import EPISODES, RUN, find_run
 
 from ..errors import DatasetError
 from .dataset_source import DatasetSource
@@ -22,6 +22,7 @@ def open_source(folder: str | os.PathLike[str]) -> DatasetSource | RunSource:
             raise DatasetError(
                 f"{path}: not a folder; give a dataset (hijack build) or a run (hijack bench)"
             )
+        path = find_run(path)
         is_run = (path / RUN).exists() or (path / EPISODES).is_dir()
     except (OSError, ValueError) as error:
         raise DatasetError(

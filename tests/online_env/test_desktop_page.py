@@ -6,10 +6,13 @@ import io
 import json
 import os
 import ssl
+import stat
 import threading
 from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from socketserver import UnixStreamServer
+from urllib.parse import unquote, urlsplit
 
 import numpy as np
 import pytest
@@ -263,8 +266,22 @@ def test_ctrl_c_ends_the_page_and_says_what_goes_on(guest, monkeypatch, lasting,
 
     monkeypatch.setattr(view.Viewer, "serve_forever", interrupted)
     said = []
+    opened = []
+
+    def open_page(address):
+        opened.append(address)
+        file = Path(unquote(urlsplit(address).path))
+        assert stat.S_IMODE(file.parent.stat().st_mode) == 0o700
+        opened.append(file.read_text())
+
+    monkeypatch.setattr(view.webbrowser, "open", open_page)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setenv("DISPLAY", ":7" if lasting else "")
     view.serve(guest.record, 0, said.append, lasting=lasting)
     assert said[0].startswith("watch desktop d1 at http://127.0.0.1:")
+    assert bool(opened) == lasting
+    if opened:  # the token is in the file, and in no argument
+        assert ("token=" in opened[0], "token=" in opened[1]) == (False, True)
     assert said[0].endswith(f"  (Ctrl-C ends {end})")
     assert said[1:] == [last]
 

@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 import pytest
+import yaml
 from lxml import etree
 
 pytest.importorskip("statsmodels", reason="needs the extra [online]")
@@ -323,6 +324,14 @@ def test_a_model_card_has_percent_with_two_digits_and_what_is_known(tmp_path):
         "name: AgentHijack (3 live tasks), corruption marks",
         "name: AgentHijack (3 live tasks), all corruptions",
     ]
+    hub = pytest.importorskip("huggingface_hub")
+    results = yaml.safe_load(formats.write(ReportDocument(report=report), "eval-results"))
+    entries = hub.parse_eval_result_entries(results)
+    assert {entry.task_id: entry.value for entry in entries} == {
+        "clean": 66.67,
+        "marks": 33.33,
+        "all": 33.33,
+    }
     offline = replace(report, run=replace(report.run, kind="score", provider="", damaged=2))
     text = formats.write(ReportDocument(report=offline), "model-index")
     assert "name: AgentHijack (offline steps), clean" in text

@@ -18,6 +18,7 @@ from online_env.environment import CorruptedEnv
 from pipelines.errors import SourceError
 from pipelines.proof.rebuild import is_run, rebuild
 from pipelines.readers.survey import survey
+from pipelines.viewer.opening import open_source
 
 from support.live import AT_ONCE, FakeDesktop, FakeStage
 
@@ -138,11 +139,20 @@ def test_what_is_no_run_is_refused(tmp_path):
         rebuild(tmp_path)
 
 
-def test_records_without_the_folder_of_episodes_are_one_problem(tmp_path):
+def test_a_run_published_without_steps_is_verified_as_far_as_its_records_go(tmp_path):
     shutil.copytree(PUBLISHED, tmp_path / "run")
-    report = rebuild(tmp_path / "run")
-    (problem,) = report.problems
-    assert problem.startswith("episodes: is not there, so no record can be compared")
+    found = CliRunner().invoke(hijack, ["verify", str(tmp_path)])  # finds the run inside
+    assert found.exit_code == 0, found.output
+    assert "no steps were published" in found.output
+    source = open_source(tmp_path)
+    assert "damaged" not in source.facts
+    data = source.episode(0)
+    assert (data["problems"], "without its steps" in data["no_steps"]) == ([], True)
+    records = tmp_path / "run" / "records.jsonl"
+    lines = records.read_text().splitlines(keepends=True)
+    records.write_text("".join([lines[0].replace('"seconds": ', '"seconds": 1'), *lines[1:]]))
+    changed = CliRunner().invoke(hijack, ["verify", str(tmp_path)])
+    assert (changed.exit_code, "does not follow on line 1" in changed.output) == (1, True)
     with pytest.raises(SourceError, match="is a run without the folder episodes"):
         survey(tmp_path / "run")
 

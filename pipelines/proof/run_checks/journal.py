@@ -112,11 +112,6 @@ class Journal:
         for name, times in occurrences.items():
             if times > 1:
                 yield f"{RECORDS}: {name} is there {times} times"
-        if self.lacks_episodes:
-            yield (
-                f"{EPISODES}: is not there, so no record can be compared with its episode; verify"
-                " the run where it was played, or copy its whole folder"
-            )
         for number, record in enumerate(self.records, 1):
             for text in self._record_problems(record):
                 yield f"{RECORDS}: line {number}: {text}"

@@ -180,6 +180,8 @@ hijack.runEpisode = (data, views) => {
     ];
     part(view, ".note").textContent = [message, endReason, ...usage].filter(Boolean).join(" · ");
     drawDamage(view, data, problems);
+    part(view, ".no-steps").hidden = !data.no_steps;
+    part(view, ".no-steps").textContent = data.no_steps || "";
     const sides = part(view, ".sides");
     sides.hidden = !data.steps.length;
     if (!data.steps.length) {

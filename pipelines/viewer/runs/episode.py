@@ -21,6 +21,7 @@ MAX_STEPS = 1000
 MAX_TEXT_CHARS = 20_000  # characters of one text
 MAX_BOXES = 2000
 NOT_SHOWN = ("plan", "boxes", "said", "raw", "events", "previous")
+NO_STEPS = "This run was published without its steps: the record below is all that there is."
 StepData: TypeAlias = dict[str, Any]
 
 
@@ -34,6 +35,7 @@ class EpisodeLines:
         lines: of its steps; one that cannot be read is an empty object.
         problems: the damage found; that of a step by its place.
         broken: why a line cannot be read, by its place.
+        published: whether the steps of the run were published with its records.
     """
 
     home: Path
@@ -41,6 +43,7 @@ class EpisodeLines:
     lines: list[Mapping[str, Any]] = field(default_factory=list[Mapping[str, Any]])
     problems: list[str] = field(default_factory=list[str])
     broken: dict[int, str] = field(default_factory=dict[int, str])
+    published: bool = True
 
 
 def read_lines(folder: Path, name: str, journal: Mapping[str, Any]) -> EpisodeLines:
@@ -53,7 +56,9 @@ def read_lines(folder: Path, name: str, journal: Mapping[str, Any]) -> EpisodeLi
     """
     episode = EpisodeLines(home=folder / EPISODES / name, record=journal)
     if not episode.home.is_dir():
-        if journal.get("status") == "ok" or journal.get("steps"):
+        if not (folder / EPISODES).is_dir():
+            episode.published = False
+        elif journal.get("status") == "ok" or journal.get("steps"):
             episode.problems.append(f"there is no {EPISODES}/{name}: its steps are lost")
         return episode
     _read_record(episode, journal)
@@ -122,6 +127,7 @@ def episode_data(folder: Path, name: str, episode: EpisodeLines) -> dict[str, An
     return {
         "problems": [text for text in problems if text],
         "steps": steps,
+        "no_steps": "" if episode.published else NO_STEPS,
         "effects": effects,
         **about(episode.record),
     }

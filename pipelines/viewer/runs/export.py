@@ -21,11 +21,16 @@ from .run_source import RunSource
 
 MAX_PAGE_EPISODES = 30  # the most episodes that the page itself exports, because the browser waits
 MAX_WIDTH_PX = 1280  # wider pictures are scaled down
+SMALL_WIDTH_PX = 960
 STYLES = ("view.css",)
 
 
-def export_file(source: RunSource, patterns: Sequence[str], path: Path) -> int:
+def export_file(
+    source: RunSource, patterns: Sequence[str], path: Path, *, small: bool = False
+) -> int:
     """Write the episodes whose ids match any pattern (as in a shell) to one file.
+
+    With `small`, pictures are at most `SMALL_WIDTH_PX` wide, and lossy.
 
     Returns:
         How many there are.
@@ -45,7 +50,7 @@ def export_file(source: RunSource, patterns: Sequence[str], path: Path) -> int:
         raise ParameterError(
             f"--episode {listed}: no episode has such an id; ids look like {example}"
         )
-    write_atomic(path, export_page(source, numbers))
+    write_atomic(path, export_page(source, numbers, small=small))
     return len(numbers)
 
 
@@ -56,12 +61,13 @@ def matching_episodes(source: RunSource, patterns: Sequence[str]) -> Iterator[in
             yield number
 
 
-def export_page(source: RunSource, numbers: Sequence[int]) -> str:
+def export_page(source: RunSource, numbers: Sequence[int], *, small: bool = False) -> str:
     """Return the page with these episodes.
 
     Args:
         source: the run.
         numbers: numbers of the episodes, in the order of the list.
+        small: whether pictures are stored as `export_file` describes.
 
     Raises:
         HijackError: there is no episode of such a number.
@@ -75,7 +81,7 @@ def export_page(source: RunSource, numbers: Sequence[int]) -> str:
         data["number"] = place
         data["checked"] = source.check(number)
         for step in data["steps"]:
-            _add(source, number, step, f"{place}/{step['step']}", pictures, places)
+            _add(source, number, step, f"{place}/{step['step']}", pictures, places, small)
         episodes.append(data)
     entries = [source.entries[number] for number in unique]
     style = "".join(page_file(name) for name in STYLES)
@@ -108,6 +114,7 @@ def _add(
     place: str,
     pictures: dict[str, str],
     places: dict[str, str],
+    small: bool,
 ) -> None:
     """Add the pictures of a step; the same picture is stored once. A lost one is noted."""
     kinds = ["seen"] if step["no_before"] else ["seen", "clean"]
@@ -123,5 +130,6 @@ def _add(
         key = hashlib.sha256(pixels.tobytes()).hexdigest()[:24]
         if key not in pictures:
             height, width = pixels.shape[:2]
-            pictures[key] = embed(pixels, scale_for((height, width), MAX_WIDTH_PX)).uri
+            scale = scale_for((height, width), SMALL_WIDTH_PX if small else MAX_WIDTH_PX)
+            pictures[key] = embed(pixels, scale, small=small).uri
         places[f"{kind}/{place}"] = key

@@ -38,7 +38,8 @@ class RunSource:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.title = folder.resolve().name
+        home = folder.resolve()
+        self.title = home.parent.name if home.name == "run" else home.name  # docs/results/NAME/run
         self.problems: list[str] = []
         self.head: Mapping[str, Any] = {}
         content = self._read_head()

@@ -59,7 +59,10 @@ def test_every_answer_is_an_episode_of_one_step(scored: Path) -> None:
             assert not np.array_equal(
                 source.pixels(number, 0, True), source.pixels(number, 0, False)
             )
-    assert records[0]["id"] in export_page(source, [0, 1])
+    page, small = (export_page(source, [0, 1], small=small) for small in (False, True))
+    assert records[0]["id"] in page
+    assert records[0]["id"] in small
+    assert len(small) <= len(page)
 
 
 def test_a_dataset_that_is_gone_or_another_is_said(scored: Path, tmp_path: Path) -> None:
