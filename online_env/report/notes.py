@@ -9,6 +9,7 @@ from hijack_data.runs.privileged_inputs import describe_privileged_inputs
 
 from ..results import scores
 from ..results.reading import Run
+from .formatting import SIGNIFICANT_P
 from .model import RunReport
 
 
@@ -86,6 +87,21 @@ def _notes(report: RunReport, partial: int) -> Iterator[str]:
         listed = ", ".join(run.changed)
         yield f"Not with the paper's parameters: {listed}."
     yield from _agent_notes(report)
+    yield from _retention_notes(report)
+
+
+def _retention_notes(report: RunReport) -> Iterator[str]:
+    """Yield where an agent did better under a corruption than without, and what that means."""
+    above = [cell for cell in report.cells if cell.retention is not None and cell.retention > 1]
+    if not above:
+        return
+    shown = [cell for cell in above if cell.p is not None and cell.p < SIGNIFICANT_P]
+    listed = ", ".join(f"{cell.agent} under {cell.corruption}" for cell in above)
+    verdict = f"the test shows {len(shown)} of these" if shown else "the test shows none of these"
+    yield (
+        f"A retention above 100 % means more success than on clean desktops, in the same cases"
+        f" ({listed}): {verdict}, so by chance where few clean cases are solved."
+    )
 
 
 def _where_early(report: RunReport) -> str:

@@ -23,7 +23,7 @@ from ..results.reading import Run
 from ..results.scores import COLUMNS
 from . import leaderboard, terminal
 from .build import build_report, load_report
-from .compare import RunComparison, compare
+from .compare import compare
 from .document import ReportDocument
 from .formats import (
     COMPARISON,
@@ -73,6 +73,9 @@ def _output_options(command: Command) -> Command:
 )
 @click.option("--reference", metavar="AGENT", help="Agent of the run that mCE refers to.")
 @click.option("--paper", is_flag=True, help="Set the agents beside the paper's main table.")
+@click.option(
+    "--full", is_flag=True, help="Print all tables and notes, not only what fits a screen."
+)
 def report(
     runs: Path,
     format_name: str | None,
@@ -81,6 +84,7 @@ def report(
     seeds: int | None,
     reference: str | None,
     paper: bool,
+    full: bool,
 ) -> None:
     """Show the results of a run, such as: hijack report runs/small.
 
@@ -88,7 +92,7 @@ def report(
     """
     if seeds and runs.is_file():
         raise ReportError("--seeds chooses episodes of a run; give the folder of one")
-    options = {"--paper": paper, "--reference": reference}
+    options = {"--paper": paper, "--reference": reference, "--full": full}
     beside = [name for name, value in options.items() if value]
     for option in [*beside, *([f"--format {format_name}"] if format_name else [])]:
         if as_json:
@@ -96,13 +100,13 @@ def report(
                 f"--json is a list of rows, without {option}; give --format json alone"
             )
     if runs.is_file():
-        document = load_report(runs, reference or "")
+        finished = load_report(runs, reference or "")
         if as_json:
-            cells = [{name: getattr(cell, name) for name in COLUMNS} for cell in document.cells]
+            cells = [{name: getattr(cell, name) for name in COLUMNS} for cell in finished.cells]
             _output(json.dumps(cells, indent=1) + "\n", out)
             return
         format = _format(format_name, out, beside)
-        _write(_document(document, None, paper), format, out)
+        _write(_document(finished, paper=paper, full=full), format, out)
         return
     run = _read(runs, seeds)
     if as_json:
@@ -110,11 +114,10 @@ def report(
         raise SystemExit(_finish(run))
     format = _format(format_name, out, beside)
     if format == TERMINAL and out is None:
-        terminal.show(run, reference or "")
-        if paper:
-            terminal.show_paper(compare_with_paper(build_report(run)), console())
+        terminal.show(run, reference or "", paper=paper, full=full)
         raise SystemExit(_finish(run))
-    _write(_document(build_report(run, reference=reference or ""), None, paper), format, out)
+    built = build_report(run, reference=reference or "")
+    _write(_document(built, paper=paper, full=full), format, out)
     raise SystemExit(_finish(run))
 
 
@@ -151,7 +154,7 @@ def compare_command(
         _output(json.dumps([asdict(cell) for cell in comparison.cells], indent=1) + "\n", out)
     else:
         format = _format(format_name, out, [COMPARISON])
-        _write(_document(build_report(run), comparison, paper=False), format, out)
+        _write(ReportDocument(report=build_report(run), comparison=comparison), format, out)
     raise SystemExit(_finish(run))
 
 
@@ -234,10 +237,9 @@ def _finish(run: Run) -> int:
     return exit_code(run)
 
 
-def _document(report: RunReport, comparison: RunComparison | None, paper: bool) -> ReportDocument:
-    return ReportDocument(
-        report=report, comparison=comparison, paper=compare_with_paper(report) if paper else None
-    )
+def _document(report: RunReport, *, paper: bool, full: bool) -> ReportDocument:
+    beside = compare_with_paper(report) if paper else None
+    return ReportDocument(report=report, paper=beside, full=full)
 
 
 def _write(document: ReportDocument, format: str, out: Path | None) -> None:

@@ -199,7 +199,7 @@ def test_what_agents_were_given_stands_beside_them(tmp_path):
     note = "one was given the task's plan in words"
     assert note in formats.write(document, "markdown")
     assert "| the plan |" in formats.write(document, "markdown")
-    assert "one (given the plan): corrupted" in formats.write(document, "terminal")
+    assert "one (given the plan): worst under" in formats.write(document, "terminal")
     assert "one (given the plan) &" in formats.write(document, "latex")
     assert "<td>the plan</td>" in formats.write(document, "html")
     with pytest.raises(ReportError, match="only reference agents"):

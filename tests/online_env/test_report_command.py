@@ -228,9 +228,10 @@ def test_without_scipy_a_report_has_the_numbers_and_says_what_it_lacks(tmp_path,
     assert cell.pass_hat == ()
     (row,) = report.summaries
     assert (row.clean, row.corrupted, row.retention, row.corrupted_low) == (1, 0.5, 0.5, None)
-    text = formats.write(ReportDocument(report=report), "terminal")
+    text = formats.write(ReportDocument(report=report, full=True), "terminal")
     assert "a: corrupted 50.0, worst marks 50.0, retention 50.0" in text
     assert "[" not in text
+    assert "worst under marks, loses 50 points; whether this is chance is not known" in text
 
 
 def test_a_comparison_needs_episodes_in_both_runs(tmp_path):
