@@ -10,10 +10,11 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from charts import Bar, chart
+from charts import SUCCESS_LEGEND, Bar, chart
 from copied import plain_fences
 
 from online_env.report.build import read_report
+from online_env.report.conclusions import conclude
 from online_env.report.document import ReportDocument
 from online_env.report.formats import write
 from online_env.report.leaderboard import Ranking, leaderboard, rank_agents, read_reports
@@ -111,6 +112,8 @@ def of_report(name: str, report: RunReport, folder: Path) -> str:
     if text:
         lines.append(_a_folder_up(plain_fences(text), name))
     lines.append(f"{_played(report)}.\n")
+    lines += [f"* {sentence}" for sentence in conclude(report)]
+    lines.append("")
     lines += _table(report)
     lines += [_bars(report, row) for row in report.summaries]
     lines += [f"* {note}" for note in report.notes]
@@ -200,4 +203,4 @@ def _bars(report: RunReport, row: AgentSummary) -> str:
             continue
         share = 100 * cell.success
         bars.append(Bar(label, share, f"{share:.1f} %", label == "clean"))
-    return chart(f"{row.agent}: tasks solved", bars)
+    return chart(f"{row.agent}: tasks solved", bars, legend=SUCCESS_LEGEND)

@@ -152,7 +152,10 @@ def test_a_page_says_how_the_run_was_played(tmp_path):
     assert facts["actions at most"] == "15"
     assert facts["SHA-256 of run.json"] == report.run.head_sha256
     assert "recovery policy" not in facts
-    assert '<p class="lead">1 agent on 2 tasks, 1 conditions, 2 episodes that count.</p>' in page
+    assert "<title>a on small: AgentHijack report</title>" in page
+    extent = "2 tasks, 1 condition, 9 seeds, 2 episodes that count."
+    assert f'<p class="lead">{extent}</p>' in page
+    assert "<li>a: solves 50.0 % clean; no corruption was played.</li>" in page
 
 
 @pytest.mark.parametrize(("p", "lost"), [(0.049, True), (0.05, False), (None, False)])

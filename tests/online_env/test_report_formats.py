@@ -267,7 +267,12 @@ def test_model_index_needs_an_agent(tmp_path, capsys):
 
 
 def test_the_name_of_a_file_tells_the_format(folder, capsys, tmp_path):
-    starts = {"r.html": "<!doctype html>", "r.csv": "agent,", "r.tex": "% needs", "r.md": "## run"}
+    starts = {
+        "r.html": "<!doctype html>",
+        "r.csv": "agent,",
+        "r.tex": "% needs",
+        "r.md": "## mine and recovering on small\n",
+    }
     for name, start in starts.items():
         code, out, _ = hijack(capsys, "report", folder, "-o", tmp_path / name)
         assert (code, out) == (0, f"wrote {tmp_path / name}\n")
