@@ -246,7 +246,9 @@ def test_a_report_is_all_that_a_result_needs(tmp_path: Path):
     assert pages["results/two_agents.md"].count("\n# ") == 0
     assert pages["results/two_agents.md"].startswith("# Two agents without a model\n\nMade for a")
     board = pages["results/leaderboard.md"]
-    assert re.search(r"\| 1 \| `good` \| 90.0 % \|.*\n\| 2 \| `bad` \| 20.0 % \|", board)
+    given = "instruction and pictures"
+    assert f"| 1 of 2 | `good` | {given} | small | 90.0 % | 90.0 % | 100.0 % |\n" in board
+    assert f"| 2 of 2 | `bad` | {given} | small | 20.0 % |" in board
     files = results.files(place.parent)
     assert set(files) == {"results/two_agents/report.html", "results/board.html"}
     assert "good" in files["results/board.html"]

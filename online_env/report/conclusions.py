@@ -27,7 +27,7 @@ def report_title(report: RunReport) -> str:
 
 def suite_name(report: RunReport) -> str:
     """Return the name of the configuration or dataset that was played, else that of the run."""
-    name = report.run.source.rpartition("/")[2]
+    name = report.run.source.removeprefix("benchmark/")
     return name.removesuffix(".yaml").removesuffix(".yml") or report.run.name
 
 

@@ -21,7 +21,7 @@ from ..report.gate import ReleaseGate, gate_options
 from ..results import reading
 from ..results.reading import Run
 from ..results.scores import COLUMNS
-from . import leaderboard, terminal
+from . import board_page, leaderboard, terminal
 from .build import build_report, load_report
 from .compare import compare
 from .document import ReportDocument
@@ -179,17 +179,29 @@ def gate(runs: Path, fail_under: tuple[str, ...], junit: Path | None) -> None:
     "-o",
     "--out",
     type=click.Path(dir_okay=False, path_type=Path),
-    required=True,
     metavar="FILE.html",
     help="The page to write.",
 )
-def leaderboard_command(folder: Path, out: Path) -> None:
+@click.option(
+    "--space",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="FOLDER",
+    help="Write the page as the folder of a static Space of the Hugging Face Hub.",
+)
+def leaderboard_command(folder: Path, out: Path | None, space: Path | None) -> None:
     """Rank the agents of all runs in a folder on one page."""
-    board = leaderboard.read_reports(folder)
-    for problem in board.problems:
+    if out is None and space is None:
+        raise click.UsageError("say where to write: -o FILE.html or --space FOLDER")
+    reports = leaderboard.read_reports(folder)
+    for problem in reports.problems:
         echo(f"hijack: left out: {problem}", err=True)
-    _output(leaderboard.leaderboard(board), out)
-    raise SystemExit(1 if board.problems else 0)
+    if out is not None:
+        _output(board_page.board_page(reports), out)
+    if space is not None:
+        refuse_own_file(space / board_page.INDEX, "--space")
+        board_page.write_space(reports, space)
+        echo(f"wrote {space}")
+    raise SystemExit(1 if reports.problems else 0)
 
 
 def _format(format_name: str | None, out: Path | None, beside: Sequence[str]) -> str:
