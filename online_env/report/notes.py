@@ -97,10 +97,14 @@ def _retention_notes(report: RunReport) -> Iterator[str]:
         return
     shown = [cell for cell in above if cell.p is not None and cell.p < SIGNIFICANT_P]
     listed = ", ".join(f"{cell.agent} under {cell.corruption}" for cell in above)
-    verdict = f"the test shows {len(shown)} of these" if shown else "the test shows none of these"
+    verdict = (
+        f"the test shows {len(shown)} of {counted(len(above), 'such gain')}"
+        if shown
+        else "the test shows no such gain, so it may be chance"
+    )
     yield (
-        f"A retention above 100 % means more success than on clean desktops, in the same cases"
-        f" ({listed}): {verdict}, so by chance where few clean cases are solved."
+        "A retention above 100 % means more success than on clean desktops, in the same cases"
+        f" ({listed}): {verdict}."
     )
 
 
