@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("isal", reason="needs the extra [hf]")
-pytest.importorskip("statsmodels", reason="needs the extra [online]")
+pytest.importorskip("scipy", reason="needs the extra [online]")
 
 from click.testing import CliRunner
 

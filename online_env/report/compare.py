@@ -86,7 +86,7 @@ def compare(before: Run, after: Run, pairs: Mapping[str, str] | None = None) -> 
     Raises:
         ReportError: a run has no episodes, an agent is missing, or the runs share no case.
     """
-    require("a comparison of runs", ("scipy", "statsmodels"))
+    require("a comparison of runs", ("scipy",))
     for run in (before, after):
         if not run.records:
             raise ReportError(f"{run.folder}: holds no episodes yet, so there is nothing to pair")

@@ -108,7 +108,7 @@ def _significance(cells: Sequence[Cell]) -> str:
     losses = [cell for cell in cells if (cell.delta or 0.0) < -TOLERANCE]
     gains = [cell for cell in cells if (cell.delta or 0.0) > TOLERANCE]
     if any(cell.p is None for cell in cells):
-        return "whether this is chance is not known without scipy and statsmodels"
+        return "whether this is chance is not known without scipy"
     shown = sum(_is_shown(cell) for cell in losses)
     parts = [_count_losses(len(losses), shown)] if losses else []
     shown_gains = [cell.corruption for cell in gains if _is_shown(cell)]

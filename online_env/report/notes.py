@@ -74,7 +74,7 @@ def _notes(report: RunReport, partial: int) -> Iterator[str]:
     if run.damaged:
         yield f"Without {counted(run.damaged, 'line')} of the run that cannot be read."
     if not scores.can_infer():
-        yield "Without intervals and tests: scipy and statsmodels are not installed."
+        yield "Without intervals and tests: scipy is not installed."
     if CLEAN not in {cell.corruption for cell in report.cells}:
         yield "The run has no clean condition, so there is no delta, no retention and no test."
     yield from partial_note(partial)

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-pytest.importorskip("statsmodels", reason="needs the extra [online]")
+pytest.importorskip("scipy", reason="needs the extra [online]")
 
 import hijack_data as hj
 from hijack_data.cli import main

@@ -8,7 +8,7 @@ import shutil
 import pytest
 import yaml
 
-pytest.importorskip("statsmodels", reason="needs the extra [online]")
+pytest.importorskip("scipy", reason="needs the extra [online]")
 
 from hijack_data.cli import main
 from online_env.report import ReportError, build_report, formats
