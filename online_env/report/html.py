@@ -13,6 +13,7 @@ from hijack_data.gallery.markup import source
 from hijack_data.plan import CLEAN
 
 from ..extra import require
+from ..results.outcomes import RESULTS
 from . import formatting
 from .ablations import find_ablations, level_table
 from .conclusions import conclude, report_extent, report_title
@@ -130,7 +131,7 @@ def _facts(run: RunIdentity) -> list[tuple[str, str]]:
     if run.created is not None:
         began = datetime.fromtimestamp(run.created, UTC).strftime("%Y-%m-%d %H:%M UTC")
     facts = [
-        ("made by", f"hijack {run.kind}"),
+        ("made by", "" if run.kind == RESULTS else f"hijack {run.kind}"),
         ("of", run.source),
         ("begun", began),
         ("tasks", str(run.tasks)),

@@ -8,6 +8,7 @@ from hijack_data.plan import CLEAN
 from hijack_data.runs.privileged_inputs import describe_privileged_inputs
 
 from ..results import scores
+from ..results.outcomes import RESULTS
 from ..results.reading import Run
 from .formatting import SIGNIFICANT_P
 from .model import RunReport
@@ -20,7 +21,7 @@ def report_notes(report: RunReport, partial: int = 0) -> tuple[str, ...]:
 
 def recovery_note(run: Run) -> Iterator[str]:
     """Yield the recovery policy of a live run, and who asked for it; nothing for a scoring run."""
-    if run.is_scored:
+    if not run.is_live:
         return
     counts_by_agent: dict[str, Counter[str]] = {}
     for record in scores.latest(run.records).values():
@@ -119,7 +120,8 @@ def _where_early(report: RunReport) -> str:
 
 
 def _agent_notes(report: RunReport) -> Iterator[str]:
-    yield from _input_notes(report)
+    if report.run.kind != RESULTS:  # the logs of others do not say
+        yield from _input_notes(report)
     incomplete = [row for row in report.summaries if row.conditions and row.paper_average is None]
     if incomplete:
         yield (

@@ -7,6 +7,7 @@ low, 2 bad usage or a run that cannot be reported, 3 the disk is full or fails.
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,10 +16,13 @@ import click
 from hijack_data.cli.completion import complete
 from hijack_data.cli.terminal import console, echo
 from hijack_data.file_io import make_folder, write_atomic
+from hijack_data.plan import CLEAN
 from hijack_data.runs.own_files import refuse_own_file
+from hijack_data.runs.run_log import EPISODES, RUN
 
 from ..report.gate import ReleaseGate, gate_options
 from ..results import reading
+from ..results.outcomes import FIELDS, READERS, collect_run, parse_columns
 from ..results.reading import Run
 from ..results.scores import COLUMNS
 from . import board_page, leaderboard, terminal
@@ -63,7 +67,9 @@ def _output_options(command: Command) -> Command:
 
 
 @click.command()
-@click.argument("runs", type=click.Path(path_type=Path))
+@click.argument(
+    "sources", nargs=-1, required=True, metavar="SOURCE...", type=click.Path(path_type=Path)
+)
 @_output_options
 @click.option(
     "--seeds",
@@ -76,8 +82,23 @@ def _output_options(command: Command) -> Command:
 @click.option(
     "--full", is_flag=True, help="Print all tables and notes, not only what fits a screen."
 )
+@click.option(
+    "--from",
+    "reader",
+    metavar="NAME",
+    shell_complete=complete("online_env.results.outcomes:READERS"),
+    help=f"Read the results of others as {' or '.join(READERS)}; by default it is found out.",
+)
+@click.option(
+    "--columns",
+    default="",
+    metavar="FIELD=COLUMN,...",
+    help=f"Where the results of others have {', '.join(FIELDS)}.",
+)
+@click.option("--clean", metavar="NAME", help="Condition that the others are compared with.")
+@click.option("--common-tasks", is_flag=True, help="Compare over the tasks that conditions share.")
 def report(
-    runs: Path,
+    sources: tuple[Path, ...],
     format_name: str | None,
     out: Path | None,
     as_json: bool,
@@ -85,11 +106,38 @@ def report(
     reference: str | None,
     paper: bool,
     full: bool,
+    reader: str | None,
+    columns: str,
+    clean: str | None,
+    common_tasks: bool,
 ) -> None:
     """Show the results of a run, such as: hijack report runs/small.
 
-    RUNS is the folder of a run of hijack bench or hijack score, or a report.json.
+    SOURCE is the folder of a run of hijack bench or hijack score, a report.json, or results of
+    others: tables, or a folder of OSWorld. Several sources of others are one report.
     """
+    foreign = {"--from": reader, "--columns": columns, "--clean": clean}
+    stated = [name for name, value in foreign.items() if value]
+    stated += ["--common-tasks"] * common_tasks
+    runs = sources[0]
+    if len(sources) == 1 and _is_own(runs):
+        if stated:
+            raise ReportError(f"{runs}: is a run of this library, which {stated[0]} is not for")
+        read = partial(_read, runs, seeds)
+    else:
+        own = next((source for source in sources if _is_own(source)), None)
+        if own is not None:
+            raise ReportError(f"{own}: is a run of this library, and is reported alone")
+        if seeds:
+            raise ReportError("--seeds chooses episodes of a run of this library; give its folder")
+        read = partial(
+            collect_run,
+            sources,
+            reader=reader,
+            columns=parse_columns(columns),
+            clean=clean or CLEAN,
+            common_tasks=common_tasks,
+        )
     if seeds and runs.is_file():
         raise ReportError("--seeds chooses episodes of a run; give the folder of one")
     options = {"--paper": paper, "--reference": reference, "--full": full}
@@ -99,7 +147,7 @@ def report(
             raise ReportError(
                 f"--json is a list of rows, without {option}; give --format json alone"
             )
-    if runs.is_file():
+    if _is_own(runs) and runs.is_file():
         finished = load_report(runs, reference or "")
         if as_json:
             cells = [{name: getattr(cell, name) for name in COLUMNS} for cell in finished.cells]
@@ -108,7 +156,7 @@ def report(
         format = _format(format_name, out, beside)
         _write(_document(finished, paper=paper, full=full), format, out)
         return
-    run = _read(runs, seeds)
+    run = read()
     if as_json:
         _output(json.dumps(terminal.score_rows(run, run.records), indent=1) + "\n", out)
         raise SystemExit(_finish(run))
@@ -202,6 +250,13 @@ def leaderboard_command(folder: Path, out: Path | None, space: Path | None) -> N
         board_page.write_space(reports, space)
         echo(f"wrote {space}")
     raise SystemExit(1 if reports.problems else 0)
+
+
+def _is_own(source: Path) -> bool:
+    """Return whether a source is a run of this library or a finished report, or is not there."""
+    if source.is_dir():
+        return (source / RUN).exists() or (source / EPISODES).is_dir()
+    return not source.exists() or source.suffix == ".json"
 
 
 def _format(format_name: str | None, out: Path | None, beside: Sequence[str]) -> str:

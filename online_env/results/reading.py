@@ -65,6 +65,11 @@ class Run:
         return self.config.get("kind") == SCORE_RUN
 
     @property
+    def is_live(self) -> bool:
+        """Whether an environment of this library played it, and recorded its effects."""
+        return "kind" not in self.config
+
+    @property
     def planned(self) -> int:
         """The number of planned cases: agents times tasks, seeds and corruptions."""
         if self.episodes:
