@@ -98,7 +98,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
     notes = (
         *recovery_note(run),
         *fraction_note(run),
-        *report_notes(report, scores.count_partial(run.records)),
+        *report_notes(report, scores.count_partial(run.last_attempts)),
     )
     return RunReport(**{**vars(report), "notes": notes})
 

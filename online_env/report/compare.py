@@ -216,7 +216,7 @@ def _notes(
             f"The runs differ in their settings, too ({listed}), first in this: {first_difference}."
         )
     yield from partial_note(
-        scores.count_partial(before.records) + scores.count_partial(after.records)
+        scores.count_partial(before.last_attempts) + scores.count_partial(after.last_attempts)
     )
     versions = [run_identity(run).versions.get(PACKAGE, "unknown") for run in (before, after)]
     if versions[0] != versions[1]:

@@ -51,7 +51,7 @@ def run_identity(run: Run) -> RunIdentity:
     head = _head(run)
     config = run.config
     names = corruptions_by_label(config)
-    final = list(scores.latest(run.records).values())
+    final = run.last_attempts
     desktop = config.get("desktop")
     created = head.get("created")
     return RunIdentity(

@@ -24,7 +24,7 @@ def recovery_note(run: Run) -> Iterator[str]:
     if not run.is_live:
         return
     counts_by_agent: dict[str, Counter[str]] = {}
-    for record in scores.latest(run.records).values():
+    for record in run.last_attempts:
         counts = record.get("recovery")
         if isinstance(counts, dict):
             agent_counts = counts_by_agent.setdefault(record["agent"], Counter())
@@ -42,7 +42,7 @@ def recovery_note(run: Run) -> Iterator[str]:
 def fraction_note(run: Run) -> Iterator[str]:
     """Yield which agents named points in fractions of the picture, which were read as pixels."""
     counts_by_agent: dict[str, Counter[str]] = {}
-    for record in scores.latest(run.records).values():
+    for record in run.last_attempts:
         points = record.get("points")
         if isinstance(points, dict):
             numbers = {key: n for key, n in points.items() if isinstance(n, int)}

@@ -95,7 +95,7 @@ def _problem_lines(run: Run) -> list[str]:
     """Return rows that were not scored, costs, and each invalid or failed episode with why."""
     usage = costs.usage_line(run.records)
     lines = [*unscored_lines(run), *([usage] if usage else [])]
-    for record in scores.latest(run.records).values():
+    for record in run.last_attempts:
         if record["status"] != "ok":
             problem = f"{record['status']}: {record.get('id')}: {record.get('problem')}"
             lines.append(formatting.shorten(problem))

@@ -261,11 +261,14 @@ def check_scores(scores: Sequence[float], tasks: Sequence[Hashable]) -> None:
         raise ParameterError(f"{len(scores)} scores for {len(tasks)} tasks: give one for each")
     if not len(scores):
         raise ParameterError("there are no episodes to summarise")
-    for score, task in zip(scores, tasks, strict=True):
-        if not 0 <= score <= 1:  # NaN, too
-            raise ParameterError(
-                f"the score of task {task!r} is {score!r}; scores are numbers from 0 to 1"
-            )
+    values = np.asarray(scores, np.float64)
+    wrong = np.flatnonzero(~((values >= 0) & (values <= 1)))  # NaN, too
+    if wrong.size:
+        place = int(wrong[0])
+        raise ParameterError(
+            f"the score of task {tasks[place]!r} is {scores[place]!r}; scores are numbers from 0 to"
+            " 1"
+        )
 
 
 def check_pairs(clean: Sequence[float], corrupted: Sequence[float]) -> None:

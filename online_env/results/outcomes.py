@@ -8,6 +8,7 @@ comparison and format then takes. Tasks are the cases and seeds repeat them. Wha
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from sys import intern
 from types import MappingProxyType
 from typing import Protocol
 
@@ -118,21 +119,15 @@ def collect_run(
     Raises:
         OutcomeError: a source cannot be read, there is no outcome, or conditions cannot be paired.
     """
-    outcomes: list[Outcome] = []
-    for source in sources:
-        if not source.exists():
-            raise OutcomeError(f"{source}: is not there")
-        outcomes += find_reader(source, reader).read(source, columns)
-    if not outcomes:
+    records = list(_number_repeats(_read_all(sources, reader, columns), clean))
+    if not records:
         raise OutcomeError(f"{', '.join(map(str, sources))}: no results in it")
-    conditions = list(dict.fromkeys(outcome.condition for outcome in outcomes))
-    if clean != CLEAN and clean not in conditions:
-        raise OutcomeError(f"--clean: no condition {clean!r}{suggest(clean, conditions)}")
-    if len(sources) > 1:
-        _check_task_names(outcomes)
-    records = list(_number_repeats(outcomes, clean))
-    records = _pair_tasks(records, common_tasks)
     labels = list(dict.fromkeys(record["corruption"] for record in records))
+    if clean != CLEAN and CLEAN not in labels:
+        raise OutcomeError(f"--clean: no condition {clean!r}{suggest(clean, labels)}")
+    if len(sources) > 1:
+        _check_task_names({record["task"] for record in records})
+    records = _pair_tasks(records, common_tasks)
     labels.sort(key=lambda label: label != CLEAN)
     return Run(
         folder=sources[0],
@@ -145,6 +140,15 @@ def collect_run(
         },
         records=records,
     )
+
+
+def _read_all(
+    sources: Sequence[Path], reader: str | None, columns: Mapping[str, str]
+) -> Iterator[Outcome]:
+    for source in sources:
+        if not source.exists():
+            raise OutcomeError(f"{source}: is not there")
+        yield from find_reader(source, reader).read(source, columns)
 
 
 def parse_columns(text: str) -> dict[str, str]:
@@ -164,13 +168,12 @@ def parse_columns(text: str) -> dict[str, str]:
     return columns
 
 
-def _check_task_names(outcomes: Iterable[Outcome]) -> None:
+def _check_task_names(names: set[str]) -> None:
     """Check that tasks of several sources have names; numbers agree by chance.
 
     Raises:
         OutcomeError: all tasks are numbers.
     """
-    names = {outcome.task for outcome in outcomes}
     if all(name.isdecimal() for name in names):
         raise OutcomeError(
             f"the tasks of the sources are numbers ({some_of(sorted(names), 3)}), which match by"
@@ -201,17 +204,19 @@ def _number_repeats(outcomes: Iterable[Outcome], clean: str) -> Iterator[ResultR
                 " repetitions apart with --columns seed=COLUMN"
             )
         seen.add((*case, seed))
-        is_scored = outcome.score is not None
-        yield {
-            "id": f"{outcome.task} under {label}, seed {seed}, {outcome.agent}",
-            "agent": outcome.agent,
-            "task": outcome.task,
-            "corruption": label,
+        record: ResultRecord = {
+            "agent": intern(outcome.agent),
+            "task": intern(outcome.task),
+            "corruption": intern(label),
             "seed": seed,
-            "status": "ok" if is_scored else "invalid",
+            "status": "ok",
             "score": outcome.score,
-            "problem": outcome.problem,
         }
+        if outcome.score is None:
+            record["status"] = "invalid"
+            record["id"] = f"{outcome.task} under {label}, seed {seed}, {outcome.agent}"
+            record["problem"] = outcome.problem
+        yield record
 
 
 def _pair_tasks(records: list[ResultRecord], common_tasks: bool) -> list[ResultRecord]:
