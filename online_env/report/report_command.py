@@ -22,6 +22,7 @@ from hijack_data.runs.run_log import EPISODES, RUN
 
 from ..report.gate import ReleaseGate, gate_options
 from ..results import reading
+from ..results.outcome_readers.inspect_log import InspectReader
 from ..results.outcomes import FIELDS, READERS, collect_run, parse_columns
 from ..results.reading import Run
 from ..results.scores import COLUMNS
@@ -114,7 +115,7 @@ def report(
     """Show the results of a run, such as: hijack report runs/small.
 
     SOURCE is the folder of a run of hijack bench or hijack score, a report.json, or results of
-    others: tables, or a folder of OSWorld. Several sources of others are one report.
+    others: tables, logs of Inspect, a folder of OSWorld. Several of others are one report.
     """
     foreign = {"--from": reader, "--columns": columns, "--clean": clean}
     stated = [name for name, value in foreign.items() if value]
@@ -256,7 +257,9 @@ def _is_own(source: Path) -> bool:
     """Return whether a source is a run of this library or a finished report, or is not there."""
     if source.is_dir():
         return (source / RUN).exists() or (source / EPISODES).is_dir()
-    return not source.exists() or source.suffix == ".json"
+    if not source.exists():
+        return True
+    return source.suffix == ".json" and not InspectReader().detect(source)
 
 
 def _format(format_name: str | None, out: Path | None, beside: Sequence[str]) -> str:

@@ -23,6 +23,7 @@ FIELDS = ("task", "condition", "agent", "score", "seed")
 READERS: Mapping[str, str] = MappingProxyType(
     {
         "table": "online_env.results.outcome_readers.table:TableReader",
+        "inspect": "online_env.results.outcome_readers.inspect_log:InspectReader",
         "osworld": "online_env.results.outcome_readers.osworld:OSWorldReader",
     }
 )
@@ -93,8 +94,9 @@ def find_reader(source: Path, name: str | None = None) -> OutcomeReader:
         raise OutcomeError(f"{source}: is not the folder of a run; give {inside[0]}")
     raise OutcomeError(
         f"{source}: is not the folder of a run (hijack bench and hijack score make one), no table"
-        " (.csv, .jsonl, .parquet), and no folder of OSWorld with a result.txt for each task; name"
-        " the columns of a table with --columns task=,condition=,agent=,score="
+        " (.csv, .jsonl, .parquet), no log of Inspect (.eval, .json), and no folder of OSWorld with"
+        " a result.txt for each task; name the columns of a table with"
+        " --columns task=,condition=,agent=,score="
     )
 
 
@@ -119,12 +121,18 @@ def collect_run(
     Raises:
         OutcomeError: a source cannot be read, there is no outcome, or conditions cannot be paired.
     """
-    records = list(_number_repeats(_read_all(sources, reader, columns), clean))
+    conditions: dict[str, None] = {}
+    records = list(_number_repeats(_read_all(sources, reader, columns), clean, conditions))
     if not records:
         raise OutcomeError(f"{', '.join(map(str, sources))}: no results in it")
+    if clean not in conditions and clean != CLEAN:
+        raise OutcomeError(f"--clean: no condition {clean!r}{suggest(clean, list(conditions))}")
+    if clean != CLEAN and CLEAN in conditions:
+        raise OutcomeError(
+            f"--clean {clean}: the results have a condition named {CLEAN}, too; leave --clean out,"
+            " or rename that condition"
+        )
     labels = list(dict.fromkeys(record["corruption"] for record in records))
-    if clean != CLEAN and CLEAN not in labels:
-        raise OutcomeError(f"--clean: no condition {clean!r}{suggest(clean, labels)}")
     if len(sources) > 1:
         _check_task_names({record["task"] for record in records})
     records = _pair_tasks(records, common_tasks)
@@ -182,8 +190,15 @@ def _check_task_names(names: set[str]) -> None:
         )
 
 
-def _number_repeats(outcomes: Iterable[Outcome], clean: str) -> Iterator[ResultRecord]:
+def _number_repeats(
+    outcomes: Iterable[Outcome], clean: str, conditions: dict[str, None]
+) -> Iterator[ResultRecord]:
     """Yield records; outcomes without a seed are numbered in their order, task by task.
+
+    Args:
+        outcomes: of all sources.
+        clean: the condition that is named `clean` in records.
+        conditions: takes in the conditions as the sources name them.
 
     Raises:
         OutcomeError: an outcome is there twice.
@@ -191,6 +206,7 @@ def _number_repeats(outcomes: Iterable[Outcome], clean: str) -> Iterator[ResultR
     repeats: dict[tuple[str, str, str], int] = {}
     seen: set[tuple[str, str, str, int]] = set()
     for outcome in outcomes:
+        conditions[outcome.condition] = None
         label = CLEAN if outcome.condition == clean else outcome.condition
         case = outcome.agent, label, outcome.task
         seed = outcome.seed
