@@ -26,7 +26,7 @@ from ..results.outcome_readers.inspect_log import InspectReader
 from ..results.outcomes import FIELDS, READERS, collect_run, parse_columns
 from ..results.reading import Run
 from ..results.scores import COLUMNS
-from . import board_page, leaderboard, terminal
+from . import terminal
 from .build import build_report, load_report
 from .compare import compare
 from .document import ReportDocument
@@ -239,6 +239,8 @@ def gate(runs: Path, fail_under: tuple[str, ...], junit: Path | None) -> None:
 )
 def leaderboard_command(folder: Path, out: Path | None, space: Path | None) -> None:
     """Rank the agents of all runs in a folder on one page."""
+    from . import board_page, leaderboard  # its page needs modules that a report does not
+
     if out is None and space is None:
         raise click.UsageError("say where to write: -o FILE.html or --space FOLDER")
     reports = leaderboard.read_reports(folder)
