@@ -11,6 +11,7 @@ import yaml
 
 from hijack_data.plan import CLEAN
 
+from ..results.outcomes import RESULTS
 from .document import ReportDocument
 from .model import AgentSummary, Cell, ReportError, RunReport
 from .named_scores import REFERENCE_AGENTS
@@ -24,9 +25,14 @@ def as_model_index(document: ReportDocument) -> str:
     """Return the block for every agent that is not a reference and was given nothing more.
 
     Raises:
-        ReportError: the run has no such agent.
+        ReportError: the run has no such agent, or is none of this library.
     """
     report = document.report
+    if report.run.kind == RESULTS:
+        raise ReportError(
+            "--format model-index: these are results of another harness, and the block says what"
+            " AgentHijack measured; run hijack bench with the agent of the card"
+        )
     contestants = (row for row in report.summaries if not row.given)
     models = [row for row in contestants if row.agent not in REFERENCE_AGENTS]
     if not models:

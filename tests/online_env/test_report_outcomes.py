@@ -8,7 +8,8 @@ import pytest
 pytest.importorskip("scipy", reason="needs the extra [online]")
 
 from hijack_data.cli import main
-from online_env.report import build_report
+from online_env.report import ReportError, build_report, formats
+from online_env.report.document import ReportDocument
 from online_env.results.outcomes import OutcomeError, collect_run, parse_columns
 
 SOLVED = {"clean": [1, 1, 1, 1, 1, 0], "marks": [1, 1, 0, 0, 0, 0]}
@@ -199,6 +200,16 @@ def test_a_score_that_is_none_is_named_with_its_file(tmp_path):
     with pytest.raises(OutcomeError) as error:
         collect_run([tmp_path])
     assert str(error.value).startswith(f"{path}: must hold a score from 0 to 1, got 'Traceback'")
+
+
+def test_results_of_others_are_no_model_card_of_this_benchmark(tmp_path):
+    document = ReportDocument(
+        report=build_report(collect_run([write_csv(tmp_path / "r.csv", rows())]))
+    )
+    for format in ("html", "latex", "markdown", "csv"):
+        assert "mine" in formats.write(document, format)
+    with pytest.raises(ReportError, match="results of another harness"):
+        formats.write(document, "model-index")
 
 
 def test_runs_of_this_library_are_reported_alone(tmp_path, capsys):
