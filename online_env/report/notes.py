@@ -55,6 +55,24 @@ def fraction_note(run: Run) -> Iterator[str]:
             )
 
 
+def pairing_note(run: Run, groups: scores.GroupedRecords) -> Iterator[str]:
+    """Yield how many results of another harness have no partner, and are in no difference."""
+    if run.config.get("kind") != RESULTS:
+        return
+    unpaired: dict[str, int] = {}
+    for (agent, label), cell in groups.scored.items():
+        clean = groups.scored.get((agent, CLEAN), {})
+        alone = len(cell) - len(scores.pairs(clean, cell)[0])
+        if label != CLEAN and clean and alone:
+            unpaired[f"{agent} under {label}"] = alone
+    if unpaired:
+        listed = ", ".join(f"{name} {count}" for name, count in unpaired.items())
+        yield (
+            f"{counted(sum(unpaired.values()), 'result')} without a clean one of the same task and"
+            f" seed: in the success, and in no delta, retention or test ({listed})."
+        )
+
+
 def partial_note(partial: int) -> Iterator[str]:
     """Yield what the test makes of scores that are neither 0 nor 1, if there are any."""
     if partial:
@@ -78,6 +96,8 @@ def _notes(report: RunReport, partial: int) -> Iterator[str]:
         yield "Without intervals and tests: scipy is not installed."
     if CLEAN not in {cell.corruption for cell in report.cells}:
         yield "The run has no clean condition, so there is no delta, no retention and no test."
+        if run.kind == RESULTS:
+            yield f"--clean NAME names the clean one of its conditions ({', '.join(report.labels)})."
     yield from partial_note(partial)
     if run.early:
         yield (

@@ -83,6 +83,17 @@ def test_seeds_repeat_a_task_and_do_not_make_it_several_cases(tmp_path):
         assert (cell.ci_low, cell.delta_low) == pytest.approx((base.ci_low, base.delta_low))
 
 
+def test_a_result_without_a_clean_one_of_its_task_and_seed_is_said(tmp_path):
+    listed = rows(seed=0) + [row for row in rows(seed=1) if row["condition"] == "marks"]
+    report = build_report(collect_run([write_csv(tmp_path / "r.csv", listed)]))
+    (note,) = [note for note in report.notes if "without a clean one" in note]
+    assert note.startswith("6 results without a clean one of the same task and seed")
+    assert note.endswith("(mine under marks 6).")
+    named = [row | {"condition": row["condition"].replace("clean", "none")} for row in rows()]
+    report = build_report(collect_run([write_csv(tmp_path / "n.csv", named)]))
+    assert "--clean NAME names the clean one of its conditions (none, marks)." in report.notes
+
+
 def test_columns_and_the_clean_condition_have_other_names(tmp_path, capsys):
     listed = [
         {"id": row["task"], "noise": row["condition"].replace("clean", "none"), "ok": row["score"]}
