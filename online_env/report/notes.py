@@ -97,7 +97,8 @@ def _notes(report: RunReport, partial: int) -> Iterator[str]:
     if CLEAN not in {cell.corruption for cell in report.cells}:
         yield "The run has no clean condition, so there is no delta, no retention and no test."
         if run.kind == RESULTS:
-            yield f"--clean NAME names the clean one of its conditions ({', '.join(report.labels)})."
+            listed = ", ".join(report.labels)
+            yield f"--clean NAME names the clean one of its conditions ({listed})."
     yield from partial_note(partial)
     if run.early:
         yield (
