@@ -1,4 +1,4 @@
-"""How long reports take: nine agents, ten conditions and 369 tasks are 33,210 episodes.
+"""How long reports take: the published run, 33,210 episodes, and a million rows of others.
 
 `hijack report` runs in a process of its own, as a user runs it, so that the time holds the imports,
 too. The scores are drawn; everything else of a record is as `hijack bench` writes it.
@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from common import machine, table
+from published import RESULTS
 
 from hijack_data.plan import CLEAN
 from online_env.report.identity import NINE
@@ -101,6 +102,65 @@ def seconds_of(folder: Path, format: str) -> tuple[float, float]:
     return taken, now.ru_utime + now.ru_stime - used.ru_utime - used.ru_stime
 
 
+def rows_of_others(path: Path) -> int:
+    """Write a table of drawn scores in JSON Lines; returns how many rows it has."""
+    rng = np.random.default_rng(0)
+    conditions = (CLEAN, *NINE)
+    count = 0
+    with path.open("w") as file:
+        for agent in range(4):
+            for place, condition in enumerate(conditions):
+                scores = (rng.random((5000, 5)) < 0.9 - 0.07 * place).astype(int).tolist()
+                for task, repeats in enumerate(scores):
+                    for seed, score in enumerate(repeats):
+                        row = {"agent": f"agent-{agent}", "task": f"task {task}"}
+                        row |= {"condition": condition, "seed": seed, "score": score}
+                        file.write(json.dumps(row) + "\n")
+                        count += 1
+    return count
+
+
+def goals(folder: Path) -> list[list[str]]:
+    """Return what the two reports with a goal of their own take, as rows of a table."""
+    run = RESULTS / "reference_agents" / "run"
+    others = folder / "others.jsonl"
+    count = rows_of_others(others)
+    rows: list[list[str]] = []
+    for name, source, seconds, gib in (
+        ("4,320 episodes (docs/results/reference_agents)", run, 1.0, 1.0),
+        (f"{count:,} rows of a table", others, 20.0, 1.0),
+    ):
+        measured = [measure_process(source) for _ in range(RUNS)]
+        taken, computed = min(one[:2] for one in measured)
+        memory = max(one[2] for one in measured)
+        is_met = "yes" if computed <= seconds and memory <= gib else "NO"
+        goal = f"<= {seconds:g} s of the processor, {gib:g} GiB: {is_met}"
+        rows.append([name, f"{taken:.1f}", f"{computed:.1f}", f"{memory:.2f}", goal])
+    return rows
+
+
+def measure_process(source: Path) -> tuple[float, float, float]:
+    """Report on the terminal once; returns seconds, seconds of the processor, and GiB at most."""
+    code = (
+        "import resource, runpy, sys\n"
+        "try:\n    runpy.run_module('hijack_data.cli', run_name='__main__')\n"
+        "except SystemExit:\n    pass\n"
+        "used = resource.getrusage(resource.RUSAGE_SELF)\n"
+        "print(used.ru_utime + used.ru_stime, used.ru_maxrss / 2**20, file=sys.stderr)\n"
+    )
+    begin = time.perf_counter()
+    done = subprocess.run(
+        [sys.executable, "-c", code, "report", str(source)],
+        check=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    taken = time.perf_counter() - begin
+    computed, memory = map(float, done.stderr.split()[-2:])
+    return taken, computed, memory
+
+
 def main() -> None:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "run"
@@ -111,10 +171,13 @@ def main() -> None:
             taken, computed = min(seconds_of(folder, format) for _ in range(RUNS))
             verdict = "yes" if taken <= GOAL else "NO"
             rows.append([format, f"{taken:.1f}", f"{computed:.1f}", f"<= {GOAL:g} s: {verdict}"])
+        further = goals(Path(place))
     print(machine())
     load = " ".join(f"{value:.1f}" for value in os.getloadavg())
     print(f"\n{count} episodes, {len(AGENTS)} agents, {size:.0f} MiB of records; load {load}.\n")
     print(table(("format", f"s, the best of {RUNS}", "s of the processor", "goal"), rows))
+    print("\nOn the terminal:\n")
+    print(table(("report of", "s", "s of the processor", "GiB", "goal"), further))
 
 
 if __name__ == "__main__":

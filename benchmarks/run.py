@@ -29,6 +29,7 @@ SCRIPTS = {
     "suite": "The suite of tasks",
     "live_steps": "Corruptions on a live desktop, step by step",
     "reports": "Reports",
+    "interval_coverage": "Intervals of reports, simulated",
     "viewer_runs": "The page of runs",
     "pixel": "Reading by OCR: the agent pixel",
     "ocr_engines": "OCR: who finds the lines",

@@ -19,7 +19,7 @@ DESKTOP = (
     "jinja2",
     "markdown_it",
 )
-MODULES = (*DESKTOP, "gymnasium", "scipy", "statsmodels", "openpyxl", "docx", "pptx")
+MODULES = (*DESKTOP, "gymnasium", "scipy", "openpyxl", "docx", "pptx")
 
 
 def require(purpose: str, modules: Iterable[str] = DESKTOP) -> None:

@@ -135,7 +135,9 @@ def test_code_of_the_pages_runs(ran: dict[str, str]):
 
 def test_charts_are_made_of_the_tables():
     page = charts.page()
-    assert page.count('<figure class="chart">') >= 9
+    assert page.count('<figure class="chart') >= 9
+    # A theme may turn light and dark round: colours are named by swatches, not by words.
+    assert not re.search("darker|lighter|brighter", page)
     assert "24.21 %" in page
     (row,) = [
         row
@@ -220,6 +222,21 @@ def test_every_page_has_its_place(tmp_path: Path):
     assert known <= set(texts), "a section names a page that is not there"
 
 
+def test_bars_of_negative_values_end_at_zero_and_colours_have_a_legend():
+    bars = [charts.Bar("gain", 3.0, "+3", strong=True), charts.Bar("loss", -1.0, "-1")]
+    drawn = charts.chart("x", bars, legend=charts.Legend("gain", "loss"))
+    assert re.findall(r"margin-left:(.*?)%;width:(.*?)%", drawn) == [
+        ("25.0", "75.0"),
+        ("0.0", "25.0"),
+    ]
+    assert drawn.count('style="--zero:25.0%"') == 2
+    assert (
+        '<span class="key strong"><i></i>gain</span><span class="key"><i></i>loss</span>' in drawn
+    )
+    with pytest.raises(ValueError, match="two colours and no legend"):
+        charts.chart("x", bars)
+
+
 def test_a_report_is_all_that_a_result_needs(tmp_path: Path):
     from online_env.report.build import build_report
     from online_env.results import reading
@@ -250,7 +267,9 @@ def test_a_report_is_all_that_a_result_needs(tmp_path: Path):
     assert pages["results/two_agents.md"].count("\n# ") == 0
     assert pages["results/two_agents.md"].startswith("# Two agents without a model\n\nMade for a")
     board = pages["results/leaderboard.md"]
-    assert re.search(r"\| 1 \| `good` \| 90.0 % \|.*\n\| 2 \| `bad` \| 20.0 % \|", board)
+    given = "instruction and pictures"
+    assert f"| 1 of 2 | `good` | {given} | small | 90.0 % | 90.0 % | 100.0 % |\n" in board
+    assert f"| 2 of 2 | `bad` | {given} | small | 20.0 % |" in board
     files = results.files(place.parent)
     assert set(files) == {"results/two_agents/report.html", "results/board.html"}
     assert "good" in files["results/board.html"]

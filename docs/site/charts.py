@@ -22,22 +22,56 @@ class Bar:
     strong: bool = False
 
 
-def chart(title: str, bars: Sequence[Bar], note: str = "") -> str:
-    """A chart of horizontal bars that begin at 0."""
-    longest = max((abs(bar.value) for bar in bars), default=0) or 1
+@dataclass(frozen=True)
+class Legend:
+    """What the two colours of a chart mean; the page draws a swatch of each beside its name."""
+
+    strong: str
+    plain: str
+
+
+SUCCESS_LEGEND = Legend("clean", "corrupted")
+LEVELS_LEGEND = Legend("level 3, the default", "other levels")
+
+
+def chart(title: str, bars: Sequence[Bar], note: str = "", legend: Legend | None = None) -> str:
+    """Return a chart of horizontal bars from 0; those of negative values grow to the left.
+
+    A legend shows the colours themselves, so its text holds in every theme.
+
+    Raises:
+        ValueError: Bars have two colours and there is no legend.
+    """
+    low = min([0.0, *(bar.value for bar in bars)])
+    high = max([0.0, *(bar.value for bar in bars)])
+    span = (high - low) or 1
+    zero = -100 * low / span  # percent of the width
+    kinds = {bar.strong for bar in bars}
+    if legend is None and len(kinds) > 1:
+        raise ValueError(f"{title}: has bars of two colours and no legend; give one")
     rows: list[str] = []
     for bar in bars:
-        share = 100 * abs(bar.value) / longest
-        kind = " strong" if bar.strong else ""
+        width = 100 * abs(bar.value) / span
+        left = zero - width if bar.value < 0 else zero
+        kind = (" strong" if bar.strong else "") + (" negative" if bar.value < 0 else "")
         rows.append(
             f'<div class="bar{kind}" role="listitem"><span class="what">{escape(bar.name)}</span>'
-            f'<span class="track"><i style="width:{share:.1f}%"></i></span>'
+            f'<span class="track" style="--zero:{zero:.1f}%">'
+            f'<i style="margin-left:{left:.1f}%;width:{width:.1f}%"></i></span>'
             f'<span class="value">{escape(bar.text)}</span></div>'
         )
+    keys = ""
+    if legend is not None:
+        swatches = ((" strong", legend.strong), ("", legend.plain))
+        keys = "".join(
+            f'<span class="key{kind}"><i></i>{escape(name)}</span>' for kind, name in swatches
+        )
+        keys = f'<div class="keys">{keys}</div>'
     below = f"<p>{escape(note)}</p>" if note else ""
     body = "".join(rows)
+    axis = " signed" if low < 0 else ""
     return (
-        f'<figure class="chart"><figcaption>{escape(title)}</figcaption>'
+        f'<figure class="chart{axis}"><figcaption>{escape(title)}</figcaption>{keys}'
         f'<div role="list">{body}</div>{below}</figure>\n'
     )
 
@@ -51,7 +85,7 @@ def success(agent: str) -> str:
         if condition != "agent"
     ]
     note = "Success on OSWorld's tasks as the paper reports it; not measured by this repository."
-    return chart(f"{agent}: tasks solved", bars, note)
+    return chart(f"{agent}: tasks solved", bars, note, SUCCESS_LEGEND)
 
 
 def hidden_targets() -> str:
@@ -64,7 +98,7 @@ def hidden_targets() -> str:
         bars.append(Bar(name, share, f"{share:g} %", row["level"] == "3"))
     ordered = sorted(bars, key=lambda bar: -bar.value)
     note = "Share of targets of which less than half stays visible; level 3 is the paper's default."
-    return chart("Targets hidden, by corruption and level", ordered, note)
+    return chart("Targets hidden, by corruption and level", ordered, note, LEVELS_LEGEND)
 
 
 def levels(corruption: str) -> str:
@@ -80,7 +114,7 @@ def levels(corruption: str) -> str:
         for row in rows
         if row["corruption"] == corruption
     ]
-    return chart("Share of the screen that changes", bars) if bars else ""
+    return chart("Share of the screen that changes", bars, legend=LEVELS_LEGEND) if bars else ""
 
 
 def drawing() -> str:
@@ -95,7 +129,12 @@ def drawing() -> str:
         )
         for row in rows
     ]
-    return chart("Drawing, in copies of the picture (memcpy = 1)", bars, "Less is faster.")
+    return chart(
+        "Drawing, in copies of the picture (memcpy = 1)",
+        bars,
+        "Less is faster.",
+        Legend("NumPy", "torch and JAX"),
+    )
 
 
 def resizing() -> str:
@@ -111,7 +150,12 @@ def resizing() -> str:
         for row in rows
         if row["scale"] == "0.5"
     ]
-    return chart("Resizing 1920x1080 to one half, one thread", bars, "Least of 15 runs.")
+    return chart(
+        "Resizing 1920x1080 to one half, one thread",
+        bars,
+        "Least of 15 runs.",
+        Legend("this library", "others"),
+    )
 
 
 def building() -> str:
@@ -134,11 +178,9 @@ def peers() -> str:
         name = f"{row['who'].rpartition(' ')[0]}: {row['work']}"
         bars.append(Bar(name, number(ratio), ratio, number(ratio) < 1))
     ordered = sorted(bars, key=lambda bar: -bar.value)
-    note = (
-        "Time of the other library over ours, for one 1080p picture; below 1x (darker) it is faster"
-        " than ours."
-    )
-    return chart("Augmentation, against other libraries", ordered, note)
+    note = "Time of the other library over ours, for one 1080p picture."
+    legend = Legend("faster than ours (below 1x)", "slower than ours")
+    return chart("Augmentation, against other libraries", ordered, note, legend)
 
 
 def desktop() -> str:
@@ -166,11 +208,8 @@ def proof() -> str:
         )
         for row in found.rows
     ]
-    note = (
-        "Points of clicks inside the right control, with 95 % intervals; darker bars are gains,"
-        " lighter ones losses."
-    )
-    return chart(found.said.replace("*", ""), bars, note)
+    note = "Points of clicks inside the right control, with 95 % intervals."
+    return chart(found.said.replace("*", ""), bars, note, Legend("gain", "loss or no change"))
 
 
 def page() -> str:

@@ -10,13 +10,15 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from charts import Bar, chart
+from charts import SUCCESS_LEGEND, Bar, chart
 from copied import plain_fences
 
+from online_env.report.board_page import board_page
 from online_env.report.build import read_report
+from online_env.report.conclusions import conclude
 from online_env.report.document import ReportDocument
 from online_env.report.formats import write
-from online_env.report.leaderboard import Ranking, leaderboard, rank_agents, read_reports
+from online_env.report.leaderboard import RULE, Standing, rank_agents, read_reports
 from online_env.report.model import AgentSummary, RunReport
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,7 +48,7 @@ def files(folder: Path = RESULTS) -> dict[str, str]:
         for name, report in found.items()
     }
     if found:
-        made[f"results/{BOARD}"] = leaderboard(read_reports(folder))
+        made[f"results/{BOARD}"] = board_page(read_reports(folder))
     return made
 
 
@@ -113,6 +115,8 @@ def of_report(name: str, report: RunReport, folder: Path) -> str:
     if text:
         lines.append(_a_folder_up(plain_fences(text), name))
     lines.append(f"{_played(report)}.\n")
+    lines += [f"* {sentence}" for sentence in conclude(report)]
+    lines.append("")
     lines += _table(report)
     lines += [_bars(report, row) for row in report.summaries]
     lines += [f"* {note}" for note in report.notes]
@@ -135,37 +139,31 @@ def _a_folder_up(text: str, name: str) -> str:
 
 
 def board(folder: Path, found: dict[str, RunReport]) -> str:
-    """The page of the leaderboard."""
-    lines = [
-        "# Leaderboard\n",
-        "Agents are ranked by their mean success over the corruptions, and only against agents that"
-        " played the same tasks, conditions, seeds and limits.\n",
-    ]
+    """The page of the leaderboard: one table; the page beside it sorts and filters."""
+    lines = ["# Leaderboard\n", f"{RULE}\n"]
     if not found:
         lines.append("No run of a whole agent has been added yet.\n")
     else:
+        lines.append(f"[Sort, filter and choose columns]({BOARD}).\n")
+        lines.append("| rank | agent | given | setting | corrupted | clean | retention |")
+        lines.append("|---|---|---|---|---:|---:|---:|")
         for ranking in rank_agents(read_reports(folder)):
-            lines += _ranking(ranking)
-        lines.append(f"[The same as one page]({BOARD}), as the command line makes it.\n")
+            lines += [_board_row(line, ranking.title) for line in ranking.lines]
+        lines.append("")
     lines += [
         "## Add a run\n",
-        "Play it with `hijack bench` ([Score my agent](../score_my_agent.md)) and write its report"
-        " to a folder of `docs/results`; `make docs` does the rest.\n",
-        "```sh\nhijack report runs/mine -o docs/results/mine/report.json\nmake docs\n```\n",
+        "Open a pull request with a folder `submissions/NAME`: the signed run, its report and the"
+        " public key ([the rules](../reports.md#submit-a-run)).\n",
         "`hijack leaderboard runs -o leaderboard.html` ranks runs of your own.\n",
     ]
     return "\n".join(lines)
 
 
-def _ranking(ranking: Ranking) -> Iterator[str]:
-    yield f"## {ranking.title}\n"
-    yield f"| rank | agent | over corruptions | {' | '.join(ranking.labels)} |"
-    yield f"|---|---|---:|{'---:|' * len(ranking.labels)}"
-    for line in ranking.lines:
-        rank = str(line.rank) if line.rank else f"({line.reason})"
-        values = " | ".join(line.values)
-        yield f"| {rank} | `{line.row.agent}` | {_percent(line.row.corrupted)} | {values} |"
-    yield ""
+def _board_row(line: Standing, setting: str) -> str:
+    rank = line.reason if line.rank is None else f"{line.rank} of {line.rivals}"
+    row = line.row
+    values = " | ".join(map(_percent, (row.corrupted, row.clean, row.retention)))
+    return f"| {rank} | `{row.agent}` | {line.inputs} | {setting} | {values} |"
 
 
 def _played(report: RunReport) -> str:
@@ -202,4 +200,4 @@ def _bars(report: RunReport, row: AgentSummary) -> str:
             continue
         share = 100 * cell.success
         bars.append(Bar(label, share, f"{share:.1f} %", label == "clean"))
-    return chart(f"{row.agent}: tasks solved", bars)
+    return chart(f"{row.agent}: tasks solved", bars, legend=SUCCESS_LEGEND)

@@ -30,13 +30,15 @@ def app_successes(groups: scores.GroupedRecords) -> list[AppSuccess]:
         alphabet, tasks with several of them last. None if all tasks have the same application, or
         name none, as in a scoring run.
     """
+    if not any("apps" in record for cases in groups.last.values() for record in cases.values()):
+        return []
     by_agent: dict[str, dict[str, _Collected]] = {}
     for (agent, label), scored in groups.scored.items():
         records = groups.last[agent, label]
         for case, score in scored.items():
             app = _record_app(records[case])
             collected = by_agent.setdefault(agent, {}).setdefault(app, _Collected())
-            collected.tasks.update(scores.task_names([case]))
+            collected.tasks.add(scores.task_name(case[0], case[1]))
             (collected.clean if label == CLEAN else collected.corrupted).append(score)
     apps = {app for collected in by_agent.values() for app in collected}
     if len(apps) < 2:

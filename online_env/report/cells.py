@@ -15,7 +15,7 @@ CEILING = "recovering"  # the agent that acts like a careful user
 
 def compute_cells(run: Run, groups: scores.GroupedRecords) -> list[Cell]:
     """Return a cell for each agent and condition in the records of a run, or in some of them."""
-    names = {} if run.is_scored else corruptions_by_label(run.config)
+    names = corruptions_by_label(run.config) if run.is_live else {}
     order = agent_names(run.config), list(corruptions_by_label(run.config))
     rows = scores.rows_by_group(groups, *order)
     top = {row["corruption"]: row["success"] for row in rows if row["agent"] == CEILING}

@@ -86,7 +86,7 @@ def compare(before: Run, after: Run, pairs: Mapping[str, str] | None = None) -> 
     Raises:
         ReportError: a run has no episodes, an agent is missing, or the runs share no case.
     """
-    require("a comparison of runs", ("scipy", "statsmodels"))
+    require("a comparison of runs", ("scipy",))
     for run in (before, after):
         if not run.records:
             raise ReportError(f"{run.folder}: holds no episodes yet, so there is nothing to pair")
@@ -216,7 +216,7 @@ def _notes(
             f"The runs differ in their settings, too ({listed}), first in this: {first_difference}."
         )
     yield from partial_note(
-        scores.count_partial(before.records) + scores.count_partial(after.records)
+        scores.count_partial(before.last_attempts) + scores.count_partial(after.last_attempts)
     )
     versions = [run_identity(run).versions.get(PACKAGE, "unknown") for run in (before, after)]
     if versions[0] != versions[1]:

@@ -17,11 +17,13 @@ class ReportDocument:
         report: of the run.
         comparison: with another run.
         paper: the paper's table, with ours below it.
+        full: whether a text for terminals has everything, not only what fits a screen.
     """
 
     report: RunReport
     comparison: RunComparison | None = None
     paper: PaperTable | None = None
+    full: bool = False
 
     def extras(self) -> Mapping[str, Any]:
         """Return comparison and paper as JSON data; keys without data are left out."""

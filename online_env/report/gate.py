@@ -90,7 +90,7 @@ class GateVerdict:
             if self.gate.score == "retention":
                 cause = "no episode counts, or none succeeds clean"
             elif self.gate.score == "ci_low" and not scores.can_infer():
-                cause = "scipy and statsmodels are not installed"
+                cause = "scipy is not installed"
             return f"{score_name} cannot be computed, {cause}: {missing} ({self.gate})"
         value = f"{self.value:.3f}"
         least = f"{self.gate.least:g}"

@@ -13,8 +13,10 @@ from hijack_data.gallery.markup import source
 from hijack_data.plan import CLEAN
 
 from ..extra import require
+from ..results.outcomes import RESULTS
 from . import formatting
 from .ablations import find_ablations, level_table
+from .conclusions import conclude, report_extent, report_title
 from .document import ReportDocument
 from .figures import LEFT, RIGHT, WIDTH, retention_panels, success_panels
 from .identity import RunIdentity
@@ -39,7 +41,10 @@ def as_html(document: ReportDocument) -> str:
     compared = document.comparison
     return render(
         "report.html",
-        title=f"{report.run.name}: AgentHijack report",
+        title=f"{report_title(report)}: AgentHijack report",
+        heading=report_title(report),
+        extent=report_extent(report),
+        conclusions=conclude(report),
         document=document,
         report=report,
         facts=_facts(report.run),
@@ -103,6 +108,7 @@ def _matrix_cell(report: RunReport, agent: str, label: str) -> Mapping[str, Any]
         return {
             "value": "",
             "delta": "",
+            "p": "",
             "share": 0,
             "lost": False,
             "title": f"{agent}, {label}: no episode that counts",
@@ -111,6 +117,7 @@ def _matrix_cell(report: RunReport, agent: str, label: str) -> Mapping[str, Any]
     return {
         "value": formatting.percent(cell.success),
         "delta": formatting.percent(cell.delta, "+") if label != CLEAN else "",
+        "p": formatting.p_value(cell.p),
         "share": round(100 * cell.success),
         "lost": cell.p is not None and cell.p < formatting.SIGNIFICANT_P,
         "title": f"{agent}, {label}: {formatting.percent(cell.success)} % {between}, n {cell.n}",
@@ -124,7 +131,7 @@ def _facts(run: RunIdentity) -> list[tuple[str, str]]:
     if run.created is not None:
         began = datetime.fromtimestamp(run.created, UTC).strftime("%Y-%m-%d %H:%M UTC")
     facts = [
-        ("made by", f"hijack {run.kind}"),
+        ("made by", "" if run.kind == RESULTS else f"hijack {run.kind}"),
         ("of", run.source),
         ("begun", began),
         ("tasks", str(run.tasks)),

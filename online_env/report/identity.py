@@ -10,7 +10,7 @@ from hijack_data.config.files import available
 from hijack_data.corruption import make_corruption
 from hijack_data.errors import HijackError
 from hijack_data.runs.amounts import is_amount
-from hijack_data.runs.run_log import RUN, SCORE_RUN, digest_of
+from hijack_data.runs.run_log import RUN, digest_of
 
 from ..results import scores
 from ..results.reading import Run, read_head
@@ -51,12 +51,12 @@ def run_identity(run: Run) -> RunIdentity:
     head = _head(run)
     config = run.config
     names = corruptions_by_label(config)
-    final = list(scores.latest(run.records).values())
+    final = run.last_attempts
     desktop = config.get("desktop")
     created = head.get("created")
     return RunIdentity(
         name=run.folder.resolve().name,
-        kind=SCORE_RUN if run.is_scored else "bench",
+        kind=str(config.get("kind", "bench")),
         source=_source_name(str(config.get("source", ""))),
         head_sha256=_head_digest(run),
         setting_sha256=_setting_digest(config),
@@ -73,7 +73,7 @@ def run_identity(run: Run) -> RunIdentity:
         planned=run.planned,
         missing=run.missing,
         damaged=len(run.damaged),
-        early=0 if run.is_scored else scores.count_unreached(final, names),
+        early=scores.count_unreached(final, names) if run.is_live else 0,
         left_out=run.left_out,
     )
 

@@ -1,13 +1,8 @@
-"""A page that ranks the agents of all runs in a folder.
-
-Agents are ranked by their mean success over the corruptions, and only among agents with the same
-setting: kind of run, tasks, conditions with their parameters, seeds, steps, desktop and recovery
-policy. Reference agents and runs that lack episodes are shown without a rank.
-"""
+"""Rank the agents of all runs in a folder by `RULE`; `board_page` shows them."""
 
 import os
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hijack_data.errors import HijackError, counted
@@ -16,10 +11,19 @@ from hijack_data.runs.run_log import EPISODES, RUN
 from . import formatting
 from .build import load_report
 from .compare import PACKAGE
-from .html import render
+from .conclusions import suite_name
 from .model import AgentSummary, ReportError, RunIdentity, RunReport
-from .named_scores import REFERENCE_AGENTS
+from .named_scores import YARDSTICKS
 
+# The rule by which agents are ranked, as the page declares it.
+RULE = (
+    "Agents are ranked by their mean success over the corruptions; equal means share a rank. Ranked"
+    " together are only agents that were played under one setting (kind of run, tasks, conditions"
+    " with their parameters, seeds, actions, desktop, recovery policy) and were given the same"
+    " inputs. Yardsticks (oracle, recovering, do_nothing, random, fail) and runs with missing,"
+    " damaged or invalid episodes have no rank."
+)
+PICTURES = "instruction and pictures"
 _SKIPPED = (EPISODES, "requests", ".git")
 _SUFFIX = "report.json"
 
@@ -46,6 +50,9 @@ class Standing:
     Attributes:
         rank: from 1; `None` for an unranked agent.
         reason: why it is unranked; empty if it is ranked.
+        inputs: what the agent was given, in words; agents with other inputs have ranks of their
+            own.
+        rivals: how many agents of the setting with the same inputs have a rank, this one included.
         place: of the run in the folder.
         run: its identity.
         row: the agent.
@@ -56,6 +63,8 @@ class Standing:
 
     rank: int | None
     reason: str
+    inputs: str
+    rivals: int
     place: str
     run: RunIdentity
     row: AgentSummary
@@ -69,12 +78,14 @@ class Ranking:
     """The agents that were played under one setting.
 
     Attributes:
-        title: the setting, in words.
+        title: a short name of the setting, which no other setting of the folder has.
+        facts: the setting in detail, by the name of the fact.
         labels: of the conditions.
         lines: the agents, best first.
     """
 
     title: str
+    facts: Mapping[str, str]
     labels: tuple[str, ...]
     lines: tuple[Standing, ...]
 
@@ -116,19 +127,26 @@ def rank_agents(folder: ReportFolder) -> list[Ranking]:
     for place, report in folder.reports:
         groups.setdefault(report.run.setting_sha256, []).append((place, report))
     rankings = [_make_ranking(group) for group in groups.values()]
-    return sorted(rankings, key=lambda board: -len(board.lines))
+    titles = _distinct_titles(rankings)
+    named = [replace(ranking, title=title) for ranking, title in zip(rankings, titles, strict=True)]
+    return sorted(named, key=lambda board: -len(board.lines))
 
 
-def leaderboard(folder: ReportFolder) -> str:
-    """Return the page."""
-    return render(
-        "leaderboard.html",
-        title="AgentHijack leaderboard",
-        boards=rank_agents(folder),
-        problems=folder.problems,
-        runs=len(folder.reports),
-        interval=formatting.interval,
-    )
+def _distinct_titles(rankings: Sequence[Ranking]) -> list[str]:
+    """Return a title for each setting: its suite, and the facts that tell it from others of it."""
+    titles: list[str] = []
+    for ranking in rankings:
+        rivals = [other for other in rankings if other.title == ranking.title]
+        differing = [
+            fact
+            for key, fact in ranking.facts.items()
+            if any(other.facts.get(key) != fact for other in rivals)
+        ]
+        titles.append(", ".join([ranking.title, *differing]))
+    return [
+        title if titles.count(title) == 1 else f"{title} ({1 + titles[:number].count(title)})"
+        for number, title in enumerate(titles)
+    ]
 
 
 def _find_paths(folder: Path, problems: list[str]) -> Iterator[Path]:
@@ -210,7 +228,8 @@ def _without_duplicates(
         )
         if is_more:
             best[key] = (place, report)
-        if earlier[1].cells != report.cells:
+        is_meant = bool(best[key][1].run.left_out)  # a report of the first seeds, as it says
+        if earlier[1].cells != report.cells and not is_meant:
             problems.append(f"{worse}: is the run of {better}, with other episodes")
     return list(best.values())
 
@@ -224,17 +243,21 @@ def _make_ranking(group: Sequence[tuple[str, RunReport]]) -> Ranking:
     fullest = min((report for _, report in group), key=lambda report: report.run.missing)
     rows = [(place, report, row) for place, report in group for row in report.summaries]
     rows.sort(key=lambda entry: _sort_key(entry[2]), reverse=True)
-    lines: list[Standing] = []
-    ranked: list[float | None] = []
-    for place, report, row in rows:
-        reason = _unranked_reason(report, row)
+    reasons = [_unranked_reason(report, row) for _, report, row in rows]
+    ranked: dict[str, list[float | None]] = {}
+    for (_, _, row), reason in zip(rows, reasons, strict=True):
         if not reason:
-            ranked.append(row.corrupted)
+            ranked.setdefault(_inputs(row), []).append(row.corrupted)
+    lines: list[Standing] = []
+    for (place, report, row), reason in zip(rows, reasons, strict=True):
         success = [_success(report, row.agent, label) for label in fullest.labels]
+        rivals = ranked.get(_inputs(row), [])
         lines.append(
             Standing(
-                rank=None if reason else 1 + ranked.index(row.corrupted),
+                rank=None if reason else 1 + rivals.index(row.corrupted),
                 reason=reason,
+                inputs=_inputs(row),
+                rivals=len(rivals),
                 place=place,
                 run=report.run,
                 row=row,
@@ -244,10 +267,16 @@ def _make_ranking(group: Sequence[tuple[str, RunReport]]) -> Ranking:
             )
         )
     return Ranking(
-        title=_setting_text(fullest, [report for _, report in group]),
+        title=suite_name(fullest),
+        facts=_setting_facts(fullest, [report for _, report in group]),
         labels=fullest.labels,
         lines=tuple(lines),
     )
+
+
+def _inputs(row: AgentSummary) -> str:
+    """Return what an agent was given, in words."""
+    return formatting.privileged_inputs(row.given) or PICTURES
 
 
 def _sort_key(row: AgentSummary) -> tuple[float, float]:
@@ -261,10 +290,8 @@ def _unranked_reason(report: RunReport, row: AgentSummary) -> str:
     """Return why an agent has no rank; empty if it has one."""
     if not report.run.head_sha256:
         return "a log without run.json, so its setting is not known"
-    if row.given:
-        return f"given {formatting.privileged_inputs(row.given)}"
-    if row.agent in REFERENCE_AGENTS:
-        return "reference agent"
+    if row.agent in YARDSTICKS:
+        return "yardstick"
     if report.run.missing:
         return f"{report.run.missing} of {report.run.planned} episodes are missing"
     if report.run.damaged:
@@ -281,19 +308,19 @@ def _success(report: RunReport, agent: str, label: str) -> float | None:
     return cell.success if cell else None
 
 
-def _setting_text(report: RunReport, reports: Sequence[RunReport]) -> str:
-    """Return a setting in words: as a report has it, and how all of them differ."""
+def _setting_facts(report: RunReport, reports: Sequence[RunReport]) -> dict[str, str]:
+    """Return a setting in detail: as a report has it, and the versions of all of them."""
     run = report.run
-    parts = [f"{run.tasks} tasks", f"{len(report.labels)} conditions", f"{len(run.seeds)} seeds"]
-    if run.max_steps is not None:
-        parts.append(f"at most {run.max_steps} actions")
-    if run.provider:
-        parts.append(f"provider {run.provider}")
-    if run.recovery:
-        parts.append(f"recovery policy {run.recovery}")
-    if run.kind == "score":
-        parts.insert(0, "offline steps")
+    facts = {
+        "kind": "offline steps" if run.kind == "score" else "live episodes",
+        "tasks": counted(run.tasks, "task"),
+        "conditions": counted(len(report.labels), "condition"),
+        "seeds": counted(len(run.seeds), "seed"),
+        "actions": "" if run.max_steps is None else f"at most {counted(run.max_steps, 'action')}",
+        "desktop": f"provider {run.provider}" if run.provider else "",
+        "recovery": f"recovery {run.recovery}" if run.recovery else "",
+    }
     versions = sorted({item.run.versions.get(PACKAGE, "unknown") for item in reports})
-    if len(versions) > 1:  # tasks and corruptions may have changed between them
-        parts.append(f"different versions of {PACKAGE}: {', '.join(versions)}")
-    return ", ".join(parts)
+    # Tasks and corruptions may have changed between versions.
+    facts["version"] = f"{PACKAGE} {' and '.join(versions)}"
+    return {name: fact for name, fact in facts.items() if fact}

@@ -44,7 +44,7 @@ class RunIdentity:
 
     Attributes:
         name: of the run's folder.
-        kind: `bench` or `score`.
+        kind: `bench` or `score`; `results` for results of other harnesses.
         source: name of the configuration or of its file, or of the dataset's folder; no path,
             which would mean nothing elsewhere.
         head_sha256: of `run.json`, as 64 hexadecimal digits; empty for a log without a head.

@@ -11,6 +11,7 @@ import yaml
 
 from hijack_data.plan import CLEAN
 
+from ..results.outcomes import RESULTS
 from .document import ReportDocument
 from .model import AgentSummary, Cell, ReportError, RunReport
 from .named_scores import REFERENCE_AGENTS
@@ -25,7 +26,7 @@ def as_model_index(document: ReportDocument) -> str:
     """Return the block for every agent that is not a reference and was given nothing more.
 
     Raises:
-        ReportError: the run has no such agent.
+        ReportError: the run has no such agent, or is none of this library.
     """
     report = document.report
     index = [_model(report, row) for row in _ranked_models(report, "model-index")]
@@ -64,6 +65,11 @@ def as_eval_results(document: ReportDocument) -> str:
 
 
 def _ranked_models(report: RunReport, format: str) -> list[AgentSummary]:
+    if report.run.kind == RESULTS:
+        raise ReportError(
+            f"--format {format}: these are results of another harness, and the block says what"
+            " AgentHijack measured; run hijack bench with the agent of the card"
+        )
     contestants = (row for row in report.summaries if not row.given)
     models = [row for row in contestants if row.agent not in REFERENCE_AGENTS]
     if not models:

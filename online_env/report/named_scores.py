@@ -6,12 +6,10 @@ from types import MappingProxyType
 from .model import AgentSummary, Cell, RunReport
 
 # Agents whose scores describe tasks and desktops rather than the agent.
+YARDSTICKS = ("oracle", "recovering", "do_nothing", "random", "fail")
+# Gates and model cards are about none of these: they come with the library.
 REFERENCE_AGENTS = (
-    "oracle",
-    "recovering",
-    "do_nothing",
-    "random",
-    "fail",
+    *YARDSTICKS,
     "pixel",
     "pixel_onlooker",
     "pixel_onlooker_no_check",

@@ -8,7 +8,9 @@ from hijack_data.plan import CLEAN
 from hijack_data.runs.privileged_inputs import describe_privileged_inputs
 
 from ..results import scores
+from ..results.outcomes import RESULTS
 from ..results.reading import Run
+from .formatting import SIGNIFICANT_P
 from .model import RunReport
 
 
@@ -19,10 +21,10 @@ def report_notes(report: RunReport, partial: int = 0) -> tuple[str, ...]:
 
 def recovery_note(run: Run) -> Iterator[str]:
     """Yield the recovery policy of a live run, and who asked for it; nothing for a scoring run."""
-    if run.is_scored:
+    if not run.is_live:
         return
     counts_by_agent: dict[str, Counter[str]] = {}
-    for record in scores.latest(run.records).values():
+    for record in run.last_attempts:
         counts = record.get("recovery")
         if isinstance(counts, dict):
             agent_counts = counts_by_agent.setdefault(record["agent"], Counter())
@@ -40,7 +42,7 @@ def recovery_note(run: Run) -> Iterator[str]:
 def fraction_note(run: Run) -> Iterator[str]:
     """Yield which agents named points in fractions of the picture, which were read as pixels."""
     counts_by_agent: dict[str, Counter[str]] = {}
-    for record in scores.latest(run.records).values():
+    for record in run.last_attempts:
         points = record.get("points")
         if isinstance(points, dict):
             numbers = {key: n for key, n in points.items() if isinstance(n, int)}
@@ -51,6 +53,24 @@ def fraction_note(run: Run) -> Iterator[str]:
                 f"{agent}: {count['fractions']} of {count['named']} points were below 1, and were"
                 " read as pixels of the top left corner: is coordinates: fractions meant?"
             )
+
+
+def pairing_note(run: Run, groups: scores.GroupedRecords) -> Iterator[str]:
+    """Yield how many results of another harness have no partner, and are in no difference."""
+    if run.config.get("kind") != RESULTS:
+        return
+    unpaired: dict[str, int] = {}
+    for (agent, label), cell in groups.scored.items():
+        clean = groups.scored.get((agent, CLEAN), {})
+        alone = len(cell) - len(scores.pairs(clean, cell)[0])
+        if label != CLEAN and clean and alone:
+            unpaired[f"{agent} under {label}"] = alone
+    if unpaired:
+        listed = ", ".join(f"{name} {count}" for name, count in unpaired.items())
+        yield (
+            f"{counted(sum(unpaired.values()), 'result')} without a clean one of the same task and"
+            f" seed: in the success, and in no delta, retention or test ({listed})."
+        )
 
 
 def partial_note(partial: int) -> Iterator[str]:
@@ -73,9 +93,12 @@ def _notes(report: RunReport, partial: int) -> Iterator[str]:
     if run.damaged:
         yield f"Without {counted(run.damaged, 'line')} of the run that cannot be read."
     if not scores.can_infer():
-        yield "Without intervals and tests: scipy and statsmodels are not installed."
+        yield "Without intervals and tests: scipy is not installed."
     if CLEAN not in {cell.corruption for cell in report.cells}:
         yield "The run has no clean condition, so there is no delta, no retention and no test."
+        if run.kind == RESULTS:
+            listed = ", ".join(report.labels)
+            yield f"--clean NAME names the clean one of its conditions ({listed})."
     yield from partial_note(partial)
     if run.early:
         yield (
@@ -86,6 +109,25 @@ def _notes(report: RunReport, partial: int) -> Iterator[str]:
         listed = ", ".join(run.changed)
         yield f"Not with the paper's parameters: {listed}."
     yield from _agent_notes(report)
+    yield from _retention_notes(report)
+
+
+def _retention_notes(report: RunReport) -> Iterator[str]:
+    """Yield where an agent did better under a corruption than without, and what that means."""
+    above = [cell for cell in report.cells if cell.retention is not None and cell.retention > 1]
+    if not above:
+        return
+    shown = [cell for cell in above if cell.p is not None and cell.p < SIGNIFICANT_P]
+    listed = ", ".join(f"{cell.agent} under {cell.corruption}" for cell in above)
+    verdict = (
+        f"the test shows {len(shown)} of {counted(len(above), 'such gain')}"
+        if shown
+        else "the test shows no such gain, so it may be chance"
+    )
+    yield (
+        "A retention above 100 % means more success than on clean desktops, in the same cases"
+        f" ({listed}): {verdict}."
+    )
 
 
 def _where_early(report: RunReport) -> str:
@@ -99,7 +141,8 @@ def _where_early(report: RunReport) -> str:
 
 
 def _agent_notes(report: RunReport) -> Iterator[str]:
-    yield from _input_notes(report)
+    if report.run.kind != RESULTS:  # the logs of others do not say
+        yield from _input_notes(report)
     incomplete = [row for row in report.summaries if row.conditions and row.paper_average is None]
     if incomplete:
         yield (

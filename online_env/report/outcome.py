@@ -1,13 +1,11 @@
 """Whether a run is complete: its exit code, and a line about missing episodes."""
 
-from ..results import scores
 from ..results.reading import Run
 
 
 def exit_code(run: Run) -> int:
     """Return 1 if something is missing, damaged, invalid or failed, else 0."""
-    final = scores.latest(run.records).values()
-    bad = any(record["status"] != "ok" for record in final)
+    bad = any(record["status"] != "ok" for record in run.last_attempts)
     return 1 if run.damaged or run.missing or bad else 0
 
 

@@ -1,7 +1,6 @@
 """The table of a scoring run that stands below the report's."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from hijack_data.cli.figure_table import FigureTable, grouped
 from hijack_data.runs.amounts import is_count
@@ -13,19 +12,25 @@ from .identity import agent_names, corruptions_by_label
 _COUNT_COLUMNS = ("hidden",)
 
 
-def show_parts(run: Run, screen: Any) -> None:
-    """Print the parts of a scoring run, and what of the dataset is not in it."""
-    rows = _sort_rows(run, part_rows(run.records))
+def parts_table(run: Run) -> FigureTable | None:
+    """Return the parts of a scoring run as a table; `None` for a live run."""
     question = str(run.config.get("question", "steps"))
     columns = {"steps": STEP_COLUMNS, "reminders": REMINDER_COLUMNS}.get(question, ())
-    if columns:
-        screen.print("", _table(rows, columns), "", sep="\n")
+    if not run.is_scored or not columns:
+        return None
+    return _table(_sort_rows(run, part_rows(run.records)), columns)
+
+
+def unscored_lines(run: Run) -> list[str]:
+    """Return which rows of its dataset are not in a scoring run, in words."""
+    lines: list[str] = []
     unscored = run.config.get("unscored")
     if is_count(unscored) and unscored:
-        screen.print(f"{unscored} rows have an action of no known type and are not scored")
+        lines.append(f"{unscored} rows have an action of no known type and are not scored")
     unpaired = run.config.get("unpaired")
     if is_count(unpaired) and unpaired:
-        screen.print(f"{unpaired} corrupted rows have no clean one: they are not in the delta")
+        lines.append(f"{unpaired} corrupted rows have no clean one: they are not in the delta")
+    return lines
 
 
 def _sort_rows(run: Run, rows: Sequence[PartsRow]) -> list[PartsRow]:

@@ -7,6 +7,7 @@ low, 2 bad usage or a run that cannot be reported, 3 the disk is full or fails.
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,15 +16,19 @@ import click
 from hijack_data.cli.completion import complete
 from hijack_data.cli.terminal import console, echo
 from hijack_data.file_io import make_folder, write_atomic
+from hijack_data.plan import CLEAN
 from hijack_data.runs.own_files import refuse_own_file
+from hijack_data.runs.run_log import EPISODES, RUN
 
 from ..report.gate import ReleaseGate, gate_options
 from ..results import reading
+from ..results.outcome_readers.inspect_log import InspectReader
+from ..results.outcomes import FIELDS, READERS, collect_run, parse_columns
 from ..results.reading import Run
 from ..results.scores import COLUMNS
-from . import leaderboard, terminal
+from . import terminal
 from .build import build_report, load_report
-from .compare import RunComparison, compare
+from .compare import compare
 from .document import ReportDocument
 from .formats import (
     COMPARISON,
@@ -63,7 +68,9 @@ def _output_options(command: Command) -> Command:
 
 
 @click.command()
-@click.argument("runs", type=click.Path(path_type=Path))
+@click.argument(
+    "sources", nargs=-1, required=True, metavar="SOURCE...", type=click.Path(path_type=Path)
+)
 @_output_options
 @click.option(
     "--seeds",
@@ -73,48 +80,93 @@ def _output_options(command: Command) -> Command:
 )
 @click.option("--reference", metavar="AGENT", help="Agent of the run that mCE refers to.")
 @click.option("--paper", is_flag=True, help="Set the agents beside the paper's main table.")
+@click.option(
+    "--full", is_flag=True, help="Print all tables and notes, not only what fits a screen."
+)
+@click.option(
+    "--from",
+    "reader",
+    metavar="NAME",
+    shell_complete=complete("online_env.results.outcomes:READERS"),
+    help=f"Read the results of others as {' or '.join(READERS)}; by default it is found out.",
+)
+@click.option(
+    "--columns",
+    default="",
+    metavar="FIELD=COLUMN,...",
+    help=f"Where the results of others have {', '.join(FIELDS)}.",
+)
+@click.option("--clean", metavar="NAME", help="Condition that the others are compared with.")
+@click.option("--common-tasks", is_flag=True, help="Compare over the tasks that conditions share.")
 def report(
-    runs: Path,
+    sources: tuple[Path, ...],
     format_name: str | None,
     out: Path | None,
     as_json: bool,
     seeds: int | None,
     reference: str | None,
     paper: bool,
+    full: bool,
+    reader: str | None,
+    columns: str,
+    clean: str | None,
+    common_tasks: bool,
 ) -> None:
     """Show the results of a run, such as: hijack report runs/small.
 
-    RUNS is the folder of a run of hijack bench or hijack score, or a report.json.
+    SOURCE is the folder of a run of hijack bench or hijack score, a report.json, or results of
+    others: tables, logs of Inspect, a folder of OSWorld. Several of others are one report.
     """
+    foreign = {"--from": reader, "--columns": columns, "--clean": clean}
+    stated = [name for name, value in foreign.items() if value]
+    stated += ["--common-tasks"] * common_tasks
+    runs = sources[0]
+    if len(sources) == 1 and _is_own(runs):
+        if stated:
+            raise ReportError(f"{runs}: is a run of this library, which {stated[0]} is not for")
+        read = partial(_read, runs, seeds)
+    else:
+        own = next((source for source in sources if _is_own(source)), None)
+        if own is not None:
+            raise ReportError(f"{own}: is a run of this library, and is reported alone")
+        if seeds:
+            raise ReportError("--seeds chooses episodes of a run of this library; give its folder")
+        read = partial(
+            collect_run,
+            sources,
+            reader=reader,
+            columns=parse_columns(columns),
+            clean=clean or CLEAN,
+            common_tasks=common_tasks,
+        )
     if seeds and runs.is_file():
         raise ReportError("--seeds chooses episodes of a run; give the folder of one")
-    options = {"--paper": paper, "--reference": reference}
+    options = {"--paper": paper, "--reference": reference, "--full": full}
     beside = [name for name, value in options.items() if value]
     for option in [*beside, *([f"--format {format_name}"] if format_name else [])]:
         if as_json:
             raise ReportError(
                 f"--json is a list of rows, without {option}; give --format json alone"
             )
-    if runs.is_file():
-        document = load_report(runs, reference or "")
+    if _is_own(runs) and runs.is_file():
+        finished = load_report(runs, reference or "")
         if as_json:
-            cells = [{name: getattr(cell, name) for name in COLUMNS} for cell in document.cells]
+            cells = [{name: getattr(cell, name) for name in COLUMNS} for cell in finished.cells]
             _output(json.dumps(cells, indent=1) + "\n", out)
             return
         format = _format(format_name, out, beside)
-        _write(_document(document, None, paper), format, out)
+        _write(_document(finished, paper=paper, full=full), format, out)
         return
-    run = _read(runs, seeds)
+    run = read()
     if as_json:
         _output(json.dumps(terminal.score_rows(run, run.records), indent=1) + "\n", out)
         raise SystemExit(_finish(run))
     format = _format(format_name, out, beside)
     if format == TERMINAL and out is None:
-        terminal.show(run, reference or "")
-        if paper:
-            terminal.show_paper(compare_with_paper(build_report(run)), console())
+        terminal.show(run, reference or "", paper=paper, full=full)
         raise SystemExit(_finish(run))
-    _write(_document(build_report(run, reference=reference or ""), None, paper), format, out)
+    built = build_report(run, reference=reference or "")
+    _write(_document(built, paper=paper, full=full), format, out)
     raise SystemExit(_finish(run))
 
 
@@ -151,7 +203,7 @@ def compare_command(
         _output(json.dumps([asdict(cell) for cell in comparison.cells], indent=1) + "\n", out)
     else:
         format = _format(format_name, out, [COMPARISON])
-        _write(_document(build_report(run), comparison, paper=False), format, out)
+        _write(ReportDocument(report=build_report(run), comparison=comparison), format, out)
     raise SystemExit(_finish(run))
 
 
@@ -176,17 +228,40 @@ def gate(runs: Path, fail_under: tuple[str, ...], junit: Path | None) -> None:
     "-o",
     "--out",
     type=click.Path(dir_okay=False, path_type=Path),
-    required=True,
     metavar="FILE.html",
     help="The page to write.",
 )
-def leaderboard_command(folder: Path, out: Path) -> None:
+@click.option(
+    "--space",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="FOLDER",
+    help="Write the page as the folder of a static Space of the Hugging Face Hub.",
+)
+def leaderboard_command(folder: Path, out: Path | None, space: Path | None) -> None:
     """Rank the agents of all runs in a folder on one page."""
-    board = leaderboard.read_reports(folder)
-    for problem in board.problems:
+    from . import board_page, leaderboard  # its page needs modules that a report does not
+
+    if out is None and space is None:
+        raise click.UsageError("say where to write: -o FILE.html or --space FOLDER")
+    reports = leaderboard.read_reports(folder)
+    for problem in reports.problems:
         echo(f"hijack: left out: {problem}", err=True)
-    _output(leaderboard.leaderboard(board), out)
-    raise SystemExit(1 if board.problems else 0)
+    if out is not None:
+        _output(board_page.board_page(reports), out)
+    if space is not None:
+        refuse_own_file(space / board_page.INDEX, "--space")
+        board_page.write_space(reports, space)
+        echo(f"wrote {space}")
+    raise SystemExit(1 if reports.problems else 0)
+
+
+def _is_own(source: Path) -> bool:
+    """Return whether a source is a run of this library or a finished report, or is not there."""
+    if source.is_dir():
+        return (source / RUN).exists() or (source / EPISODES).is_dir()
+    if not source.exists():
+        return True
+    return source.suffix == ".json" and not InspectReader().detect(source)
 
 
 def _format(format_name: str | None, out: Path | None, beside: Sequence[str]) -> str:
@@ -234,10 +309,9 @@ def _finish(run: Run) -> int:
     return exit_code(run)
 
 
-def _document(report: RunReport, comparison: RunComparison | None, paper: bool) -> ReportDocument:
-    return ReportDocument(
-        report=report, comparison=comparison, paper=compare_with_paper(report) if paper else None
-    )
+def _document(report: RunReport, *, paper: bool, full: bool) -> ReportDocument:
+    beside = compare_with_paper(report) if paper else None
+    return ReportDocument(report=report, paper=beside, full=full)
 
 
 def _write(document: ReportDocument, format: str, out: Path | None) -> None:

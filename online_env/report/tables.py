@@ -10,6 +10,7 @@ from typing import Any
 from . import formatting
 from .ablations import find_ablations, level_table
 from .compare import ComparedCell, RunComparison
+from .conclusions import conclude, report_extent, report_title
 from .document import ReportDocument
 from .model import AppSuccess, Cell, RunReport
 from .paper import PaperTable
@@ -84,9 +85,10 @@ def as_csv(document: ReportDocument) -> str:
 
 
 def as_markdown(document: ReportDocument) -> str:
-    """Return tables and notes as Markdown, such as for an issue or a model card."""
+    """Return conclusion, tables and notes as Markdown, such as for an issue or a model card."""
     report = document.report
-    parts = [f"## {_safe(report.run.name)}", markdown_table(*summary_table(report))]
+    parts = [f"## {_safe(report_title(report))}", f"{_safe(report_extent(report))}."]
+    parts += [*_bullet_list(conclude(report)), markdown_table(*summary_table(report))]
     if document.comparison is not None:
         parts += _comparison_parts(document.comparison)
     else:

@@ -1,24 +1,33 @@
-"""The report on a terminal: tables, a line about each agent, and the problems."""
+"""The report on a terminal: the conclusion, the losses with their p, and the caveats.
+
+Without `full` it fits a screen of `MAX_LINES` lines: what does not fit is counted and left out.
+"""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from io import StringIO
 from typing import Any
+
+from rich.cells import cell_len
 
 from hijack_data.cli.figure_table import FigureTable, grouped
 from hijack_data.cli.printable_console import PrintableConsole
 from hijack_data.cli.terminal import console
+from hijack_data.errors import counted
+from hijack_data.plan import CLEAN
 
 from ..results import costs, scores
 from ..results.reading import ResultRecord, Run
 from . import formatting
 from .build import build_report
 from .compare import RunComparison
+from .conclusions import conclude, report_extent, report_title
 from .document import ReportDocument
 from .identity import agent_names, corruptions_by_label
 from .model import AgentSummary, Cell, RunReport
 from .outcome import missing_line
-from .paper import PaperTable
-from .parts_table import show_parts
+from .paper import PaperTable, compare_with_paper
+from .parts_table import parts_table, unscored_lines
 from .tables import compared_table, main_figures, paper_rows
 
 _MAIN = ("n", ("success", "95 %"), ("delta", "95 %", "p"), "retention", ("errors", "invalid"))
@@ -31,18 +40,42 @@ _FURTHER_HEADINGS = (
     ("tokens in", "out", "USD"),
 )
 
+MAX_LINES = 58  # of the short form
+# Why an interval may exclude zero where p does not show a loss.
+P_NOTE = (
+    "p is of the exact sign-flip test over tasks, adjusted for the corruptions of the agent (Holm);"
+    " a loss is shown below 0.05. The 95 % intervals are not adjusted."
+)
+MIN_CAVEATS = 6  # lines that the tables leave for the caveats
+MIN_ROWS = 5  # of the table of losses, however narrow the screen
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunDetails:
+    """What only the records of a run say, and a finished `report.json` does not.
+
+    Attributes:
+        parts: the parts of a scoring run; `None` for other runs.
+        problems: lines about costs, and about each episode that is invalid or failed.
+    """
+
+    parts: FigureTable | None = None
+    problems: Sequence[str] = ()
+
 
 def score_rows(run: Run, records: Sequence[ResultRecord]) -> list[scores.ScoreRow]:
     """Return the rows of the report's table, in the order of the configuration."""
     return scores.rows(records, agent_names(run.config), list(corruptions_by_label(run.config)))
 
 
-def show(run: Run, reference: str = "") -> None:
+def show(run: Run, reference: str = "", *, paper: bool = False, full: bool = False) -> None:
     """Print the report of a run; a run without episodes gives an empty table.
 
     Args:
         run: the run.
         reference: the reference agent of mCE; empty for none.
+        paper: print the paper's table, with the agents below it.
+        full: print every table, note and failed episode, not only what fits a screen.
     """
     screen = console()
     if not run.records:
@@ -50,22 +83,138 @@ def show(run: Run, reference: str = "") -> None:
         screen.print(missing_line(run), soft_wrap=True)
         return
     report = build_report(run, reference=reference)
-    show_report(report, screen)
-    final = list(scores.latest(run.records).values())
-    if run.is_scored:
-        show_parts(run, screen)
+    document = ReportDocument(
+        report=report, paper=compare_with_paper(report) if paper else None, full=full
+    )
+    show_document(
+        document, screen, RunDetails(parts=parts_table(run), problems=_problem_lines(run))
+    )
+
+
+def _problem_lines(run: Run) -> list[str]:
+    """Return rows that were not scored, costs, and each invalid or failed episode with why."""
     usage = costs.usage_line(run.records)
-    if usage:
-        screen.print(usage, soft_wrap=True)
-    _print_lines(report.notes, screen)
-    for record in final:
+    lines = [*unscored_lines(run), *([usage] if usage else [])]
+    for record in run.last_attempts:
         if record["status"] != "ok":
             problem = f"{record['status']}: {record.get('id')}: {record.get('problem')}"
-            screen.print(formatting.shorten(problem), markup=False, soft_wrap=True)
+            lines.append(formatting.shorten(problem))
+    return lines
 
 
-def show_report(report: RunReport, screen: Any) -> None:
-    """Print the tables of a report, and a line on each agent with corrupted episodes."""
+def _show_short(report: RunReport, screen: Any, details: RunDetails) -> None:
+    """Print what fits a screen: the conclusion, the losses with their p, and the caveats."""
+    room = MAX_LINES - 1  # the last line says how to see the rest
+    lines = [report_title(report), report_extent(report), "", *conclude(report)]
+    shown = _cut(lines, MAX_LINES // 3, screen.width)
+    _print_lines(shown, screen)
+    room -= _height(shown, screen.width)
+    table, is_whole = _short_table(report, screen, room - MIN_CAVEATS)
+    screen.print("", table, sep="\n")
+    room -= 1 + _table_height(table, screen)
+    if details.parts is not None and _table_height(details.parts, screen) + MIN_CAVEATS < room:
+        screen.print("", details.parts, sep="\n")
+        room -= 1 + _table_height(details.parts, screen)
+    caveats = [
+        formatting.shorten(line) for line in (*_p_note(report), *report.notes, *details.problems)
+    ]
+    shown = _cut(caveats, room - 2, screen.width)
+    if shown:
+        _print_lines(["", *shown], screen)
+    screen.print(f"\n--full: {_rest(report, is_whole)}", soft_wrap=True)
+
+
+def _rest(report: RunReport, is_whole: bool) -> str:
+    """Return what only the full form has."""
+    parts = [] if is_whole else ["success and retention of every cell"]
+    if report.infeasible:
+        parts.append("feasible and infeasible tasks apart")
+    return ", ".join([*parts, "ceilings, pass^k, power, steps, costs and every note"])
+
+
+def _short_table(report: RunReport, screen: Any, room: int) -> tuple[FigureTable, bool]:
+    """Return the table of all cells if it fits, else the losses alone, of the agents that fit."""
+    table = main_table(report.cells)
+    if _table_height(table, screen) <= room:
+        return table, True
+    agents = list(report.agents)
+    labels = list(report.labels)
+    while True:
+        table = loss_table(report, agents, labels)
+        excess = _table_height(table, screen) - room
+        if excess <= 0 or (len(agents) == 1 and len(labels) <= MIN_ROWS):
+            return table, False
+        if len(agents) > 1:
+            agents.pop()
+        else:
+            labels = _worst_labels(report, agents[0], len(labels) - max(1, excess))
+
+
+def _worst_labels(report: RunReport, agent: str, count: int) -> list[str]:
+    """Return clean and the labels of an agent with the greatest losses, in their order."""
+
+    def delta(label: str) -> float:
+        cell = report.cell(agent, label)
+        return -2.0 if label == CLEAN else (cell.delta if cell and cell.delta else 0.0)
+
+    worst = sorted(report.labels, key=delta)[: max(count, MIN_ROWS)]
+    return [label for label in report.labels if label in worst]
+
+
+def loss_table(report: RunReport, agents: Sequence[str], labels: Sequence[str]) -> FigureTable:
+    """Return a row for each condition, and for each agent its loss with the p of its test."""
+    rows = [
+        (label, *(figure for agent in agents for figure in _loss_figures(report, agent, label)))
+        for label in labels
+    ]
+    left_out = [
+        counted(len(names), what)
+        for names, what in (
+            (report.agents[len(agents) :], "agent"),
+            (report.labels[len(labels) :], "condition"),
+        )
+        if names
+    ]
+    title = "success clean, and the difference to it in points with its p"
+    if left_out:
+        title += f" ({' and '.join(left_out)} left out)"
+    return FigureTable("condition", [(agent, "p") for agent in agents], rows, title)
+
+
+def _loss_figures(report: RunReport, agent: str, label: str) -> tuple[str, str]:
+    cell = report.cell(agent, label)
+    if cell is None:
+        return "", ""
+    if cell.delta is None:
+        return f"{formatting.percent(cell.success)} %", ""
+    return formatting.percent(cell.delta, "+"), formatting.p_value(cell.p)
+
+
+def _table_height(table: Any, screen: Any) -> int:
+    """Return the lines that a table takes on a screen."""
+    out = StringIO()
+    PrintableConsole(file=out, width=screen.width, force_terminal=False).print(table)
+    return out.getvalue().count("\n")
+
+
+def _height(lines: Sequence[str], width: int) -> int:
+    """Return the lines of a screen that texts take, which the terminal breaks at its width."""
+    return sum(max(1, -(-cell_len(line) // width)) for line in lines)
+
+
+def _cut(lines: Sequence[str], room: int, width: int) -> list[str]:
+    """Return the first lines that fit, and a line that says how many do not."""
+    if _height(lines, width) <= room:
+        return list(lines)
+    shown: list[str] = []
+    while _height([*shown, lines[len(shown)]], width) < room:
+        shown.append(lines[len(shown)])
+    return [*shown, f"... and {len(lines) - len(shown)} more"]
+
+
+def _show_full(report: RunReport, screen: Any, details: RunDetails) -> None:
+    """Print the conclusion and all tables, notes and problems of a report."""
+    _print_lines([report_title(report), report_extent(report), "", *conclude(report), ""], screen)
     screen.print(main_table(report.cells))
     if report.feasible:
         screen.print("", main_table(report.feasible, "feasible tasks"), sep="\n")
@@ -77,6 +226,13 @@ def show_report(report: RunReport, screen: Any) -> None:
             worst = report.worst_corruptions(row.agent)
             line = summary_line(row, report.reference, worst)
             screen.print(line, markup=False, soft_wrap=True)
+    if details.parts is not None:
+        screen.print("", details.parts, "", sep="\n")
+    _print_lines([*_p_note(report), *report.notes, *details.problems], screen)
+
+
+def _p_note(report: RunReport) -> list[str]:
+    return [P_NOTE] if any(cell.p is not None for cell in report.cells) else []
 
 
 def summary_line(row: AgentSummary, reference: str = "", worst: Sequence[str] = ()) -> str:
@@ -139,15 +295,21 @@ def text(document: ReportDocument) -> str:
     return out.getvalue()
 
 
-def show_document(document: ReportDocument, screen: Any) -> None:
-    """Print a report, or the comparison instead, and the requested additions."""
-    report = document.report
+def show_document(document: ReportDocument, screen: Any, details: RunDetails | None = None) -> None:
+    """Print a report, or the comparison instead, and the requested additions.
+
+    Args:
+        document: what to print.
+        screen: a rich console.
+        details: what the records of the run say in addition.
+    """
     if document.comparison is not None:
         show_comparison(document.comparison, screen)
     else:
-        show_report(report, screen)
-        _print_lines(report.notes, screen)
+        show = _show_full if document.full else _show_short
+        show(document.report, screen, details or RunDetails())
     if document.paper is not None:
+        screen.print()
         show_paper(document.paper, screen)
 
 

@@ -3,7 +3,7 @@
 Episodes of one task resemble each other: another seed changes names and numbers, not the task. So
 the intervals rest on how far the tasks differ, not on the number of episodes.
 
-A mean has Wilson's score interval over tasks (from statsmodels), which is valid up to 0 and 1. A
+A mean has Wilson's score interval over tasks, which is valid up to 0 and 1. A
 difference and a ratio combine the two Wilson intervals of their means by the method of variance
 estimates recovery: Newcombe's interval for paired rates (Newcombe 1998), and that of Donner and Zou
 (2012) for ratios. The same formulas hold at 0 %, at 100 % and between.
@@ -13,12 +13,13 @@ All scores are success rates in 0..1.
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import sqrt
+from statistics import NormalDist
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from statsmodels.stats.proportion import proportion_confint
 
 from hijack_data.errors import ParameterError
 
@@ -108,10 +109,22 @@ class _Wilson:
         measured = self.variance * self.count / (self.count - 1) if self.count > 1 else chance
         share = min(1.0, (measured + doubt) / (chance + doubt))
         trials = self.tasks / share
-        ends: Any = proportion_confint(
-            self.value * trials, trials, alpha=1 - level, method="wilson"
-        )
-        return max(0.0, min(float(ends[0]), self.value)), min(1.0, max(float(ends[1]), self.value))
+        low, high = _wilson_ends(self.value, trials, level)
+        return max(0.0, min(low, self.value)), min(1.0, max(high, self.value))
+
+
+def _wilson_ends(share: float, trials: float, level: float) -> tuple[float, float]:
+    """Return the ends of Wilson's interval of a share of `trials`, which may be fractional."""
+    squared = _normal_quantile((1 + level) / 2) ** 2
+    middle = (share + squared / (2 * trials)) / (1 + squared / trials)
+    spread = squared * (share * (1 - share) + squared / (4 * trials)) / trials
+    half = sqrt(spread) / (1 + squared / trials)
+    return middle - half, middle + half
+
+
+@lru_cache(maxsize=16)
+def _normal_quantile(probability: float) -> float:
+    return NormalDist().inv_cdf(probability)
 
 
 def mean_interval(
@@ -248,11 +261,14 @@ def check_scores(scores: Sequence[float], tasks: Sequence[Hashable]) -> None:
         raise ParameterError(f"{len(scores)} scores for {len(tasks)} tasks: give one for each")
     if not len(scores):
         raise ParameterError("there are no episodes to summarise")
-    for score, task in zip(scores, tasks, strict=True):
-        if not 0 <= score <= 1:  # NaN, too
-            raise ParameterError(
-                f"the score of task {task!r} is {score!r}; scores are numbers from 0 to 1"
-            )
+    values = np.asarray(scores, np.float64)
+    wrong = np.flatnonzero(~((values >= 0) & (values <= 1)))  # NaN, too
+    if wrong.size:
+        place = int(wrong[0])
+        raise ParameterError(
+            f"the score of task {tasks[place]!r} is {scores[place]!r}; scores are numbers from 0 to"
+            " 1"
+        )
 
 
 def check_pairs(clean: Sequence[float], corrupted: Sequence[float]) -> None:

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import prod
 from pathlib import Path
 from typing import Any, TypeAlias, cast
@@ -74,6 +75,20 @@ class Run:
         return self.config.get("kind") == SCORE_RUN
 
     @property
+    def is_live(self) -> bool:
+        """Whether an environment of this library played it, and recorded its effects."""
+        return "kind" not in self.config
+
+    @cached_property
+    def last_attempts(self) -> list[ResultRecord]:
+        """The last record of each case: agent, condition, task, the task's seed and the seed."""
+        cases = {
+            (r["agent"], r["corruption"], r["task"], r.get("task_seed"), r["seed"]): r
+            for r in self.records
+        }
+        return list(cases.values())
+
+    @property
     def planned(self) -> int:
         """The number of planned cases: agents times tasks, seeds and corruptions."""
         if self.episodes:
@@ -86,11 +101,7 @@ class Run:
         """The number of planned cases without a record."""
         if self.episodes:
             return len(self.unplayed)
-        cases = {
-            (r["agent"], r["task"], r.get("task_seed"), r["corruption"], r["seed"])
-            for r in self.records
-        }
-        return max(0, self.planned - len(cases))
+        return max(0, self.planned - len(self.last_attempts)) if self.planned else 0
 
     @property
     def unplayed(self) -> tuple[str, ...]:

@@ -249,8 +249,8 @@ def _row(agent: str, label: str, cases: Cases, scores: ScoreByCell) -> ScoreRow:
 
 
 def can_infer() -> bool:
-    """Return whether scipy and statsmodels are installed, which intervals and tests need."""
-    return all(importlib.util.find_spec(name) for name in ("scipy", "statsmodels"))
+    """Return whether scipy is installed, which intervals and tests need."""
+    return importlib.util.find_spec("scipy") is not None
 
 
 def task_names(cases: Iterable[PairKey]) -> list[str]:
@@ -286,9 +286,8 @@ def scored(cases: Cases) -> ScoreByCase:
 
 
 def count_partial(records: Iterable[ResultRecord]) -> int:
-    """Return how many episodes that count have a score that is neither 0 nor 1."""
-    counted = filter(counts, latest(records).values())
-    return sum(0 < _score(record) < 1 for record in counted)
+    """Return how many of the last attempts count and have a score that is neither 0 nor 1."""
+    return sum(counts(record) and 0 < _score(record) < 1 for record in records)
 
 
 def _score(record: ResultRecord) -> float:

@@ -1,21 +1,16 @@
 """Statistics of a benchmark: paired tests, power, summaries of success, and the intervals.
 
-Tests and power come from scipy and statsmodels; this module arranges the episodes for them. The
-intervals are in `intervals`, and are reached through this module, too.
+The power of a paired t test comes from scipy's noncentral t distribution. The intervals are in
+`intervals`, and are reached through this module, too.
 
 All scores are success rates in 0..1.
 """
 
-import contextlib
-import gc
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from functools import lru_cache
-from math import comb
-from typing import Any
+from math import comb, sqrt
 
 import numpy as np
-from statsmodels.stats.multitest import multipletests
-from statsmodels.stats.power import TTestPower
 
 from hijack_data.errors import ParameterError
 
@@ -49,6 +44,8 @@ __all__ = [
     "pass_hat_k",
     "retention_interval",
 ]
+
+EFFECT_TOLERANCE = 1e-9  # of the difference that is searched for, in standard deviations
 
 
 def mcnemar_by_task(
@@ -87,23 +84,12 @@ def holm(p_values: Mapping[str, float]) -> dict[str, float]:
     """Return p values adjusted for testing several corruptions (Holm's step-down method)."""
     if not p_values:
         return {}
-    with _frozen_garbage():
-        adjusted: Any = multipletests(list(p_values.values()), method="holm")[1]
-    return dict(zip(p_values, map(float, adjusted), strict=True))
-
-
-@contextlib.contextmanager
-def _frozen_garbage() -> Iterator[None]:
-    """Spare what is in memory from the garbage collection that statsmodels runs for Holm's method.
-
-    It would look through every object of the process, a quarter of a second with torch loaded.
-    What somebody else had frozen is no longer frozen afterwards, which costs time alone.
-    """
-    gc.freeze()
-    try:
-        yield
-    finally:
-        gc.unfreeze()
+    adjusted: dict[str, float] = {}
+    least = 0.0
+    for rank, name in enumerate(sorted(p_values, key=lambda name: p_values[name])):
+        least = max(least, min(1.0, (len(p_values) - rank) * p_values[name]))
+        adjusted[name] = least
+    return {name: adjusted[name] for name in p_values}
 
 
 def detectable_difference(
@@ -136,8 +122,22 @@ def detectable_difference(
 @lru_cache(maxsize=64)
 def _detectable_effect(tasks: int, power: float, level: float) -> float:
     """Return the difference that a paired t test finds, in standard deviations of the tasks."""
-    effect: Any = TTestPower().solve_power(nobs=tasks, alpha=1 - level, power=power)
-    return float(effect)
+    from scipy.special import nctdtr, stdtrit  # a second less to load than scipy.stats
+
+    freedom = tasks - 1
+    limit = float(stdtrit(freedom, (1 + level) / 2))
+
+    def missed(effect: float) -> float:
+        shift = effect * sqrt(tasks)
+        return float(nctdtr(freedom, shift, limit) - nctdtr(freedom, shift, -limit))
+
+    low, high = 0.0, 1.0
+    while missed(high) > 1 - power:
+        low, high = high, 2 * high
+    while high - low > EFFECT_TOLERANCE:
+        middle = (low + high) / 2
+        low, high = (middle, high) if missed(middle) > 1 - power else (low, middle)
+    return high
 
 
 def pass_hat_k(solved: Mapping[Hashable, Sequence[bool]], k: int) -> float | None:

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-pytest.importorskip("statsmodels", reason="needs the extra [online]")
+pytest.importorskip("scipy", reason="needs the extra [online]")
 
 import hijack_data as hj
 from hijack_data.cli import main
@@ -18,8 +18,9 @@ from online_env.bench.jobs import jobs
 from online_env.environment.script import BEFORE
 from online_env.report import build_report, formats
 from online_env.report.ablations import MODULES, find_ablations, level_table
+from online_env.report.board_page import board_page
 from online_env.report.document import ReportDocument
-from online_env.report.leaderboard import leaderboard, rank_agents, read_reports
+from online_env.report.leaderboard import rank_agents, read_reports
 from online_env.report.model import ReportError, from_data
 from online_env.tasks.plan_words import read_plan
 
@@ -199,15 +200,17 @@ def test_what_agents_were_given_stands_beside_them(tmp_path):
     note = "one was given the task's plan in words"
     assert note in formats.write(document, "markdown")
     assert "| the plan |" in formats.write(document, "markdown")
-    assert "one (given the plan): corrupted" in formats.write(document, "terminal")
+    assert "one (given the plan): worst under" in formats.write(document, "terminal")
     assert "one (given the plan) &" in formats.write(document, "latex")
     assert "<td>the plan</td>" in formats.write(document, "html")
     with pytest.raises(ReportError, match="only reference agents"):
         formats.write(document, "model-index")
 
 
-def test_who_was_given_more_is_not_ranked(tmp_path):
+def test_who_was_given_more_is_ranked_apart(tmp_path):
     reported(tmp_path, MARKS, {"one": SOLVED})
     (line,) = rank_agents(read_reports(tmp_path))[0].lines
-    assert (line.rank, line.reason) == (None, "given the plan")
-    assert "given the plan" in leaderboard(read_reports(tmp_path))
+    assert (line.rank, line.rivals, line.inputs) == (1, 1, "the plan")
+    assert '<td class="plain" data-order="the plan">the plan</td>' in board_page(
+        read_reports(tmp_path)
+    )

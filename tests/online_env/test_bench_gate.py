@@ -145,7 +145,7 @@ def test_rounding_fails_no_gate(run):
 
 def test_the_lower_end_of_an_interval_is_a_score_too(run, monkeypatch):
     monkeypatch.undo()
-    pytest.importorskip("statsmodels", reason="needs the extra [online]")
+    pytest.importorskip("scipy", reason="needs the extra [online]")
     verdict = one("ci_low.marks=0.4", run)
     assert not verdict.passed
     assert 0 <= verdict.value < 0.4

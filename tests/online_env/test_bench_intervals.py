@@ -1,13 +1,12 @@
 """Intervals and tests of a benchmark, against values that are computed another way."""
 
-import gc
 import itertools
 import math
 
 import numpy as np
 import pytest
 
-pytest.importorskip("statsmodels", reason="needs the extra [online]")
+pytest.importorskip("scipy", reason="needs the extra [online]")
 
 from scipy import stats
 
@@ -153,13 +152,18 @@ def test_holms_method_is_that_of_its_definition():
     assert max(found.values()) <= 1
 
 
-def test_memory_can_be_reclaimed_after_holms_method():
-    """While statsmodels collects garbage, all that is there is kept out of its way."""
-    s.holm({"marks": 0.01, "lock": 0.5})
-    assert gc.get_freeze_count() == 0
-    with pytest.raises(TypeError):
-        s.holm({"marks": None, "lock": 0.5})
-    assert gc.get_freeze_count() == 0
+@pytest.mark.parametrize("tasks", [3, 12, 122])
+def test_holm_and_power_are_those_of_statsmodels(tasks):
+    power = pytest.importorskip("statsmodels.stats.power")
+    multitest = pytest.importorskip("statsmodels.stats.multitest")
+    tests = {f"c{n}": float(p) for n, p in enumerate(np.random.default_rng(1).random(9) ** 4)}
+    adjusted = multitest.multipletests(list(tests.values()), method="holm")[1]
+    assert list(s.holm(tests).values()) == pytest.approx(list(adjusted))
+    differences = [float(number % 3 == 0) for number in range(tasks)]
+    found = s.detectable_difference([1.0] * tasks, differences, list(range(tasks)))
+    effect = power.TTestPower().solve_power(nobs=tasks, alpha=0.05, power=0.8)
+    spread = np.std(differences, ddof=1)
+    assert found == pytest.approx(min(1.0, effect * spread), rel=1e-6)
 
 
 def test_p_values_are_adjusted_for_the_corruptions_of_one_agent_and_not_of_all():

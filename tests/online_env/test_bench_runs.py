@@ -264,7 +264,7 @@ def test_report_as_json_and_as_a_table(folder):
     few = table.stdout.split("few")[1].split()
     assert few[:4] == ["2", "50.0", "[9.5,", "90.5]"]  # Wilson's
     assert few[4:9] == ["-50.0", "[-90.5,", "+27.3]", "1.000", "50.0"]
-    assert "oracle: corrupted 50.0, worst few 50.0" in table.stdout
+    assert "oracle: worst under few, loses 50 points" in table.stdout
 
 
 def test_report_tells_infeasible_tasks_apart(folder):

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-pytest.importorskip("statsmodels", reason="needs the extra [online]")
+pytest.importorskip("scipy", reason="needs the extra [online]")
 
 from online_env.report import build_report, formats
 from online_env.report.document import ReportDocument

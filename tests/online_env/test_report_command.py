@@ -7,7 +7,7 @@ import pytest
 import yaml
 from lxml import etree
 
-pytest.importorskip("statsmodels", reason="needs the extra [online]")
+pytest.importorskip("scipy", reason="needs the extra [online]")
 
 from hijack_data.cli import main
 from online_env.report import ReportError, build_report, formats
@@ -78,8 +78,8 @@ def test_a_gate_on_an_interval_says_that_intervals_need_scipy(log, capsys, monke
     code, _, err = hijack(capsys, "gate", log, "--fail-under", "ci_low.marks=0")
     assert code == 1
     assert err == (
-        "hijack: gate failed: ci_low.marks of mine cannot be computed, scipy and statsmodels are"
-        " not installed: marks (mine:ci_low.marks=0)\n"
+        "hijack: gate failed: ci_low.marks of mine cannot be computed, scipy is not"
+        " installed: marks (mine:ci_low.marks=0)\n"
     )
 
 
@@ -220,7 +220,7 @@ def test_without_scipy_a_report_has_the_numbers_and_says_what_it_lacks(tmp_path,
     monkeypatch.setattr(scores, "can_infer", lambda: False)
     found = [*scored("a", "clean", [1, 1]), *scored("a", "marks", [1, 0])]
     report = build_report(read_run(tmp_path / "run", found))
-    said = "Without intervals and tests: scipy and statsmodels are not installed."
+    said = "Without intervals and tests: scipy is not installed."
     assert said in report.notes
     cell = report.cell("a", "marks")
     assert (cell.success, cell.delta, cell.retention) == (0.5, -0.5, 0.5)
@@ -229,9 +229,10 @@ def test_without_scipy_a_report_has_the_numbers_and_says_what_it_lacks(tmp_path,
     assert cell.pass_hat == ()
     (row,) = report.summaries
     assert (row.clean, row.corrupted, row.retention, row.corrupted_low) == (1, 0.5, 0.5, None)
-    text = formats.write(ReportDocument(report=report), "terminal")
+    text = formats.write(ReportDocument(report=report, full=True), "terminal")
     assert "a: corrupted 50.0, worst marks 50.0, retention 50.0" in text
     assert "[" not in text
+    assert "worst under marks, loses 50 points; whether this is chance is not known" in text
 
 
 def test_a_comparison_needs_episodes_in_both_runs(tmp_path):

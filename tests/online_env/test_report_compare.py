@@ -6,17 +6,20 @@ import json
 import shutil
 
 import pytest
+import yaml
 
-pytest.importorskip("statsmodels", reason="needs the extra [online]")
+pytest.importorskip("scipy", reason="needs the extra [online]")
 
 from hijack_data.cli import main
 from online_env.report import ReportError, build_report, formats
+from online_env.report.board_page import board_page
 from online_env.report.compare import compare
 from online_env.report.document import ReportDocument
-from online_env.report.leaderboard import leaderboard, rank_agents, read_reports
+from online_env.report.leaderboard import RULE, rank_agents, read_reports
 from online_env.results import statistics
 from online_env.results.reading import Run, read
 
+from support.chromium import chromium
 from support.reported import CONDITIONS, made, read_run, run_of, scored, whole
 
 SOLVED = dict(zip(CONDITIONS, (8, 4, 2, 8, 6, 7, 5, 5, 1, 3), strict=True))
@@ -170,7 +173,10 @@ def test_agents_are_ranked_where_the_setting_is_the_same(runs):
         [(None, "oracle", "a"), (1, "strong", "deep/b"), (2, "weak", "a")],
         [(1, "other", "c")],
     ]
-    assert "at most 99 actions" in boards[1].title
+    assert [board.title for board in boards] == [
+        "small, at most 15 actions",
+        "small, at most 99 actions",
+    ]
 
 
 def test_what_lacks_episodes_has_no_rank(runs):
@@ -188,7 +194,8 @@ def test_a_run_that_was_broken_off_hides_no_column_of_the_others(runs):
     path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:3]))
     (board,) = rank_agents(read_reports(runs))
     assert board.labels == CONDITIONS
-    assert board.title.startswith("10 tasks, 10 conditions, 1 seeds")
+    assert board.title == "small"
+    assert (board.facts["tasks"], board.facts["seeds"]) == ("10 tasks", "1 seed")
     values = {line.row.agent: line.values for line in board.lines}
     assert [bool(value) for value in values["weak"]] == [True] + [False] * 9
     assert all(values["strong"])
@@ -260,7 +267,7 @@ def test_symbolic_links_are_followed_once_and_never_up(runs, tmp_path, capsys):
 def test_a_page_has_no_paths_of_this_machine(runs, tmp_path):
     (runs / "bad").mkdir()
     (runs / "bad" / "run.json").write_text("{")
-    assert str(tmp_path) not in leaderboard(read_reports(runs))
+    assert str(tmp_path) not in board_page(read_reports(runs))
 
 
 def test_the_page_names_what_was_left_out(runs, capsys, tmp_path):
@@ -271,7 +278,7 @@ def test_the_page_names_what_was_left_out(runs, capsys, tmp_path):
     assert code == 1
     assert "left out: " in err
     page = (tmp_path / "board.html").read_text()
-    assert page == leaderboard(read_reports(runs))
+    assert page == board_page(read_reports(runs))
     assert "&lt;bad&gt;" in page
     assert "<bad>" not in page
     assert page.index("strong") < page.index("weak")
@@ -303,16 +310,68 @@ def test_tasks_of_one_name_from_other_files_are_other_tasks(runs):
 
 
 def test_a_board_says_that_its_runs_are_of_different_versions(runs):
-    assert "different versions" not in rank_agents(read_reports(runs))[0].title
+    assert " and " not in rank_agents(read_reports(runs))[0].facts["version"]
     head = runs / "a" / "run.json"
     data = json.loads(head.read_text())
     head.write_text(json.dumps(data | {"versions": {"agenthijack": "9.0"}}))
     (board,) = rank_agents(read_reports(runs))
-    assert "different versions of agenthijack: 0." in board.title
-    assert board.title.endswith(", 9.0")
+    assert board.facts["version"].startswith("agenthijack 0.")
+    assert board.facts["version"].endswith(" and 9.0")
 
 
 def test_a_folder_without_runs_is_refused(tmp_path, capsys):
     code, _, err = hijack(capsys, "leaderboard", tmp_path, "-o", tmp_path / "b.html")
     assert (code, len(err.splitlines())) == (2, 1)
     assert "holds no run with episodes" in err
+
+
+def test_a_board_sorts_filters_and_has_the_columns_that_are_chosen(runs, tmp_path):
+    run_of(runs / "c", whole("other", dict.fromkeys(CONDITIONS, 9)), max_steps=99)
+    page = tmp_path / "board.html"
+    page.write_text(board_page(read_reports(runs)))
+    names = (
+        "[...document.querySelectorAll('tbody tr')].filter(row => !row.hidden)"
+        ".map(row => row.cells[1].textContent).join()"
+    )
+    heads = (
+        "[...document.querySelectorAll('thead th')].filter(head => !head.hidden)"
+        ".map(head => head.dataset.key).join()"
+    )
+    with chromium(tmp_path / "profile") as browser:
+        browser.open(f"file://{page}")
+        assert browser.js(names) == "strong,weak,oracle", "one setting, the ranked first"
+        assert browser.js("document.querySelectorAll('table').length") == 1
+        browser.js("document.querySelector('th[data-key=corrupted] button').click()")
+        assert browser.js(names) == "oracle,strong,weak"
+        browser.js("document.querySelector('th[data-key=corrupted] button').click()")
+        assert browser.js(names) == "weak,strong,oracle"
+        browser.js("document.querySelector('input[name=ranked]').click()")
+        browser.js("document.querySelector('input[value=under-marks]').click()")
+        assert browser.js(names) == "weak,strong"
+        assert browser.js(heads).endswith(",worst,under-marks")
+        # The choices stand in the address.
+        browser.open(browser.js("location.href"), width=420, scheme="dark")
+        assert browser.js(names) == "weak,strong"
+        assert browser.js(heads).endswith(",worst,under-marks")
+        assert browser.js("document.documentElement.scrollWidth - innerWidth") <= 0
+        browser.open(f"file://{page}#setting=&text=OTH")
+        assert browser.js(names) == "other"
+
+
+def test_a_space_is_a_folder_that_the_hub_shows_as_it_is(runs, tmp_path, capsys):
+    space = tmp_path / "space"
+    assert hijack(capsys, "leaderboard", runs, "--space", space)[0] == 0
+    assert {path.name for path in space.iterdir()} == {"README.md", "index.html"}
+    assert (space / "index.html").read_text() == board_page(read_reports(runs))
+    head, text = (space / "README.md").read_text().removeprefix("---\n").split("---\n", 1)
+    assert yaml.safe_load(head) | {"tags": []} == {
+        "title": "AgentHijack leaderboard",
+        "sdk": "static",
+        "app_file": "index.html",
+        "pinned": False,
+        "license": "apache-2.0",
+        "tags": [],
+    }
+    assert RULE in text
+    code, _, err = hijack(capsys, "leaderboard", runs)
+    assert (code, "say where to write: -o FILE.html or --space FOLDER" in err) == (2, True)

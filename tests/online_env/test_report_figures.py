@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-pytest.importorskip("statsmodels", reason="needs the extra [online]")
+pytest.importorskip("scipy", reason="needs the extra [online]")
 
 from online_env.report import ReportError, build_report, formats, formatting
 from online_env.report.ablations import Ablation
@@ -152,7 +152,10 @@ def test_a_page_says_how_the_run_was_played(tmp_path):
     assert facts["actions at most"] == "15"
     assert facts["SHA-256 of run.json"] == report.run.head_sha256
     assert "recovery policy" not in facts
-    assert '<p class="lead">1 agent on 2 tasks, 1 conditions, 2 episodes that count.</p>' in page
+    assert "<title>a on small: AgentHijack report</title>" in page
+    extent = "2 tasks, 1 condition, 9 seeds, 2 episodes that count."
+    assert f'<p class="lead">{extent}</p>' in page
+    assert "<li>a: solves 50.0 % clean; no corruption was played.</li>" in page
 
 
 @pytest.mark.parametrize(("p", "lost"), [(0.049, True), (0.05, False), (None, False)])
@@ -227,10 +230,12 @@ def test_agents_with_the_same_mean_share_a_rank_and_the_next_one_is_left_free():
     assert found == [(1, "first", ""), (2, "tied too", ""), (2, "tied", ""), (4, "last", "")]
 
 
-def test_who_has_no_rank_takes_none_from_the_others():
+def test_agents_are_ranked_with_those_that_were_given_the_same_and_yardsticks_are_not():
     found = ranked(
         standing("oracle", 1.0),
         standing("told", 0.9, given=("task", "plan")),
+        standing("pixel", 0.4, given=("plan",)),
+        standing("pixel_onlooker", 0.8, given=("plan",)),
         standing("second", 0.25),
         standing("half", 0.5, invalid=3),
         standing("clean only", None),
@@ -238,10 +243,12 @@ def test_who_has_no_rank_takes_none_from_the_others():
         standing("unplayed", None, clean=None),
     )
     assert found == [
-        (None, "oracle", "reference agent"),
-        (None, "told", "given the task and the plan"),
+        (None, "oracle", "yardstick"),
+        (1, "told", ""),
+        (1, "pixel_onlooker", ""),
         (None, "half", "3 invalid episodes"),
         (1, "first", ""),
+        (2, "pixel", ""),
         (2, "second", ""),
         (None, "clean only", "no corruption was played"),
         (None, "unplayed", "no corruption was played"),
@@ -265,11 +272,8 @@ def test_a_board_of_offline_steps_says_so_and_more_agents_come_first(tmp_path):
     offline = [record for name in ("b", "c") for record in scored(name, "marks", [1, 0, 0])]
     run_of(tmp_path / "steps", offline, kind="score")
     steps, live = rank_agents(read_reports(tmp_path))
-    assert steps.title == (
-        "offline steps, 3 tasks, 1 conditions, 1 seeds, at most 15 actions, provider embedded,"
-        " recovery policy none"
-    )
-    assert live.title.startswith("2 tasks, 1 conditions, ")
+    assert steps.title == "small, offline steps, 3 tasks"
+    assert live.title == "small, live episodes, 2 tasks"
     assert [line.values for line in live.lines] == [("50.0",)]
     assert [line.shares for line in steps.lines] == [(33,), (33,)]
 

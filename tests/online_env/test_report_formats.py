@@ -3,16 +3,18 @@
 import csv
 import io
 import json
+import math
 import re
 from html.parser import HTMLParser
 
 import pytest
 import yaml
 
-pytest.importorskip("statsmodels", reason="needs the extra [online]")
+pytest.importorskip("scipy", reason="needs the extra [online]")
 
 from hijack_data.cli import main
-from online_env.report import build_report, formats, formatting
+from hijack_data.cli.printable_console import PrintableConsole
+from online_env.report import build_report, formats, formatting, terminal
 from online_env.report.compare import compare
 from online_env.report.document import ReportDocument
 from online_env.report.paper import COLUMNS, paper_table
@@ -58,7 +60,7 @@ def test_json_is_the_whole_report(folder, capsys, tmp_path):
     code, text, _ = hijack(capsys, "report", tmp_path / "r.json", "--format", "csv")
     assert (code, len(text.splitlines())) == (0, 21)
     code, text, _ = hijack(capsys, "report", tmp_path / "r.json")
-    assert (code, "mine: corrupted 45.6, worst network_error 10.0" in text) == (0, True)
+    assert (code, "mine: worst under network_error, loses 70 points" in text) == (0, True)
 
 
 def test_the_rows_of_json_are_as_they_were(folder, capsys):
@@ -68,7 +70,9 @@ def test_the_rows_of_json_are_as_they_were(folder, capsys):
 
 
 def test_the_terminal_shows_what_there_is(folder, capsys):
-    code, out, _ = hijack(capsys, "report", folder, "--reference", "recovering", "--paper")
+    code, out, _ = hijack(
+        capsys, "report", folder, "--reference", "recovering", "--paper", "--full"
+    )
     assert code == 0
     assert "average with clean, as in the paper 49.0" in out
     assert "mCE 544.4 (against recovering)" in out
@@ -263,7 +267,12 @@ def test_model_index_needs_an_agent(tmp_path, capsys):
 
 
 def test_the_name_of_a_file_tells_the_format(folder, capsys, tmp_path):
-    starts = {"r.html": "<!doctype html>", "r.csv": "agent,", "r.tex": "% needs", "r.md": "## run"}
+    starts = {
+        "r.html": "<!doctype html>",
+        "r.csv": "agent,",
+        "r.tex": "% needs",
+        "r.md": "## mine and recovering on small\n",
+    }
     for name, start in starts.items():
         code, out, _ = hijack(capsys, "report", folder, "-o", tmp_path / name)
         assert (code, out) == (0, f"wrote {tmp_path / name}\n")
@@ -421,3 +430,52 @@ def test_a_gate_judges_a_run_that_is_there(folder, capsys, tmp_path):
     (tmp_path / "r.json").write_text("{}")
     code, _, err = hijack(capsys, "gate", tmp_path / "r.json", "--fail-under", "retention=0.2")
     assert (code, "give the folder of a run" in err) == (2, True)
+
+
+def many_agents(tmp_path, agents, labels=CONDITIONS):
+    """A run in which every agent solves all tasks clean, and none under a corruption."""
+    found = [
+        record
+        for agent in range(agents)
+        for label in labels
+        for record in scored(f"agent_{agent}", label, [float(label == "clean")] * 12)
+    ]
+    return run_of(tmp_path / "many", found, corruptions=list(labels))
+
+
+@pytest.mark.parametrize("columns", [72, 120])
+@pytest.mark.parametrize(
+    ("agents", "conditions"), [(1, 10), (6, 10), (30, 10), (1, 200), (12, 100)]
+)
+def test_the_terminal_is_a_screen_that_begins_with_the_conclusion(
+    agents, conditions, columns, tmp_path
+):
+    """However large the run is; what is left out is counted."""
+    labels = [*CONDITIONS, *(f"level_{number}" for number in range(conditions - 10))]
+    report = build_report(reading.read(many_agents(tmp_path, agents, labels)))
+    out = io.StringIO()
+    screen = PrintableConsole(file=out, width=columns, force_terminal=False)
+    terminal.show_document(ReportDocument(report=report), screen)
+    lines = out.getvalue().splitlines()
+    assert sum(max(1, math.ceil(len(line) / columns)) for line in lines) < 60
+    who = "agent_0" if agents == 1 else f"{agents} agents"
+    assert lines[0] == f"{who} on small"
+    assert lines[3].startswith("agent_0: no corruption is worse than another, loses 100 points [")
+    if conditions == 10:
+        assert lines[3].endswith("; all nine losses are shown.")
+        assert "0.004" in out.getvalue(), "p of the sign-flip test, by Holm: 9 * 2 / 2**12"
+    assert lines[-1].startswith("--full: ")
+    if agents == 30:
+        assert any(line.startswith("... and ") for line in lines)
+    if conditions > 50:
+        assert "left out)" in out.getvalue()
+
+
+def test_full_is_for_the_terminal(folder, capsys):
+    code, _, err = hijack(capsys, "report", folder, "--full", "--format", "html")
+    assert (code, "--full is not shown by the format html" in err) == (2, True)
+    _, short, _ = hijack(capsys, "report", folder)
+    _, full, _ = hijack(capsys, "report", folder, "--full")
+    assert len(short.splitlines()) < len(full.splitlines())
+    assert "further results" in full
+    assert "further results" not in short

@@ -8,7 +8,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from rich.console import Console
 
-from online_env.report.parts_table import show_parts
+from online_env.report.parts_table import parts_table, unscored_lines
 from online_env.results.parts import part_rows
 from online_env.results.reading import Run
 from online_env.scoring.onlookers import is_reminder, overlap
@@ -83,7 +83,10 @@ def shown(records, **config):
     """The lines that a scoring run has below the report."""
     stream = io.StringIO()
     run = Run(folder=None, config={"kind": "score", **config}, records=records)
-    show_parts(run, Console(file=stream, width=120))
+    table = parts_table(run)
+    lines = [*([] if table is None else [table]), *unscored_lines(run)]
+    if lines:
+        Console(file=stream, width=120).print(*lines, sep="\n")
     return [" ".join(line.split()) for line in stream.getvalue().splitlines()]
 
 
@@ -95,7 +98,6 @@ def test_the_table_of_parts_has_the_order_of_the_configuration_and_names_as_they
     ]
     config = {"agents": ["a", "[b]"], "corruptions": ["clean", "x"], "question": "steps"}
     assert shown(records, **config) == [
-        "",
         "right, in percent",
         "corruption n type malformed hidden",
         "a",
@@ -103,7 +105,6 @@ def test_the_table_of_parts_has_the_order_of_the_configuration_and_names_as_they
         "[b]",
         "clean 1 100.0 0.0 0",
         "x 1 0.0 0.0 0",
-        "",
     ]
 
 

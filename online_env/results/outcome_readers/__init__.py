@@ -1,0 +1,1 @@
+"""Readers of results: one file a format; `outcomes.READERS` names them."""

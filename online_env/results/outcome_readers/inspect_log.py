@@ -1,0 +1,138 @@
+"""Logs of Inspect, `.eval` or JSON, through its public functions."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import isnan
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+from hijack_data.errors import shown, some_of, suggest
+from hijack_data.plan import CLEAN
+
+from ...extra import require
+from ..outcomes import Outcome, OutcomeError
+
+_HEAD_BYTES = 512
+_GRADES = {"C": 1.0, "I": 0.0, "P": 0.5}  # Inspect's letters: correct, incorrect, partial
+# Where a sample says what it is, unless --columns does: keys of its metadata, the log's metadata
+# or the arguments of the task.
+_KEYS: Mapping[str, Sequence[str]] = {
+    "task": ("task",),
+    "condition": ("condition", "corruption"),
+    "seed": ("seed",),
+    "agent": ("agent",),
+}
+
+
+class InspectReader:
+    """Reads logs of Inspect; an agent is a model, a task a sample, and epochs repeat it.
+
+    A sample that ended with an error, or that was not scored, has no outcome.
+    """
+
+    def detect(self, source: Path) -> bool:
+        """Return whether a file is a log, or a folder holds some."""
+        if source.is_dir():
+            return any(source.glob("*.eval"))
+        if source.suffix == ".json":
+            with source.open("rb") as file:
+                head = file.read(_HEAD_BYTES)
+            return b'"status"' in head and b'"eval"' in head and b'"format"' not in head
+        return source.suffix == ".eval"
+
+    def read(self, source: Path, columns: Mapping[str, str]) -> Iterator[Outcome]:
+        """Yield the outcomes of the samples of a log, or of all logs of a folder.
+
+        Args:
+            source: the file or folder.
+            columns: keys of metadata or task arguments by field; for `score`, the name of a scorer.
+
+        Raises:
+            OutcomeError: a log cannot be read, or a score is no number in 0..1.
+        """
+        require("a log of Inspect", ("inspect_ai",))
+        from inspect_ai.log import read_eval_log
+
+        paths = sorted(source.glob("*.eval")) if source.is_dir() else [source]
+        for path in paths:
+            try:
+                log = read_eval_log(path)
+            except (OSError, ValueError, KeyError, RuntimeError, BadZipFile) as error:
+                reason = " ".join(str(error).split())[:200]
+                raise OutcomeError(f"{path}: is no log of Inspect ({reason})") from None
+            if not log.samples:
+                raise OutcomeError(f"{path}: holds no samples (its status is {log.status})")
+            for sample in log.samples:
+                yield _outcome(path, log, sample, columns)
+
+
+def _outcome(path: Path, log: Any, sample: Any, columns: Mapping[str, str]) -> Outcome:
+    place = f"{path}: sample {sample.id}"
+    score, problem = _score(sample, columns.get("score"), place)
+    seed = _value(log, sample, "seed", columns, place)
+    if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int)):
+        raise OutcomeError(f"{place}: the seed {shown(seed)} is no whole number")
+    is_repeated = (log.eval.config.epochs or 1) > 1
+    if seed is None or is_repeated:
+        seed = sample.epoch - 1 if seed is None else None  # both: numbered in their order
+    task = _value(log, sample, "task", columns, place)
+    return Outcome(
+        agent=str(_value(log, sample, "agent", columns, place) or log.eval.model),
+        task=f"{log.eval.task}/{sample.id}" if task is None else str(task),
+        condition=str(_value(log, sample, "condition", columns, place) or CLEAN),
+        score=score,
+        seed=seed,
+        problem=problem,
+    )
+
+
+def _value(log: Any, sample: Any, field: str, columns: Mapping[str, str], place: str) -> Any:
+    """Return what a sample or its log says of a field; `None` if nothing does.
+
+    Raises:
+        OutcomeError: the key that was stated is nowhere.
+    """
+    wheres = (sample.metadata or {}, log.eval.metadata or {}, log.eval.task_args or {})
+    keys = (columns[field],) if field in columns else _KEYS[field]
+    for key in keys:
+        for where in wheres:
+            if key in where:
+                return where[key]
+    if field in columns:
+        known = [key for where in wheres for key in where]
+        raise OutcomeError(
+            f"{place}: neither metadata nor task arguments have {columns[field]!r}"
+            f"{suggest(columns[field], known)}"
+        )
+    return None
+
+
+def _score(sample: Any, scorer: str | None, place: str) -> tuple[float | None, str]:
+    """Return the score of a sample, or why there is none.
+
+    Raises:
+        OutcomeError: there are several scorers and none was chosen, or a value is no score.
+    """
+    if sample.error is not None:
+        return None, f"ended with an error: {sample.error.message[:200]}"
+    scores = sample.scores or {}
+    if scorer is not None and scorer not in scores and scores:
+        raise OutcomeError(f"{place}: has no scorer {scorer!r}{suggest(scorer, list(scores))}")
+    if scorer is None and len(scores) > 1:
+        raise OutcomeError(
+            f"{place}: has several scorers ({some_of(list(scores))}); choose one with --columns"
+            " score=NAME"
+        )
+    if not scores:
+        return None, "was not scored"
+    value = scores[scorer or next(iter(scores))].value
+    number = _GRADES.get(value) if isinstance(value, str) else value
+    if isinstance(number, bool):
+        return float(number), ""
+    if isinstance(number, int | float) and isnan(number):
+        return None, "was not scored"
+    if not isinstance(number, int | float) or not 0 <= number <= 1:
+        raise OutcomeError(
+            f"{place}: the score {shown(value)} is none of C, I and P and no number in 0..1"
+        )
+    return float(number), ""

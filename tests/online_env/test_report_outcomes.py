@@ -1,0 +1,242 @@
+"""`hijack report` of results that other harnesses wrote: what is read, paired and refused."""
+
+import csv
+import json
+
+import pytest
+
+pytest.importorskip("scipy", reason="needs the extra [online]")
+
+from hijack_data.cli import main
+from online_env.report import ReportError, build_report, formats
+from online_env.report.document import ReportDocument
+from online_env.results.outcomes import OutcomeError, collect_run, parse_columns
+
+SOLVED = {"clean": [1, 1, 1, 1, 1, 0], "marks": [1, 1, 0, 0, 0, 0]}
+
+
+def rows(**more):
+    return [
+        {"task": f"t{number}", "condition": label, "agent": "mine", "score": score, **more}
+        for label, scores in SOLVED.items()
+        for number, score in enumerate(scores)
+    ]
+
+
+def write_csv(path, listed):
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(listed[0]))
+        writer.writeheader()
+        writer.writerows(listed)
+    return path
+
+
+def write_jsonl(path, listed):
+    path.write_text("".join(json.dumps(row) + "\n" for row in listed))
+    return path
+
+
+def write_parquet(path, listed):
+    pa = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    parquet.write_table(pa.Table.from_pylist(listed), path)
+    return path
+
+
+def success(report, agent="mine"):
+    return {cell.corruption: cell.success for cell in report.cells if cell.agent == agent}
+
+
+@pytest.mark.parametrize(
+    ("write", "suffix"), [(write_csv, "csv"), (write_jsonl, "jsonl"), (write_parquet, "parquet")]
+)
+def test_a_table_gives_the_report_of_the_same_scores(write, suffix, tmp_path):
+    report = build_report(collect_run([write(tmp_path / f"r.{suffix}", rows())]))
+    assert success(report) == {"clean": 5 / 6, "marks": 2 / 6}
+    cell = report.cell("mine", "marks")
+    assert (cell.delta, cell.retention, cell.p) == (pytest.approx(-0.5), 0.4, 0.25)
+    assert report.run.kind == "results"
+    assert not any("before their corruption" in note for note in report.notes)
+
+
+def test_what_is_no_outcome_is_not_a_zero(tmp_path):
+    listed = rows()
+    listed[-1]["score"] = None
+    listed[-2]["score"] = float("nan")
+    for write, name in ((write_csv, "a.csv"), (write_parquet, "a.parquet")):
+        report = build_report(collect_run([write(tmp_path / name, listed)]))
+        cell = report.cell("mine", "marks")
+        assert (cell.n, cell.invalid, cell.success) == (4, 2, 0.5)
+
+
+def test_seeds_repeat_a_task_and_do_not_make_it_several_cases(tmp_path):
+    once = build_report(collect_run([write_csv(tmp_path / "once.csv", rows())]))
+    listed = [row for seed in range(5) for row in rows(seed=seed)]
+    often = build_report(collect_run([write_csv(tmp_path / "often.csv", listed)]))
+    for row in listed:
+        del row["seed"]
+    unnumbered = build_report(collect_run([write_csv(tmp_path / "none.csv", listed)]))
+    for report in (often, unnumbered):
+        cell, base = report.cell("mine", "marks"), once.cell("mine", "marks")
+        assert (cell.n, cell.tasks, cell.p) == (30, 6, base.p)
+        assert (cell.ci_low, cell.delta_low) == pytest.approx((base.ci_low, base.delta_low))
+
+
+def test_a_result_without_a_clean_one_of_its_task_and_seed_is_said(tmp_path):
+    listed = rows(seed=0) + [row for row in rows(seed=1) if row["condition"] == "marks"]
+    report = build_report(collect_run([write_csv(tmp_path / "r.csv", listed)]))
+    (note,) = [note for note in report.notes if "without a clean one" in note]
+    assert note.startswith("6 results without a clean one of the same task and seed")
+    assert note.endswith("(mine under marks 6).")
+    named = [row | {"condition": row["condition"].replace("clean", "none")} for row in rows()]
+    report = build_report(collect_run([write_csv(tmp_path / "n.csv", named)]))
+    assert "--clean NAME names the clean one of its conditions (none, marks)." in report.notes
+
+
+def test_columns_and_the_clean_condition_have_other_names(tmp_path, capsys):
+    listed = [
+        {"id": row["task"], "noise": row["condition"].replace("clean", "none"), "ok": row["score"]}
+        for row in rows()
+    ]
+    path = write_csv(tmp_path / "gpt.csv", listed)
+    with pytest.raises(SystemExit) as ended:
+        main(
+            [
+                "report",
+                str(path),
+                "--columns",
+                "task=id,condition=noise,score=ok",
+                "--clean",
+                "none",
+            ]
+        )
+    assert ended.value.code == 0
+    said = capsys.readouterr().out
+    assert said.startswith("gpt on gpt.csv\n")
+    assert "gpt: worst under marks, loses 50 points" in said
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"score": 55}, "line 2: the score 55 is not in 0..1; scale the column"),
+        ({"score": "yes"}, "line 2: the score 'yes' is no number"),
+        ({"agent": ""}, "line 2: has no agent; fill the column in every row"),
+        ({"task": "t1"}, "mine has two results of the task t1 under clean with seed 0"),
+    ],
+)
+def test_a_row_that_is_no_result_is_named(change, said, tmp_path):
+    listed = rows(seed=0)
+    listed[0].update(change)
+    with pytest.raises(OutcomeError) as error:
+        collect_run([write_csv(tmp_path / "r.csv", listed)])
+    assert said in str(error.value)
+
+
+def test_tasks_that_differ_are_refused_with_the_difference(tmp_path):
+    listed = [row for row in rows() if (row["task"], row["condition"]) != ("t0", "marks")]
+    listed.append({**listed[-1], "task": "other"})
+    path = write_csv(tmp_path / "r.csv", listed)
+    with pytest.raises(OutcomeError) as error:
+        collect_run([path])
+    assert str(error.value) == (
+        "mine was not played on the same tasks: 1 task only under marks (other), 1 task only clean"
+        " (t0); --common-tasks reports the 5 tasks that all conditions have"
+    )
+    report = build_report(collect_run([path], common_tasks=True))
+    assert success(report) == {"clean": 4 / 5, "marks": 1 / 5}
+
+
+def test_numbers_of_several_sources_are_no_names_of_tasks(tmp_path):
+    sources = []
+    for label in SOLVED:
+        listed = [row | {"task": row["task"][1:]} for row in rows() if row["condition"] == label]
+        sources.append(write_csv(tmp_path / f"{label}.csv", listed))
+    with pytest.raises(OutcomeError, match="which match by chance"):
+        collect_run(sources)
+    named = [
+        write_csv(tmp_path / f"{label}.csv", [row for row in rows() if row["condition"] == label])
+        for label in SOLVED
+    ]
+    assert success(build_report(collect_run(named))) == {"clean": 5 / 6, "marks": 2 / 6}
+
+
+def results_folder(root, *above, scores):
+    for number, score in enumerate(scores):
+        folder = root.joinpath(*above, "os" if number % 2 else "chrome", f"id-{number}")
+        folder.mkdir(parents=True)
+        (folder / "traj.jsonl").touch()
+        if score is not None:
+            (folder / "result.txt").write_text(f"{float(score)}\n")
+
+
+@pytest.mark.parametrize("name", ["marks", "Marks"])
+def test_a_folder_of_osworld_has_its_corruption_where_its_name_is(name, tmp_path):
+    for label, scores in SOLVED.items():
+        folder = name if label == "marks" else label
+        results_folder(tmp_path, folder, "pyautogui", "screenshot", "gpt-4o", scores=scores)
+        results_folder(tmp_path, folder, "pyautogui", "screenshot", "claude", scores=[1] * 6)
+    report = build_report(collect_run([tmp_path]))
+    assert success(report, "gpt-4o") == {"clean": 5 / 6, "marks": 2 / 6}
+    assert success(report, "claude") == {"clean": 1, "marks": 1}
+
+
+def test_a_folder_of_osworld_verified_is_one_clean_run(tmp_path):
+    results_folder(tmp_path, "pyautogui", "screenshot", "gpt-4o", scores=[1, 0, None])
+    report = build_report(collect_run([tmp_path]))
+    (cell,) = report.cells
+    assert (cell.agent, cell.corruption, cell.n, cell.invalid) == ("gpt-4o", "clean", 2, 1)
+
+
+def test_a_folder_that_nothing_explains_is_asked_for(tmp_path):
+    for label, scores in SOLVED.items():
+        name = "my_noise" if label == "marks" else label
+        results_folder(tmp_path, name, "gpt-4o", scores=scores)
+    with pytest.raises(OutcomeError) as error:
+        collect_run([tmp_path])
+    said = "it is not clear whether my_noise are conditions; --columns condition=1 says so"
+    assert said in str(error.value)
+    report = build_report(collect_run([tmp_path], columns=parse_columns("condition=1")))
+    assert success(report, "gpt-4o") == {"clean": 5 / 6, "my_noise": 2 / 6}
+    results_folder(tmp_path, "x", "gpt-4o", "again", scores=[1])
+    with pytest.raises(OutcomeError, match="different depths"):
+        collect_run([tmp_path])
+
+
+def test_a_score_that_is_none_is_named_with_its_file(tmp_path):
+    results_folder(tmp_path, "gpt-4o", scores=[1])
+    (path,) = tmp_path.rglob("result.txt")
+    path.write_text("Traceback")
+    with pytest.raises(OutcomeError) as error:
+        collect_run([tmp_path])
+    assert str(error.value).startswith(f"{path}: must hold a score from 0 to 1, got 'Traceback'")
+
+
+def test_results_of_others_are_no_model_card_of_this_benchmark(tmp_path):
+    document = ReportDocument(
+        report=build_report(collect_run([write_csv(tmp_path / "r.csv", rows())]))
+    )
+    for format in ("html", "latex", "markdown", "csv"):
+        assert "mine" in formats.write(document, format)
+    with pytest.raises(ReportError, match="results of another harness"):
+        formats.write(document, "model-index")
+
+
+def test_runs_of_this_library_are_reported_alone(tmp_path, capsys):
+    from support.reported import run_of, scored
+
+    folder = run_of(tmp_path / "deep" / "run", scored("a", "clean", [1, 0]))
+    table = write_csv(tmp_path / "r.csv", rows())
+    for words, said in (
+        ([folder, table], "is a run of this library, and is reported alone"),
+        ([folder, "--clean", "none"], "is a run of this library, which --clean is not for"),
+        ([folder.parent], f"is not the folder of a run; give {folder}"),
+        ([table, "--columns", "taks=id"], "no field 'taks'; did you mean 'task'?"),
+        ([table, "--from", "osword"], "no reader 'osword'; did you mean 'osworld'?"),
+        ([table, "--clean", "mark"], "no condition 'mark'; did you mean 'marks'?"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            main(["report", *map(str, words)])
+        assert ended.value.code == 2
+        assert said in capsys.readouterr().err
