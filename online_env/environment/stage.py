@@ -5,7 +5,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from hijack_data.apps import normalize_app
 from hijack_data.errors import ParameterTypeError, some_of
@@ -69,6 +69,33 @@ class Stage(Protocol):
         ...
 
 
+@runtime_checkable
+class TwoPartStage(Stage, Protocol):
+    """A stage that can revert the desktop first and set its task up later, in two calls.
+
+    Something may happen to the desktop in between; see `EvalSettings.environment_errors`.
+    """
+
+    def choose(self, task: Any, seed: int) -> Setting:
+        """Choose the task of the next `set_up`, without touching the desktop.
+
+        The arguments are those of `reset`.
+        """
+        ...
+
+    def revert(self) -> None:
+        """Return to a pristine desktop without a task."""
+        ...
+
+    def set_up(self, *, offline: bool = False) -> None:
+        """Set up the task that was chosen.
+
+        Args:
+            offline: Whether the network was cut, so pages are not expected to load.
+        """
+        ...
+
+
 class TaskStage(Stage, Protocol):
     """A stage whose tasks are known by name, for the agents that are given their task."""
 
@@ -113,6 +140,7 @@ class SmallTasks(TaskHolder):
         self._desktop = desktop
         self._default = task
         self._machine: Machine | None = None
+        self._chosen: Task | None = None
 
     @property
     def desktop(self) -> Desktop:
@@ -139,6 +167,16 @@ class SmallTasks(TaskHolder):
     def reset(self, task: Any, seed: int) -> Setting:
         """Set up a task on a pristine desktop.
 
+        The arguments and errors are those of `choose`.
+        """
+        setting = self.choose(task, seed)
+        self.revert()
+        self.set_up()
+        return setting
+
+    def choose(self, task: Any, seed: int) -> Setting:
+        """Choose the task of the next `set_up`.
+
         An unknown name raises `UnknownNameError`.
 
         Args:
@@ -156,16 +194,30 @@ class SmallTasks(TaskHolder):
             raise ParameterTypeError(
                 f"a task is a name ({task_names}) or a Task, got {chosen_task!r:.80}"
             )
-        self._task = None
-        self._desktop.reset()
-        self._machine = Machine(self._desktop, self.sites)
-        if self.sites is not None:
-            set_panel_clock(self._desktop, chosen_task.seed)
-        chosen_task.setup(self._machine)
-        self._task = chosen_task
+        self._chosen = chosen_task
         apps = tuple(normalize_app(app) for app in chosen_task.apps)
         infeasible = bool(chosen_task.infeasible)
         return Setting(chosen_task.id, chosen_task.instruction, apps, infeasible, chosen_task.seed)
+
+    def revert(self) -> None:
+        """Return to a pristine desktop without a task."""
+        self._task = None
+        self._machine = None
+        self._desktop.reset()
+
+    def set_up(self, *, offline: bool = False) -> None:
+        """Set up the task that was chosen; `offline`: the network was cut before.
+
+        Raises:
+            DesktopError: No task was chosen.
+        """
+        if self._chosen is None:
+            raise DesktopError("no task is chosen: call choose first")
+        self._machine = Machine(self._desktop, self.sites, offline=offline)
+        if self.sites is not None:
+            set_panel_clock(self._desktop, self._chosen.seed)
+        self._chosen.setup(self._machine)
+        self._task = self._chosen
 
     def evaluate(self, history: Sequence[str]) -> Verdict:
         """Judge the task by files and by the data stored by applications and sites."""
