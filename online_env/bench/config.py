@@ -216,7 +216,7 @@ def load_bench(path_or_name: str | os.PathLike[str]) -> Bench:
         ConfigError: All mistakes of the file, each as `file:line:column: message`.
     """
     problems = Problems()
-    name, data = read_config(path_or_name)
+    name, data = read_config(path_or_name, "benchmark")
     tree = read_yaml(data, name, problems)
     if not isinstance(tree, MappingNode):
         start = Position(name, 1, 1)
