@@ -47,6 +47,10 @@ MAX_OUTPUT_CHARS = 2000  # characters kept of what an action printed
 _OVER = (0.0, False, True)  # reward, terminated, truncated
 
 
+class _EarlyEffectError(DesktopError):
+    """An effect that comes before the task's set-up does not hold."""
+
+
 class Episode:
     """Plays one episode.
 
@@ -116,7 +120,7 @@ class Episode:
         self._log = self._open_log()
         observer = Observer(self._stage.desktop, self._settings, script, self._effects, self._log)
         self._observer = observer
-        problem = self._set_up_after(early, script) if early else ""
+        problem = self._set_up_around(early, script) if early else ""
         with self._failure_recorded():
             due = script.plan(BEFORE).effects[len(early) :]
             if any(find(effect.kind).before_setup for effect in due):
@@ -197,7 +201,9 @@ class Episode:
         """Return the effects that come before the task's set-up, for which the task is chosen."""
         stage, request = self._stage, self._request
         is_wanted = self._settings.environment_errors == "before_setup"
-        if request.planner is None or not is_wanted or not isinstance(stage, TwoPartStage):
+        if request.planner is None or not is_wanted:
+            return ()
+        if not isinstance(stage, TwoPartStage) or not stage.splits_setup:
             return ()
         with self._failure_recorded():
             self._counts.setting = stage.choose(request.task, request.seed)
@@ -213,21 +219,29 @@ class Episode:
             self._counts.setting = self._stage.reset(request.task, request.seed)
             self._counts.setup_seconds = since(self._counts.start)
 
-    def _set_up_after(self, early: tuple[Effect, ...], script: Script) -> str:
-        """Revert the desktop, apply the early effects, and set up the chosen task.
+    def _set_up_around(self, early: tuple[Effect, ...], script: Script) -> str:
+        """Set up the task on a pristine desktop after the early effects.
 
         Returns:
             Why an effect failed, or "".
         """
-        stage = cast("TwoPartStage", self._stage)
-        with self._failure_recorded():
-            stage.revert()
+        request = self._request
+
+        def cut_network() -> None:
             self._counts.order = "before_setup"
             problem = self._effects.inject(early, script, BEFORE)
-            if not problem:
-                stage.set_up(offline=True)
-            self._counts.setup_seconds = since(self._counts.start)
-        return problem
+            if problem:
+                raise _EarlyEffectError(problem)
+
+        stage = cast("TwoPartStage", self._stage)
+        with self._failure_recorded():
+            try:
+                stage.reset_around(request.task, request.seed, cut_network)
+            except _EarlyEffectError as error:
+                return str(error)
+            finally:
+                self._counts.setup_seconds = since(self._counts.start)
+        return ""
 
     @contextlib.contextmanager
     def _failure_recorded(self) -> Iterator[None]:

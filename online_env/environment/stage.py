@@ -3,7 +3,7 @@
 `SmallTasks` has the small tasks on any desktop.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -71,27 +71,27 @@ class Stage(Protocol):
 
 @runtime_checkable
 class TwoPartStage(Stage, Protocol):
-    """A stage that can revert the desktop first and set its task up later, in two calls.
+    """A stage that can revert the desktop first, and set its task up after something was done.
 
-    Something may happen to the desktop in between; see `EvalSettings.environment_errors`.
+    See `EvalSettings.environment_errors`.
     """
 
+    @property
+    def splits_setup(self) -> bool:
+        """Whether its desktop allows it."""
+        ...
+
     def choose(self, task: Any, seed: int) -> Setting:
-        """Choose the task of the next `set_up`, without touching the desktop.
-
-        The arguments are those of `reset`.
-        """
+        """Return what `reset` will set up, without touching the desktop."""
         ...
 
-    def revert(self) -> None:
-        """Return to a pristine desktop without a task."""
-        ...
-
-    def set_up(self, *, offline: bool = False) -> None:
-        """Set up the task that was chosen.
+    def reset_around(self, task: Any, seed: int, cut_network: Callable[[], object]) -> Setting:
+        """Set up a task on a pristine desktop whose network is cut before the task's pages open.
 
         Args:
-            offline: Whether the network was cut, so pages are not expected to load.
+            task: As for `reset`.
+            seed: As for `reset`.
+            cut_network: Called once the desktop is pristine, and before anything is set up.
         """
         ...
 
@@ -140,7 +140,6 @@ class SmallTasks(TaskHolder):
         self._desktop = desktop
         self._default = task
         self._machine: Machine | None = None
-        self._chosen: Task | None = None
 
     @property
     def desktop(self) -> Desktop:
@@ -167,16 +166,6 @@ class SmallTasks(TaskHolder):
     def reset(self, task: Any, seed: int) -> Setting:
         """Set up a task on a pristine desktop.
 
-        The arguments and errors are those of `choose`.
-        """
-        setting = self.choose(task, seed)
-        self.revert()
-        self.set_up()
-        return setting
-
-    def choose(self, task: Any, seed: int) -> Setting:
-        """Choose the task of the next `set_up`.
-
         An unknown name raises `UnknownNameError`.
 
         Args:
@@ -186,6 +175,35 @@ class SmallTasks(TaskHolder):
         Raises:
             ParameterTypeError: `task` is neither a name nor a task.
         """
+        return self._reset(task, seed, None)
+
+    @property
+    def splits_setup(self) -> bool:
+        """True: any desktop can be reverted first."""
+        return True
+
+    def choose(self, task: Any, seed: int) -> Setting:
+        """Return what `reset` will set up, with the same arguments and errors."""
+        return _describe(self._find(task, seed))
+
+    def reset_around(self, task: Any, seed: int, cut_network: Callable[[], object]) -> Setting:
+        """Set up a task on a pristine desktop whose network is cut before its pages open."""
+        return self._reset(task, seed, cut_network)
+
+    def _reset(self, task: Any, seed: int, cut_network: Callable[[], object] | None) -> Setting:
+        chosen_task = self._find(task, seed)
+        self._task = None
+        self._desktop.reset()
+        self._machine = Machine(self._desktop, self.sites, offline=cut_network is not None)
+        if cut_network is not None:
+            cut_network()
+        if self.sites is not None:
+            set_panel_clock(self._desktop, chosen_task.seed)
+        chosen_task.setup(self._machine)
+        self._task = chosen_task
+        return _describe(chosen_task)
+
+    def _find(self, task: Any, seed: int) -> Task:
         chosen_task: object = self._default if task is None else task
         if isinstance(chosen_task, str):
             chosen_task = tasks.get(chosen_task, seed)
@@ -194,30 +212,7 @@ class SmallTasks(TaskHolder):
             raise ParameterTypeError(
                 f"a task is a name ({task_names}) or a Task, got {chosen_task!r:.80}"
             )
-        self._chosen = chosen_task
-        apps = tuple(normalize_app(app) for app in chosen_task.apps)
-        infeasible = bool(chosen_task.infeasible)
-        return Setting(chosen_task.id, chosen_task.instruction, apps, infeasible, chosen_task.seed)
-
-    def revert(self) -> None:
-        """Return to a pristine desktop without a task."""
-        self._task = None
-        self._machine = None
-        self._desktop.reset()
-
-    def set_up(self, *, offline: bool = False) -> None:
-        """Set up the task that was chosen; `offline`: the network was cut before.
-
-        Raises:
-            DesktopError: No task was chosen.
-        """
-        if self._chosen is None:
-            raise DesktopError("no task is chosen: call choose first")
-        self._machine = Machine(self._desktop, self.sites, offline=offline)
-        if self.sites is not None:
-            set_panel_clock(self._desktop, self._chosen.seed)
-        self._chosen.setup(self._machine)
-        self._task = self._chosen
+        return chosen_task
 
     def evaluate(self, history: Sequence[str]) -> Verdict:
         """Judge the task by files and by the data stored by applications and sites."""
@@ -227,3 +222,8 @@ class SmallTasks(TaskHolder):
     def close(self) -> None:
         """End the desktop."""
         self._desktop.close()
+
+
+def _describe(task: Task) -> Setting:
+    apps = tuple(normalize_app(app) for app in task.apps)
+    return Setting(task.id, task.instruction, apps, bool(task.infeasible), task.seed)

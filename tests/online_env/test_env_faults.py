@@ -236,21 +236,22 @@ def test_a_re_initialisation_before_the_first_action_costs_no_step(policy, free)
 class TwoPartStage(FakeStage):
     """A stage that says in which order things happen to its desktop."""
 
+    splits_setup = True
+
     def choose(self, task, seed):
         return Setting("do-0", "Open the file", ("files",))
 
-    def revert(self):
+    def reset_around(self, task, seed, cut_network):
         self.desktop.calls.append("revert")
         self.desktop.reset()
-
-    def set_up(self, *, offline=False):
-        self.desktop.calls.append(f"set up, offline: {offline}")
+        cut_network()
+        self.desktop.calls.append("set up")
+        if self.fails:
+            raise self.fails
+        return self.choose(task, seed)
 
     def reset(self, task, seed):
-        setting = self.choose(task, seed)
-        self.revert()
-        self.set_up()
-        return setting
+        return self.reset_around(task, seed, lambda: None)
 
 
 @register
@@ -272,9 +273,9 @@ def test_an_error_of_the_environment_comes_before_the_task_is_set_up(order, whol
     ]
     first = order == "before_setup" and not whole
     if first:
-        assert calls[:3] == ["revert", "apply", "set up, offline: True"]
+        assert calls[:3] == ["revert", "apply", "set up"]
     elif not whole:
-        assert calls[:3] == ["revert", "set up, offline: False", "apply"]
+        assert calls[:3] == ["revert", "set up", "apply"]
     env.step("DONE")
     assert env.record["environment_errors"] == ("before_setup" if first else "after_setup")
     assert env.record["status"] == "ok"
@@ -285,7 +286,7 @@ def test_an_error_of_the_environment_comes_before_the_task_is_set_up(order, whol
 
 def test_a_set_up_that_the_cut_breaks_is_the_machine_s_failure():
     stage = TwoPartStage()
-    stage.set_up = lambda offline=False: (_ for _ in ()).throw(DesktopError("no page"))
+    stage.fails = DesktopError("no page")
     env, _ = make(stage, corruption=Marking(-1, kind="test_outage"))
     with pytest.raises(DesktopError, match="no page"):
         env.reset(seed=0)
