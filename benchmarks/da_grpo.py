@@ -33,7 +33,7 @@ DEFAULT = (BASE, MAIN)
 WORDS = {
     "visual": "under the corruptions that it trained with",
     "clean": "on clean screens",
-    "heldout": "under the five corruptions that no run trained with",
+    "heldout": "under the four corruptions that no run trained with",
 }
 
 

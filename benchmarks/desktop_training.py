@@ -66,8 +66,10 @@ RECORDED = (
 )
 PLAYED = (*RECORDED[:12:2], *RECORDED[12:16])  # by the rollouts: short ones
 HELD_OUT = ("mark_found_unread", "set_workspaces")
-# Those whose remedy is a skill, but for network_error, which few tasks of ours can have.
-TRAINED = ("verification", "app_minimization", "multi_apps", "accidental_touch")
+# The paper trains with the visual disruptors only.
+TRAINED = tuple(
+    name for name in corruption_names() if hj.make_corruption(name).category == "visual_disruptor"
+)
 REMEDIES = {
     "verification": "unlock",
     "app_minimization": "restore",

@@ -204,7 +204,9 @@ def page(agents: Mapping[str, Sequence[Played]]) -> str:
         " subtitle, which change only the picture, should make no difference to them. They were"
         " played under these, too, to see that this is so.",
         "Seed 0 has all tasks, seed 1 the 24 of `core`: 156 episodes. On clean desktops `oracle`"
-        " played all tasks with three seeds. Single episodes were added later.",
+        " played all tasks with three seeds. Single episodes were added later. Under network_error"
+        " the network was cut after the task's page was loaded (`--environment-errors"
+        " after_setup`).",
         "The desktops shared two cores with other work, at loads up to 50: some episodes were lost"
         " to time-outs of the oracle. Of episodes with the same task, corruption and seed the last"
         " one counts; the files in `docs/results/suite` have all of them, with the commit that"

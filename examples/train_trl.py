@@ -53,7 +53,7 @@ def main() -> None:
     kind = "live" if options.live else "toy"
     family = "suite" if options.live else "toy"
     tasks = members(f"{family}/training")[: options.tasks]
-    corruptions = [hj.PopUps(), hj.Marks(), hj.Subtitle(), hj.Resolution()]
+    corruptions = [hj.PopUps(), hj.Marks(), hj.Subtitle(), hj.Resolution(), hj.MultiApps()]
     if not options.live:  # the paper's, at the size of the toy's screen
         corruptions = list(load_replication("train/toy").trained.values())
     settings = yaml.safe_load(options.config.read_text())

@@ -8,4 +8,4 @@ desktops=${1:-$(nproc)}  # a desktop works one core and reserves 1.5 GiB
 [ $# -eq 0 ] || shift
 # The tasks of the training side; the corruptions are those of configs/train/verl_served.yaml.
 exec hijack serve embedded --desktops "$desktops" --sessions $((2 * desktops)) --size 1280x720 \
-  --corruptions pop_ups,marks,subtitle,resolution,clean --host 0.0.0.0 --port "${PORT:-8000}" "$@"
+  --corruptions pop_ups,marks,subtitle,resolution,multi_apps,clean --host 0.0.0.0 --port "${PORT:-8000}" "$@"

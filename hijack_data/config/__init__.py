@@ -121,7 +121,7 @@ def _tree(source: object, problems: Problems) -> tuple[str, ConfigNode | None]:
     if isinstance(source, Mapping):
         return "<mapping>", from_python(cast("Mapping[str, Any]", source), "<mapping>", problems)
     if isinstance(source, str | os.PathLike):
-        name, data = read_config(cast("str | os.PathLike[str]", source))
+        name, data = read_config(cast("str | os.PathLike[str]", source), "corruptions")
         return name, read_yaml(data, name, problems)
     raise ParameterTypeError(f"a configuration is a path, a name or a mapping, got {shown(source)}")
 

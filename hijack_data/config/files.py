@@ -18,11 +18,15 @@ def available() -> list[str]:
     return sorted(_packaged())
 
 
-def read_config(path_or_name: str | os.PathLike[str]) -> tuple[str, bytes]:
+def read_config(path_or_name: str | os.PathLike[str], folder: str = "") -> tuple[str, bytes]:
     """Return the name of a configuration for messages, and its bytes.
 
     An existing path takes precedence. A name is that of a packaged file without its ending: with
     its folder (`ablations/marks_number`) or, if that is unambiguous, without it.
+
+    Args:
+        path_or_name: a path, or the name of a packaged configuration.
+        folder: the folder of packaged files that a bare name of several files means.
 
     Raises:
         ConfigError: there is no such file, it cannot be read, or it is larger than `MAX_BYTES`.
@@ -32,6 +36,8 @@ def read_config(path_or_name: str | os.PathLike[str]) -> tuple[str, bytes]:
         return name, _read(Path(name), name)
     packaged = _packaged()
     path = [key for key in packaged if name in (key, key.rpartition("/")[2])]
+    if len(path) > 1 and f"{folder}/{name}" in path:
+        path = [f"{folder}/{name}"]
     if len(path) == 1:
         return path[0], _read(packaged[path[0]], path[0])
     if path:

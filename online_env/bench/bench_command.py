@@ -33,6 +33,7 @@ from ..results import costs, records
 from .progress import ProgressDisplay
 
 if TYPE_CHECKING:
+    from ..environment.settings import ErrorOrder, Recovery
     from .config import Bench
     from .episodes import LiveEpisodes
     from .jobs import Job
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     more=(
         "agent_memory",
         "engine",
+        "environment_errors",
         "in_process",
         "max_cost",
         "osworld_files",
@@ -77,6 +79,16 @@ if TYPE_CHECKING:
     help="Seeds 0 to N-1, instead of CONFIG's.",
 )
 @desktops_option
+@click.option(
+    "--recovery",
+    type=click.Choice(("none", "repair", "reset")),
+    help="What a request for re-initialisation leads to, instead of CONFIG's.",
+)
+@click.option(
+    "--environment-errors",
+    type=click.Choice(("before_setup", "after_setup")),
+    help="Cut the network before or after the task's pages are opened, instead of CONFIG's.",
+)
 @click.option(
     "--osworld-files",
     type=click.Path(exists=True, file_okay=False),
@@ -125,6 +137,8 @@ def bench(
     corruptions: str | None,
     seeds: int | None,
     desktops: int | None,
+    recovery: "Recovery | None",
+    environment_errors: "ErrorOrder | None",
     osworld_files: str | None,
     engine: str,
     ray_address: str | None,
@@ -148,7 +162,16 @@ def bench(
     from .pools import open_pool
     from .workers import default_desktops
 
-    benchmark = override(load_bench(config), agent, tasks, corruptions, seeds, osworld_files)
+    benchmark = override(
+        load_bench(config),
+        agent,
+        tasks,
+        corruptions,
+        seeds,
+        osworld_files,
+        recovery,
+        environment_errors,
+    )
     benchmark = replace(benchmark, in_process=in_process, agent_memory=agent_memory or 0.0)
     check_agents(benchmark)
     models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)

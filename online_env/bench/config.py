@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, TypeAlias, cast
+from typing import Any, TypeAlias, cast
 
 import yaml
 
@@ -37,6 +37,7 @@ from hijack_data.types import Size
 from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
+from ..environment.settings import ERROR_ORDERS, POLICIES, ErrorOrder, EvalSettings, Recovery
 from ..tasks import TASKS, Task, families, task_sets
 from .providers import EMBEDDED, PROVIDERS
 
@@ -57,11 +58,13 @@ NUMBERS = {
         "int", "Seconds that an episode may take altogether", low=1, high=604_800
     ),
 }
-RECOVERY = Parameter(
-    "choice", "What a request of the agent for help leads to", choices=("none", "repair", "reset")
+RECOVERY = Parameter("choice", "What a request of the agent for help leads to", choices=POLICIES)
+ENVIRONMENT_ERRORS = Parameter(
+    "choice", "When the network is cut that is down from the beginning", choices=ERROR_ORDERS
 )
+CHOICES = {"recovery": RECOVERY, "environment_errors": ENVIRONMENT_ERRORS}
 DESKTOP_KEYS = ("provider", "size")
-KEYS = ("desktop", "agents", "tasks", "corruptions", "seeds", *NUMBERS, "recovery", "osworld_files")
+KEYS = ("desktop", "agents", "tasks", "corruptions", "seeds", *NUMBERS, *CHOICES, "osworld_files")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +82,7 @@ class Bench:
         seeds: each seed gives every task another variant and every corruption different draws.
         max_steps: the most actions of an episode.
         recovery: `none`, `repair` or `reset`.
+        environment_errors: `before_setup` or `after_setup`; see `EvalSettings`.
         retries: how often an invalid episode is repeated.
         agent_timeout: seconds that an agent may take for one answer.
         episode_timeout: seconds that an episode may take altogether.
@@ -96,12 +100,28 @@ class Bench:
     corruptions: Mapping[str, Planner | None] | None = None
     seeds: tuple[int, ...] = (0,)
     max_steps: int = 15
-    recovery: Literal["none", "repair", "reset"] = "none"
+    recovery: Recovery = "none"
+    environment_errors: ErrorOrder = "before_setup"
     retries: int = 1
     agent_timeout: int = 600
     episode_timeout: int = 3600
     in_process: bool = False
     agent_memory: float = 0.0
+
+    def settings(self, agent: str, log: Path | None = None) -> EvalSettings:
+        """Return the settings of the episodes of an agent.
+
+        Args:
+            agent: its name in the records.
+            log: the folder of the run; `None` writes nothing.
+        """
+        return EvalSettings(
+            max_steps=self.max_steps,
+            recovery=self.recovery,
+            environment_errors=self.environment_errors,
+            log=log,
+            agent=agent,
+        )
 
     @property
     def planners(self) -> Mapping[str, Planner | None]:
@@ -125,6 +145,7 @@ class Bench:
             "seeds": list(self.seeds),
             "max_steps": self.max_steps,
             "recovery": self.recovery,
+            "environment_errors": self.environment_errors,
             "retries": self.retries,
             "agent_timeout": self.agent_timeout,
             "episode_timeout": self.episode_timeout,
@@ -195,7 +216,7 @@ def load_bench(path_or_name: str | os.PathLike[str]) -> Bench:
         ConfigError: All mistakes of the file, each as `file:line:column: message`.
     """
     problems = Problems()
-    name, data = read_config(path_or_name)
+    name, data = read_config(path_or_name, "benchmark")
     tree = read_yaml(data, name, problems)
     if not isinstance(tree, MappingNode):
         start = Position(name, 1, 1)
@@ -213,6 +234,8 @@ def override(
     corruption: str | None = None,
     seeds: int | None = None,
     osworld_files: str | None = None,
+    recovery: Recovery | None = None,
+    environment_errors: ErrorOrder | None = None,
 ) -> Bench:
     """Return the benchmark with the values of the command line.
 
@@ -223,6 +246,8 @@ def override(
         corruption: labels and names of corruptions, or `all`.
         seeds: the number of seeds, which begin at 0.
         osworld_files: OSWorld's file cache.
+        recovery: the recovery policy.
+        environment_errors: when the network is cut that is down from the beginning.
 
     Raises:
         UnknownNameError: There is no such name; the message has the closest one.
@@ -231,6 +256,10 @@ def override(
     """
     if osworld_files is not None:
         bench = replace(bench, osworld_files=osworld_files)
+    if recovery is not None:
+        bench = replace(bench, recovery=recovery)
+    if environment_errors is not None:
+        bench = replace(bench, environment_errors=environment_errors)
     if agent is not None:
         bench = replace(bench, agents=_registered_names("--agent", agent, AGENTS))
     if task is not None:
@@ -354,8 +383,8 @@ class _Reader:
             return self._list(key, tree, "[0, 1, 2]", self._seed)
         if key == "corruptions":
             return self._corruptions(tree)
-        if key == "recovery":
-            return check(self._problems, RECOVERY, key, tree)
+        if key in CHOICES:
+            return check(self._problems, CHOICES[key], key, tree)
         if key in NUMBERS:
             return check(self._problems, NUMBERS[key], key, tree)
         return None

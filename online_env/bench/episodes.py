@@ -18,7 +18,7 @@ from ..agents.agent_thread import AgentThread
 from ..agents.base import Agent, Privileged
 from ..agents.references import is_user_code, reference_to
 from ..agents.registry import AGENTS, make
-from ..environment import CorruptedEnv, EvalSettings
+from ..environment import CorruptedEnv
 from ..environment.stage import TaskStage
 from ..errors import DesktopError, MissingCapabilityError
 from ..results.records import ResultRecord
@@ -111,10 +111,7 @@ class LiveEpisodes:
         """
         bench = self._bench
         begin(job.agent, episode_slug(*job.key[1:3], job.seed, job.agent, attempt))
-        settings = EvalSettings(
-            max_steps=bench.max_steps, recovery=bench.recovery, log=self._folder, agent=job.agent
-        )
-        env = CorruptedEnv(self._stage, settings=settings)
+        env = CorruptedEnv(self._stage, settings=bench.settings(job.agent, self._folder))
         planner = bench.planners[job.corruption]
         start = time.monotonic()
         is_foreign = is_user_code(AGENTS.get(job.agent))
@@ -361,6 +358,7 @@ def _blank_record(job: Job, attempt: int, problem: str, start: float) -> ResultR
         "steps": 0,
         "seconds": round(time.monotonic() - start, 3),
         "effects": [],
+        "environment_errors": None,
         "problem": problem[:MAX_PROBLEM_CHARS],
         "cause": "machine",
         "traceback": [],

@@ -21,6 +21,7 @@ from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
 from .descriptions import short
 from .elements import LAUNCHERS, Element, live_elements, window_at
 from .guest import Guest
+from .launchers import application_names, launches_application
 
 MAX_CLICKS = 5
 CHANGE_TIMEOUT_S = 2.0  # s within which a click must change the screen
@@ -37,16 +38,23 @@ class _View:
     """The state of the screen at one time.
 
     The windows are read first, then the picture, then the tree, so that changes are noticed.
+    `launchers` are the elements that launch another application.
     """
 
     state: dict[str, Any]
     frame: UInt8Array
     elements: list[Element]
+    launchers: list[Element]
 
 
 @register
 class Touch(LiveEffect):
-    """Clicks the first element, in the plan's order, that is still there and reacts."""
+    """Clicks the first element, in the plan's order, that is still there and reacts.
+
+    Where no element is left that may be clicked, it does what Algorithm 6 of the paper does: it
+    clicks what was drawn, be it a launcher. A screen without any element is clicked somewhere, and
+    if every element moved away before its click, the place of the last one is clicked.
+    """
 
     kind: ClassVar[str] = "touch"
     needs: ClassVar[frozenset[Capability]] = frozenset({"accessibility", "windows"})
@@ -57,39 +65,40 @@ class Touch(LiveEffect):
         stream = guest.stream or Stream(0, "touch-v1")
         boxes = _boxes(params)
         without_app = bool(params.get("without_app", True))
-        record: EffectRecord = {"attempts": [], "clicked": None}
+        attempts: list[EffectRecord] = []
         tried_elements: set[Element] = set()
-        while len(record["attempts"]) < MAX_CLICKS and record["clicked"] is None:
+        while len(attempts) < MAX_CLICKS:
             view = _look(guest, without_app)
             candidates = [element for element in view.elements if element not in tried_elements]
+            if not attempts:
+                candidates = candidates or view.launchers
             element = _draw(candidates, boxes, stream)
             if element is None:
                 break
             tried_elements.add(element)
-            attempt = _click(guest, view, element)
-            record["attempts"].append(attempt)
-            if attempt["changed"]:
-                record["clicked"] = attempt
-        return record
+            attempts.append(_click(guest, view, element))
+            if attempts[-1]["changed"]:
+                break
+        if not any(attempt["delivered"] for attempt in attempts):
+            point = attempts[-1]["point"] if attempts else _random_point(guest, stream)
+            attempts.append(_click_point(guest, point))
+        clicked = next((a for a in reversed(attempts) if a["delivered"]), None)
+        if clicked is not None and clicked is not attempts[-1]:
+            guest.x("move", x=clicked["point"][0], y=clicked["point"][1])
+        return {"attempts": attempts, "clicked": clicked}
 
     def probe(self, guest: Guest, record: EffectRecord) -> Probe:
-        """Check that the pointer is there, and the X server saw a click that changed the screen."""
+        """Check that the pointer is there, and that the X server saw the click."""
         clicked = record["clicked"]
         attempts = record["attempts"]
         facts: EffectRecord = {"attempts": attempts, "pointer": guest.x("state")["pointer"]}
-        if not attempts:
-            return Probe(False, facts, "no interactive element is on the screen")
         if clicked is None:
-            problem = f"{len(attempts)} elements were tried, and nothing changed on the screen"
-            return Probe(False, facts, problem)
-        problems: list[str] = []
-        if not clicked["delivered"]:
-            problems.append("the server did not see the button go down and up")
-        if not facts["pointer"] == clicked["pointer"] == clicked["point"]:
-            problems.append(
-                f"the pointer is at {facts['pointer']}, the element was at {clicked['point']}"
-            )
-        return Probe(not problems, facts, "; ".join(problems))
+            tries = f"the click was tried {len(attempts)} times"
+            return Probe(False, facts, f"{tries}: the server did not see the button go down and up")
+        if facts["pointer"] == clicked["pointer"] == clicked["point"]:
+            return Probe(True, facts)
+        problem = f"the pointer is at {facts['pointer']}, the click was at {clicked['point']}"
+        return Probe(False, facts, problem)
 
     def undo(self, guest: Guest, record: EffectRecord) -> Undone:
         """Do nothing: a click is an event, not a state; the agent must close anything it opened."""
@@ -98,15 +107,20 @@ class Touch(LiveEffect):
     def in_words(self, facts: Mapping[str, Any]) -> str:
         """Return which element the click reached."""
         attempts = facts["attempts"]
-        element, (x, y) = attempts[-1]["element"], attempts[-1]["point"]
-        reached = element["role"]
-        if element["name"].strip():
-            reached += f" {short(element['name'])}"
-        tries = f", at attempt {len(attempts)}" if len(attempts) > 1 else ""
-        return (
-            f"the pointer is at {x}, {y}; the click reached the {reached} of {element['app']} and"
-            f" changed the screen{tries}"
+        number, clicked = next(
+            (number, attempt)
+            for number, attempt in reversed(list(enumerate(attempts, 1)))
+            if attempt["delivered"]
         )
+        element, (x, y) = clicked["element"], clicked["point"]
+        if element is None:
+            target = "screen there, since no element could be clicked,"
+        else:
+            name = f" {short(element['name'])}" if element["name"].strip() else ""
+            target = f"{element['role']}{name} of {element['app']}"
+        change = "changed the screen" if clicked["changed"] else "changed nothing on the screen"
+        tries = f", at attempt {number}" if number > 1 else ""
+        return f"the pointer is at {x}, {y}; the click reached the {target} and {change}{tries}"
 
     def undone_in_words(self, facts: Mapping[str, Any]) -> str:
         """Return why there is nothing to undo."""
@@ -117,25 +131,39 @@ def _look(guest: Guest, without_app: bool) -> _View:
     state = guest.x("state")
     frame = guest.desktop.screenshot()
     found = live_elements(guest.desktop.accessibility(), guest.desktop.size)
-    elements = [e for e in found if _can_be_clicked(e, state, without_app)]
-    return _View(state, frame, elements)
+    elements = [element for element in found if _is_reachable(element, state)]
+    launchers: list[Element] = []
+    panel_elements = [e for e in elements if _is_part_of_panel(e, state)] if without_app else []
+    if panel_elements:
+        applications = application_names(guest)
+        titles = {window["title"].casefold() for window in state["windows"]}
+        launchers = [e for e in panel_elements if launches_application(e, applications, titles)]
+    others = [element for element in elements if element not in launchers]
+    return _View(state, frame, others, launchers)
 
 
-def _can_be_clicked(element: Element, state: Mapping[str, Any], without_app: bool) -> bool:
+def _is_reachable(element: Element, state: Mapping[str, Any]) -> bool:
     """Return whether an element is not hidden, and not behind a modal dialog.
 
     Guests also list the elements of minimised windows; at their places there is only the desktop or
-    a panel. `without_app` leaves out what launches applications: panels, their menus and the
-    desktop, but not the dialogs of a panel, which are windows like any other.
+    a panel.
     """
     window = window_at(element.centre, state)
-    if without_app and element.app.lower() in LAUNCHERS and not _is_own_window(window, element):
-        return False
     if window is None:
         return True
     if any(w["for"] == window["id"] and "modal" in w["states"] for w in state["windows"]):
         return False
     return window["type"] not in DESKTOP_WINDOW_TYPES or element.app.lower() in LAUNCHERS
+
+
+def _is_part_of_panel(element: Element, state: Mapping[str, Any]) -> bool:
+    """Return whether an element is on a panel, in its menus or on the desktop.
+
+    The dialogs of a panel are windows like any other.
+    """
+    if element.app.lower() not in LAUNCHERS:
+        return False
+    return not _is_own_window(window_at(element.centre, state), element)
 
 
 def _is_own_window(window: Mapping[str, Any] | None, element: Element) -> bool:
@@ -162,12 +190,11 @@ def _distance(first: Box, second: Box) -> int:
 
 
 def _click(guest: Guest, view: _View, element: Element) -> EffectRecord:
-    x, y = element.centre
     no_window: dict[str, Any] = {"id": 0, "frame": [], "class": "", "title": ""}
     window = window_at(element.centre, view.state) or no_window
     attempt: EffectRecord = {
         "element": element.to_data(),
-        "point": [x, y],
+        "point": list(element.centre),
         "window": window["class"],
         "changed": False,
         "delivered": False,
@@ -177,14 +204,32 @@ def _click(guest: Guest, view: _View, element: Element) -> EffectRecord:
     was = view.frame[y1:y2, x1:x2]
     if _differ(was, guest.desktop.screenshot()[y1:y2, x1:x2]):
         return attempt  # another element is at this place now
-    guest.x("move", x=x, y=y)
+    return attempt | _press(guest, element.centre, window["id"], window["frame"])
+
+
+def _random_point(guest: Guest, stream: Stream) -> list[int]:
+    height, width = guest.desktop.size
+    return [stream.integer(0, width - 1), stream.integer(0, height - 1)]
+
+
+def _click_point(guest: Guest, point: Sequence[int]) -> EffectRecord:
+    """Click a point of the screen, whatever is there."""
+    attempt: EffectRecord = {"element": None, "point": list(point), "window": ""}
+    attempt |= {"changed": False, "delivered": False}
+    return attempt | _press(guest, point, 0, [])
+
+
+def _press(
+    guest: Guest, point: Sequence[int], window: int, window_frame: list[int]
+) -> EffectRecord:
+    """Click a point, if the window is still where it was; 0 stands for any window."""
+    guest.x("move", x=point[0], y=point[1])
     before = _settled(guest)
-    attempt |= guest.x("click", number=window["id"], frame=window["frame"])
+    result: EffectRecord = guest.x("click", number=window, frame=window_frame)
     start = time.monotonic()
-    if not attempt["moved"]:
-        attempt["changed"] = _changes(guest, before)
-    attempt["seconds"] = round(time.monotonic() - start, 3)
-    return attempt
+    if not result["moved"]:
+        result["changed"] = _changes(guest, before)
+    return {**result, "seconds": round(time.monotonic() - start, 3)}
 
 
 def _settled(guest: Guest) -> UInt8Array:

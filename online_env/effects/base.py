@@ -70,11 +70,15 @@ class LiveEffect(ABC):
         kind: the name of the kind in plans.
         needs: the capabilities that a desktop must have.
         lasting: False for an event, such as a click, which cannot be undone.
+        before_setup: True for an error of the environment that the set-up of a task should meet,
+            such as a network that is gone when the browser opens its page; see
+            `EvalSettings.environment_errors`.
     """
 
     kind: ClassVar[str]
     needs: ClassVar[frozenset[Capability]] = frozenset()
     lasting: ClassVar[bool] = True
+    before_setup: ClassVar[bool] = False
 
     @abstractmethod
     def apply(self, guest: Guest, params: Mapping[str, Any]) -> EffectRecord:

@@ -61,6 +61,7 @@ class Firewall(LiveEffect):
 
     kind: ClassVar[str] = "firewall"
     needs: ClassVar[frozenset[Capability]] = frozenset({"firewall"})
+    before_setup: ClassVar[bool] = True
 
     def apply(self, guest: Guest, params: Mapping[str, Any]) -> EffectRecord:
         """Record which sites answer now, then close the network."""

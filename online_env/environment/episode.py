@@ -10,15 +10,17 @@ import copy
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
-from typing import Any
+from typing import Any, cast
 
 from hijack_data.actions import count_points
 from hijack_data.actions.agent_actions import Request, read_action
 from hijack_data.errors import ActionError
+from hijack_data.plan import Effect
 from hijack_data.runs.run_log import CUT, MAX_TEXT, episode_slug
 from hijack_data.types import Size
 
 from ..desktops.protocol import RunResult
+from ..effects import find
 from ..errors import DesktopError, DesktopTimeoutError, GuestError
 from .live_effects import EpisodeEffects
 from .log import EpisodeLog, free_attempt
@@ -37,12 +39,16 @@ from .record import (
 )
 from .script import BEFORE, Script
 from .settings import EvalSettings
-from .stage import Setting, Stage
+from .stage import Setting, Stage, TwoPartStage
 
 WAIT_S = 1.0  # duration of an agent's WAIT
 MAX_OUTPUT_CHARS = 2000  # characters kept of what an action printed
 
 _OVER = (0.0, False, True)  # reward, terminated, truncated
+
+
+class _EarlyEffectError(DesktopError):
+    """An effect that comes before the task's set-up does not hold."""
 
 
 class Episode:
@@ -105,18 +111,21 @@ class Episode:
             HijackError: The stage or the script refuses the request.
             DesktopError: The desktop fails.
         """
-        request = self._request
-        with self._failure_recorded():
-            self._counts.setting = self._stage.reset(request.task, request.seed)
-            self._counts.setup_seconds = since(self._counts.start)
+        early = self._choose_early_effects()
+        if not early:
+            self._set_up()
         script = self._script()
         # A refusal up to this point leaves no record, because nothing was played.
-        size = script.check(self._settings.max_steps, self._stage.desktop)
+        size = script.check(self._max_observations, self._stage.desktop)
         self._log = self._open_log()
         observer = Observer(self._stage.desktop, self._settings, script, self._effects, self._log)
         self._observer = observer
+        problem = self._set_up_around(early, script) if early else ""
         with self._failure_recorded():
-            problem = self._effects.inject(script.plan(BEFORE).effects, script, BEFORE)
+            due = script.plan(BEFORE).effects[len(early) :]
+            if any(find(effect.kind).before_setup for effect in due):
+                self._counts.order = "after_setup"
+            problem = problem or self._effects.inject(due, script, BEFORE)
             problem = observer.look(0, inject=not problem) or problem
         if problem:
             self.end(End(status="invalid", problem=problem))
@@ -182,6 +191,58 @@ class Episode:
             self._observer.flush()
         self.record = self._log.finish(self.record)
 
+    @property
+    def _max_observations(self) -> int:
+        """How many observations may follow the first one."""
+        free = 0 if self._settings.recovery == "none" else 1
+        return self._settings.max_steps + free
+
+    def _choose_early_effects(self) -> tuple[Effect, ...]:
+        """Return the effects that come before the task's set-up, for which the task is chosen."""
+        stage, request = self._stage, self._request
+        is_wanted = self._settings.environment_errors == "before_setup"
+        if request.planner is None or not is_wanted:
+            return ()
+        if not isinstance(stage, TwoPartStage) or not stage.splits_setup:
+            return ()
+        with self._failure_recorded():
+            self._counts.setting = stage.choose(request.task, request.seed)
+        effects = self._script().plan(BEFORE).effects
+        # What comes before them in the plan comes before them here, too.
+        ends = [place for place, each in enumerate(effects, 1) if find(each.kind).before_setup]
+        return effects[: ends[-1]] if ends else ()
+
+    def _set_up(self) -> None:
+        """Set up the task on a pristine desktop."""
+        request = self._request
+        with self._failure_recorded():
+            self._counts.setting = self._stage.reset(request.task, request.seed)
+            self._counts.setup_seconds = since(self._counts.start)
+
+    def _set_up_around(self, early: tuple[Effect, ...], script: Script) -> str:
+        """Set up the task on a pristine desktop after the early effects.
+
+        Returns:
+            Why an effect failed, or "".
+        """
+        request = self._request
+
+        def cut_network() -> None:
+            self._counts.order = "before_setup"
+            problem = self._effects.inject(early, script, BEFORE)
+            if problem:
+                raise _EarlyEffectError(problem)
+
+        stage = cast("TwoPartStage", self._stage)
+        with self._failure_recorded():
+            try:
+                stage.reset_around(request.task, request.seed, cut_network)
+            except _EarlyEffectError as error:
+                return str(error)
+            finally:
+                self._counts.setup_seconds = since(self._counts.start)
+        return ""
+
     @contextlib.contextmanager
     def _failure_recorded(self) -> Iterator[None]:
         """Record a failure before the agent's first action, which is not the agent's fault.
@@ -230,10 +291,12 @@ class Episode:
         view.line["seconds"]["action"] = since(start)
         observer.flush()
 
-        self._counts.steps += 1
         ended = kind in ("done", "fail")
+        if kind == "reinit" and not self._counts.actions and self._settings.recovery != "none":
+            self._counts.free = 1  # the check before the task, as the paper's onlooker makes it
+        self._counts.actions += 1
         last = ended or self._counts.steps >= self._settings.max_steps
-        problem = observer.look(self._counts.steps, inject=not last)
+        problem = observer.look(self._counts.actions, inject=not last)
         if problem:
             self.end(self._attributed(problem, observer))
             return _OVER
@@ -257,7 +320,7 @@ class Episode:
         except DesktopError:
             return invalid
         self._effects.forget()
-        step = self._counts.steps
+        step = self._counts.actions
         if not self._effects.holds_elsewhere(observer.script, lambda: observer.settle(step, {})):
             return invalid
         about = "on a fresh desktop it holds, so this is what the agent's actions led to"

@@ -14,7 +14,7 @@ from hijack_data.runs.run_planners import dump_planner, planner_params
 from ..desktops.protocol import Desktop
 from ..errors import DesktopError
 from ..tasks.base import Verdict
-from .settings import EvalSettings
+from .settings import ErrorOrder, EvalSettings
 from .settle import Settle
 from .stage import Setting
 
@@ -52,7 +52,8 @@ class EpisodeCounts:
 
     setting: Setting
     attempt: int = 0
-    steps: int = 0
+    actions: int = 0  # all of them: observation k follows on action k
+    free: int = 0  # of those, requests that cost no step
     malformed: int = 0
     points: int = 0  # points that the agent's code named
     fractions: int = 0  # of those, points that can only be fractions of the picture
@@ -66,6 +67,12 @@ class EpisodeCounts:
     history: list[str] = field(default_factory=list[str])
     start: float = field(default_factory=time.monotonic)
     setup_seconds: float | None = None  # seconds to reset the desktop and set up the task
+    order: ErrorOrder | None = None  # when its environment errors came, if it has any
+
+    @property
+    def steps(self) -> int:
+        """The actions that count."""
+        return self.actions - self.free
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,6 +135,7 @@ def make_record(
         "seconds": since(counts.start),
         "setup_seconds": counts.setup_seconds,
         "effects": effects,
+        "environment_errors": counts.order,
         "problem": end.problem,
         "cause": end.cause if end.status == "error" else None,
         "traceback": list(end.traceback),
@@ -136,6 +144,7 @@ def make_record(
             "requests": counts.requests,
             "false_alarms": counts.false_alarms,
             "repaired": counts.repaired,
+            "free": counts.free,
         },
         "malformed": counts.malformed,
         "points": {"named": counts.points, "fractions": counts.fractions},

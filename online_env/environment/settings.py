@@ -10,6 +10,8 @@ from .settle import Settle
 
 Recovery: TypeAlias = Literal["none", "repair", "reset"]
 POLICIES: tuple[Recovery, ...] = get_args(Recovery)
+ErrorOrder: TypeAlias = Literal["before_setup", "after_setup"]
+ERROR_ORDERS: tuple[ErrorOrder, ...] = get_args(ErrorOrder)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +23,12 @@ class EvalSettings:
         settle: When the screen counts as settled.
         recovery: What `REQUEST_REINIT` leads to: `"none"` changes nothing, `"repair"` undoes the
             effects, `"reset"` sets up the task again on a clean desktop. Requests are counted in
-            any case.
+            any case. With the last two, a request that is the agent's first action costs no step.
+        environment_errors: When the network is cut that is down from the beginning:
+            `"before_setup"`, as in the paper, so that the first picture shows the browser's error
+            page; or `"after_setup"`, when the task's page has been loaded. A stage that cannot set
+            a task up in two parts (see `environment.stage.TwoPartStage`) always does the latter;
+            the record says what was done.
         allow_code: Allow any Python code; it runs in the guest, as the desktop's user.
         log: The folder of the run; an episode is written to `log/episodes/<its id>/`. `None`
             writes nothing.
@@ -30,12 +37,13 @@ class EvalSettings:
 
     Raises:
         ParameterError: `max_steps` is not an integer of at least 1.
-        UnknownNameError: `recovery` is not a known policy.
+        UnknownNameError: `recovery` or `environment_errors` is not a known choice.
     """
 
     max_steps: int = 15
     settle: Settle = field(default_factory=Settle)
     recovery: Recovery = "none"
+    environment_errors: ErrorOrder = "before_setup"
     allow_code: bool = False
     log: Path | str | None = None
     agent: str = "agent"
@@ -48,6 +56,9 @@ class EvalSettings:
         if self.recovery not in POLICIES:
             close = suggest(self.recovery, POLICIES)
             raise UnknownNameError(f"no recovery policy {self.recovery!r}{close}")
+        if self.environment_errors not in ERROR_ORDERS:
+            close = suggest(self.environment_errors, ERROR_ORDERS)
+            raise UnknownNameError(f"no environment_errors {self.environment_errors!r}{close}")
 
     @property
     def folder(self) -> Path | None:
@@ -61,6 +72,7 @@ class EvalOptions(TypedDict, total=False):
     max_steps: int
     settle: Settle
     recovery: Recovery
+    environment_errors: ErrorOrder
     allow_code: bool
     log: Path | str | None
     agent: str

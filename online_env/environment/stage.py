@@ -3,9 +3,9 @@
 `SmallTasks` has the small tasks on any desktop.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from hijack_data.apps import normalize_app
 from hijack_data.errors import ParameterTypeError, some_of
@@ -66,6 +66,33 @@ class Stage(Protocol):
 
     def close(self) -> None:
         """End the desktop; calling it again does nothing."""
+        ...
+
+
+@runtime_checkable
+class TwoPartStage(Stage, Protocol):
+    """A stage that can revert the desktop first, and set its task up after something was done.
+
+    See `EvalSettings.environment_errors`.
+    """
+
+    @property
+    def splits_setup(self) -> bool:
+        """Whether its desktop allows it."""
+        ...
+
+    def choose(self, task: Any, seed: int) -> Setting:
+        """Return what `reset` will set up, without touching the desktop."""
+        ...
+
+    def reset_around(self, task: Any, seed: int, cut_network: Callable[[], object]) -> Setting:
+        """Set up a task on a pristine desktop whose network is cut before the task's pages open.
+
+        Args:
+            task: As for `reset`.
+            seed: As for `reset`.
+            cut_network: Called once the desktop is pristine, and before anything is set up.
+        """
         ...
 
 
@@ -148,6 +175,35 @@ class SmallTasks(TaskHolder):
         Raises:
             ParameterTypeError: `task` is neither a name nor a task.
         """
+        return self._reset(task, seed, None)
+
+    @property
+    def splits_setup(self) -> bool:
+        """True: any desktop can be reverted first."""
+        return True
+
+    def choose(self, task: Any, seed: int) -> Setting:
+        """Return what `reset` will set up, with the same arguments and errors."""
+        return _describe(self._find(task, seed))
+
+    def reset_around(self, task: Any, seed: int, cut_network: Callable[[], object]) -> Setting:
+        """Set up a task on a pristine desktop whose network is cut before its pages open."""
+        return self._reset(task, seed, cut_network)
+
+    def _reset(self, task: Any, seed: int, cut_network: Callable[[], object] | None) -> Setting:
+        chosen_task = self._find(task, seed)
+        self._task = None
+        self._desktop.reset()
+        self._machine = Machine(self._desktop, self.sites, offline=cut_network is not None)
+        if cut_network is not None:
+            cut_network()
+        if self.sites is not None:
+            set_panel_clock(self._desktop, chosen_task.seed)
+        chosen_task.setup(self._machine)
+        self._task = chosen_task
+        return _describe(chosen_task)
+
+    def _find(self, task: Any, seed: int) -> Task:
         chosen_task: object = self._default if task is None else task
         if isinstance(chosen_task, str):
             chosen_task = tasks.get(chosen_task, seed)
@@ -156,16 +212,7 @@ class SmallTasks(TaskHolder):
             raise ParameterTypeError(
                 f"a task is a name ({task_names}) or a Task, got {chosen_task!r:.80}"
             )
-        self._task = None
-        self._desktop.reset()
-        self._machine = Machine(self._desktop, self.sites)
-        if self.sites is not None:
-            set_panel_clock(self._desktop, chosen_task.seed)
-        chosen_task.setup(self._machine)
-        self._task = chosen_task
-        apps = tuple(normalize_app(app) for app in chosen_task.apps)
-        infeasible = bool(chosen_task.infeasible)
-        return Setting(chosen_task.id, chosen_task.instruction, apps, infeasible, chosen_task.seed)
+        return chosen_task
 
     def evaluate(self, history: Sequence[str]) -> Verdict:
         """Judge the task by files and by the data stored by applications and sites."""
@@ -175,3 +222,8 @@ class SmallTasks(TaskHolder):
     def close(self) -> None:
         """End the desktop."""
         self._desktop.close()
+
+
+def _describe(task: Task) -> Setting:
+    apps = tuple(normalize_app(app) for app in task.apps)
+    return Setting(task.id, task.instruction, apps, bool(task.infeasible), task.seed)

@@ -23,7 +23,7 @@ from hijack_data.types import Size, UInt8Array
 from ..agents.adapters.action_codes import unreadable_action
 from ..bench.config import Bench
 from ..bench.providers import PROVIDERS
-from ..environment import CorruptedEnv, EvalSettings, SmallTasks
+from ..environment import CorruptedEnv, SmallTasks
 from ..errors import DesktopError
 
 _POLL_S = 0.1  # s between two looks for a free desktop
@@ -79,10 +79,7 @@ class Session:
         bench = self._bench
         provider = PROVIDERS.get(bench.provider)
         desktop = self._stack.enter_context(provider(bench.size))
-        settings = EvalSettings(
-            max_steps=bench.max_steps, recovery=bench.recovery, agent=self._model
-        )
-        env = CorruptedEnv(SmallTasks(desktop), settings=settings)
+        env = CorruptedEnv(SmallTasks(desktop), settings=bench.settings(self._model))
         self._stack.callback(env.close)
         self._env = env
         options = {"task": task, "corruption": bench.planners[label], "label": label}

@@ -155,8 +155,14 @@ class OsworldEnv:
         """Return why a task cannot be evaluated here; nothing if it can. No desktop is touched."""
         return self.call("check", dict(task))
 
-    def reset(self, task_config: Mapping[str, Any] | None = None, **_: Any) -> dict[str, Any]:
+    def reset(
+        self, task_config: Mapping[str, Any] | None = None, *, keep: bool = False, **_: Any
+    ) -> dict[str, Any]:
         """Set up a task on a pristine desktop.
+
+        Args:
+            task_config: The task; `None` sets nothing up.
+            keep: Do not replace the desktop: it is pristine but for what was done to it on purpose.
 
         Returns:
             OSWorld's observation; `screenshot` is PNG bytes.
@@ -171,7 +177,7 @@ class OsworldEnv:
             if reasons:
                 raise TaskRefusedError(str(config.get("id")), reasons)
         self.action_history.clear()
-        observation: dict[str, Any] = self.call("reset", config)
+        observation: dict[str, Any] = self.call("reset", config, keep)
         self.instruction = observation.get("instruction")
         return observation
 

@@ -208,9 +208,7 @@ class OsworldTasks(TaskHolder, OsworldStage):
             ParameterTypeError: `task` is not the name of a task of OSWorld.
             DesktopError: A step of the setup failed.
         """
-        file_task = tasks.get(task, seed) if isinstance(task, str) else task
-        if not isinstance(file_task, OsworldFileTask):
-            raise ParameterTypeError(f"a task of OSWorld is wanted, got {task!r:.80}")
+        file_task = _find(task, seed)
         self._task = None
         self._provide(file_task.file)
         setting = super().reset(file_task.file, seed)
@@ -221,6 +219,10 @@ class OsworldTasks(TaskHolder, OsworldStage):
         self._task = file_task
         return setting
 
+    def choose(self, task: Any, seed: int) -> Setting:
+        """Return what `reset` will set up, with the same arguments."""
+        return super().choose(_find(task, seed).file, seed)
+
     def _provide(self, task: OsworldTask) -> None:
         """Copy a task's files into the cache, in place of what an earlier episode left there."""
         cached = self._cache / task.id
@@ -229,6 +231,13 @@ class OsworldTasks(TaskHolder, OsworldStage):
         if fetched is not None and fetched.is_dir():
             shutil.copytree(fetched, cached)
         history.provide(self._osworld, [task], self._cache)
+
+
+def _find(task: object, seed: int) -> OsworldFileTask:
+    file_task = tasks.get(task, seed) if isinstance(task, str) else task
+    if not isinstance(file_task, OsworldFileTask):
+        raise ParameterTypeError(f"a task of OSWorld is wanted, got {task!r:.80}")
+    return file_task
 
 
 @contextlib.contextmanager

@@ -13,6 +13,7 @@ from ..desktops.osworld import OsworldDesktop, OsworldLike
 from ..desktops.protocol import Capability, RunResult
 from ..environment.stage import Setting
 from ..tasks.base import Verdict
+from .env import OsworldEnv
 from .tasks import OsworldTask, mistakes
 
 CONTROL_ACTIONS = ("WAIT", "DONE", "FAIL")
@@ -51,6 +52,7 @@ class OsworldStage:
         self.env = env
         self._late_files = late_files
         self._infeasible = False
+        self._cut_network: Callable[[], object] | None = None
         self._desktop = _EmbeddedGuest(env, password, capabilities)
         self.setup_errors: list[str] = []
 
@@ -71,8 +73,14 @@ class OsworldStage:
             Exception: The environment's own `reset` raised it.
         """
         config = _task_config(task)
+        cut_network, self._cut_network = self._cut_network, None
         try:
-            self._desktop.reset(config)
+            if cut_network is None:
+                self._desktop.reset(config)
+            else:
+                self._desktop.reset(None)
+                cut_network()
+                self._set_up(config)
         finally:
             # Only the environment's own `step` would note that the machine must be reverted; a
             # setup that broke off would be left to the next task.
@@ -82,9 +90,37 @@ class OsworldStage:
         logged = cast("Sequence[str]", getattr(self.env, "warnings", ()))
         errors = [line for line in logged if line.startswith("ERROR")]
         self.setup_errors = [line for line in errors if RETRY_MESSAGE not in line]
-        apps = tuple(normalize_app(app) for app in config.get("related_apps", ()))
-        self._infeasible = config["evaluator"].get("func") == "infeasible"
-        return Setting(config["id"], config["instruction"], apps, self._infeasible)
+        setting = _describe(config)
+        self._infeasible = setting.infeasible
+        return setting
+
+    @property
+    def splits_setup(self) -> bool:
+        """Whether the environment can revert its machine and set a task up in two calls."""
+        return isinstance(self.env, OsworldEnv) or hasattr(self.env, "is_environment_used")
+
+    def choose(self, task: Any, seed: int) -> Setting:
+        """Return what `reset` will set up, with the same arguments and errors."""
+        return _describe(_task_config(task))
+
+    def reset_around(self, task: Any, seed: int, cut_network: Callable[[], object]) -> Setting:
+        """Set up a task on a pristine machine whose network is cut before its pages open.
+
+        A page that cannot be loaded stops no set-up of OSWorld's.
+        """
+        self._cut_network = cut_network
+        try:
+            return self.reset(task, seed)
+        finally:
+            self._cut_network = None
+
+    def _set_up(self, config: dict[str, Any]) -> None:
+        """Set up a task without reverting the machine."""
+        if isinstance(self.env, OsworldEnv):
+            self.env.reset(config, keep=True)
+        else:
+            cast(Any, self.env).is_environment_used = False
+            self.env.reset(task_config=config)
 
     def evaluate(self, history: Sequence[str]) -> Verdict:
         """Return OSWorld's own score, after a wait; the reason says if its setup logged an error.
@@ -147,6 +183,12 @@ class _EmbeddedGuest(OsworldDesktop):
         if client is None:
             return super().execute(argv, timeout)
         return client.execute(argv, timeout)
+
+
+def _describe(config: Mapping[str, Any]) -> Setting:
+    apps = tuple(normalize_app(app) for app in config.get("related_apps", ()))
+    infeasible = config["evaluator"].get("func") == "infeasible"
+    return Setting(config["id"], config["instruction"], apps, infeasible)
 
 
 def _task_config(task: object) -> dict[str, Any]:

@@ -29,6 +29,7 @@ NINE = (
     "verification",
 )
 _LABEL_KEY = "as"
+_OLD_ORDER = "after_setup"  # of the runs whose configuration does not say it
 # The fields of a configuration that, apart from the agent, decide scores.
 _SETTING = (
     "kind",
@@ -153,6 +154,9 @@ def _head_digest(run: Run) -> str:
 
 def _setting_digest(config: Mapping[str, Any]) -> str:
     setting = {key: config.get(key) for key in _SETTING}
+    order = config.get("environment_errors", _OLD_ORDER)
+    if order != _OLD_ORDER:
+        setting["environment_errors"] = order
     code = _task_code(config)
     if code:
         setting["code"] = code

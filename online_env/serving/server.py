@@ -17,7 +17,6 @@ from hijack_data.types import Size
 from ..bench.config import Bench
 from ..bench.providers import PROVIDERS, check_installed
 from ..embedded.runtime import hidden_folders
-from ..environment import EvalSettings
 from ..environment.script import Script
 from ..tasks import find_family
 from .episode_draws import HELD_OUT, TRAINING, EpisodeDraws, sides
@@ -141,9 +140,7 @@ def make_service(options: ServeOptions) -> DesktopService:
         line=2 * desktops if options.line is None else options.line,
         wait_timeout=options.wait_timeout,
     )
-    settings = EvalSettings(
-        max_steps=bench.max_steps, recovery=bench.recovery, log=options.log, agent="client"
-    )
+    settings = bench.settings("client", options.log)
     return DesktopService(pool, draws, settings, lease=options.lease)
 
 

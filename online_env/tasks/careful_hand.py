@@ -4,7 +4,6 @@ It knows what a person knows: the applications of the task, how to start the fir
 password. It does not know what was disturbed, and it acts with pointer and keyboard alone.
 """
 
-import re
 import time
 from collections.abc import Callable, Iterable
 
@@ -13,6 +12,7 @@ from hijack_data.actions.agent_actions import REINIT
 from ..desktops.protocol import Desktop
 from ..errors import DesktopTimeoutError
 from .hand import BUTTONS, ENTRIES, MENU_ROLES, PAUSE, TIMEOUT_S, Hand, title_click
+from .kit.apps import PAGE_ERROR
 from .task_windows import (
     DIALOGS,
     LOCKER,
@@ -35,7 +35,6 @@ _LOOKS_BEFORE_ESCAPE = (
 # An application whose tool bars keep the keyboard after a click: F6 takes it on to the next pane,
 # from which Escape leads back to the document.
 _KEEPS_KEYBOARD = "soffice"
-_OFFLINE = re.compile("No internet|This site can.t be reached|Your connection was interrupted")
 
 
 class CarefulHand(Hand):
@@ -368,7 +367,7 @@ class CarefulHand(Hand):
         self._until(self._windows.visible)
 
     def _is_offline(self, nodes: list[TreeNode]) -> bool:
-        return any(node.role == "heading" and _OFFLINE.match(node.name) for node in nodes)
+        return any(node.role == "static" and PAGE_ERROR.match(node.name) for node in nodes)
 
     def _ask_for_help(self) -> None:
         """Ask for the machine to be put right, once, and load the page again."""

@@ -14,7 +14,7 @@ from ..embedded.sites.state import SITES, SiteState
 from ..errors import DesktopError, DesktopTimeoutError, GuestError, MissingPackageError
 from .hand import Hand
 from .idle import wait_until_idle
-from .task_apps import APPS, TaskApp, find_app
+from .task_apps import APPS, PAGE_ERROR, TaskApp, find_app
 
 # One entry a file, folder or link that is not hidden: kind, mode and path; then the digests. A file
 # that the user may not read, or that goes meanwhile, has none (and xargs ends with 123).
@@ -50,10 +50,15 @@ class Machine:
     Args:
         desktop: The desktop.
         sites: The state of its local internet, `None` if it has none.
+        offline: Whether its network was cut before the task is set up: then the browser is expected
+            to show its error page instead of the task's page.
     """
 
-    def __init__(self, desktop: Desktop, sites: SiteState | None = None) -> None:
+    def __init__(
+        self, desktop: Desktop, sites: SiteState | None = None, *, offline: bool = False
+    ) -> None:
         self.desktop = desktop
+        self.offline = offline
         self._sites = sites
         self._at_first: Snapshot | None = None
         self._before: Snapshot | None = None
@@ -173,7 +178,11 @@ class Machine:
         for role in task_app.ready:
             hand.find(role, app=task_app.tree)
         if any(argument.startswith("http://") for argument in arguments):
-            hand.find("link", app=task_app.tree)  # the window is there before its page
+            # The window is there before its page.
+            if self.offline:
+                hand.find("static", PAGE_ERROR, app=task_app.tree)
+            else:
+                hand.find("link", app=task_app.tree)
 
     def command_line(self, app: str, *arguments: str) -> str:
         """Return what a person types to start an application."""

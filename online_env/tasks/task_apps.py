@@ -1,9 +1,12 @@
 """The applications that tasks use: how they start, and what the accessibility tree has of them."""
 
+import re
 from dataclasses import dataclass
 
 from hijack_data.errors import UnknownNameError, suggest
 
+# What Chromium's error page says of a page that could not be loaded.
+PAGE_ERROR = re.compile(r"(DNS_PROBE|ERR)_[A-Z_]+$")
 _OFFICE = ("--norestore", "--nologo")
 
 

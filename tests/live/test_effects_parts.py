@@ -39,10 +39,11 @@ from online_env.effects import (
     register,
     resume,
 )
-from online_env.effects.accidental_touch import _can_be_clicked, _draw
+from online_env.effects.accidental_touch import _draw, _is_part_of_panel, _is_reachable
 from online_env.effects.apps import COMMANDS
 from online_env.effects.elements import Element, live_elements
 from online_env.effects.guest import Guest, isolated
+from online_env.effects.launchers import launches_application
 from online_env.effects.multi_apps import _misplaced
 from online_env.embedded.guest import inside
 from online_env.embedded.guest.accessibility_tree import NAMESPACES
@@ -440,29 +441,55 @@ BROWSER = window("chromium", "normal", [0, 0, 200, 80])
 PREFERENCES = window("xfce4-panel", "dialog", [50, 10, 150, 70])
 
 
+def element_at(app: str, at: tuple[int, int], name: str = "it", role: str = "push-button"):
+    x, y = at
+    return Element(app, role, name, (x - 2, y - 2, x + 2, y + 2))
+
+
 @pytest.mark.parametrize(
-    ("app", "at", "windows", "with_launchers", "without"),
+    ("app", "at", "windows", "reachable", "of_panel"),
     [
-        ("Google Chrome", (20, 20), [DESKTOP, BROWSER, PANEL], True, True),
+        ("Google Chrome", (20, 20), [DESKTOP, BROWSER, PANEL], True, False),
         ("Google Chrome", (20, 20), [DESKTOP, PANEL], False, False),  # it is minimised
-        ("mousepad", (20, 20), [], True, True),  # no window manager
-        ("xfce4-panel", (20, 90), [DESKTOP, BROWSER, PANEL], True, False),
-        ("xfdesktop", (20, 20), [DESKTOP, PANEL], True, False),
-        ("xfce4-panel", (20, 90), [], True, False),
+        ("mousepad", (20, 20), [], True, False),  # no window manager
+        ("xfce4-panel", (20, 90), [DESKTOP, BROWSER, PANEL], True, True),
+        ("xfdesktop", (20, 20), [DESKTOP, PANEL], True, True),
+        ("xfce4-panel", (20, 90), [], True, True),
         # A menu of the panel is no managed window: what is behind it is at its place.
-        ("xfce4-panel", (20, 20), [DESKTOP, BROWSER, PANEL], True, False),
+        ("xfce4-panel", (20, 20), [DESKTOP, BROWSER, PANEL], True, True),
         # A dialog of the panel is a window like any other: a task may be about it.
-        ("xfce4-panel", (60, 20), [DESKTOP, PANEL, PREFERENCES], True, True),
+        ("xfce4-panel", (60, 20), [DESKTOP, PANEL, PREFERENCES], True, False),
     ],
 )
-def test_a_touch_leaves_launchers_out_but_not_their_dialogs(
-    app, at, windows, with_launchers, without
-):
-    x, y = at
-    element = Element(app, "push-button", "it", (x - 2, y - 2, x + 2, y + 2))
+def test_what_a_touch_reaches(app, at, windows, reachable, of_panel):
     state = {"windows": windows}
-    assert _can_be_clicked(element, state, without_app=False) == with_launchers
-    assert _can_be_clicked(element, state, without_app=True) == without
+    assert _is_reachable(element_at(app, at), state) == reachable
+    assert _is_part_of_panel(element_at(app, at), state) == of_panel
+
+
+@pytest.mark.parametrize(
+    ("app", "role", "name", "launches"),
+    [
+        ("xfce4-panel", "push-button", "Text Editor", True),
+        ("xfce4-panel", "menu-item", "Run Program...", True),
+        ("gnome-shell", "push-button", "Firefox Web Browser", True),
+        ("xfdesktop", "icon", "notes.txt", True),
+        ("gjs", "push-button", "Home", True),
+        ("mate-panel", "push-button", "", True),  # nothing shows that it launches nothing
+        ("xfce4-panel", "toggle-button", "Applications", False),
+        ("xfce4-panel", "toggle-button", "Wed 04 Mar   10:05", False),
+        ("wrapper-2.0", "push-button", "Notifications", False),
+        ("xfce4-panel", "menu", "Settings", False),
+        ("xfce4-panel", "menu-item", "Properties", False),
+        ("xfdesktop", "menu-item", "Arrange Desktop Icons", False),
+        ("xfce4-panel", "toggle-button", "Terminal", False),  # the button of a window
+        ("gnome-shell", "toggle-button", "Text Editor", True),  # no window has this title
+    ],
+)
+def test_a_launcher_bears_the_name_of_an_application(app, role, name, launches):
+    applications = {"text editor", "run program...", "firefox web browser", "terminal", "settings"}
+    element = element_at(app, (20, 20), name, role)
+    assert launches_application(element, applications, {"terminal"}) == launches
 
 
 @pytest.mark.parametrize("bad", ["", "<a", "no xml", "<a><b></a>"])
@@ -500,9 +527,6 @@ def test_misplaced_allows_for_what_cannot_be_smaller():
 
 
 def test_a_window_behind_its_modal_dialog_is_not_touched():
-    from online_env.effects.accidental_touch import _can_be_clicked
-    from online_env.effects.elements import Element
-
     def window(number, frame, **more):
         return {
             "id": number,
@@ -523,7 +547,7 @@ def test_a_window_behind_its_modal_dialog_is_not_touched():
         return {
             name
             for name, box in places.items()
-            if _can_be_clicked(Element("app", "push-button", name, box), state, without_app=True)
+            if _is_reachable(Element("app", "push-button", name, box), state)
         }
 
     assert seen(main, beside, dialog) == {"dialog", "beside"}

@@ -99,6 +99,25 @@ def test_defaults(tmp_path):
     assert only.to_data()["corruptions"] == ["clean"]
 
 
+def test_the_paper_s_protocol():
+    bench = load_bench("paper")  # a file of corruptions has this name, too
+    assert (bench.source, bench.size) == ("benchmark/paper", (1080, 1920))
+    assert (bench.max_steps, bench.recovery, bench.environment_errors) == (
+        15,
+        "reset",
+        "before_setup",
+    )
+    assert len(bench.agents) == 10
+    assert "agenthijack-agent" in bench.agents
+    assert dict(bench.planners) == all_planners()
+    changed = override(bench, recovery="none", environment_errors="after_setup")
+    assert changed.to_data() == {
+        **bench.to_data(),
+        "recovery": "none",
+        "environment_errors": "after_setup",
+    }
+
+
 def test_every_mistake_at_once_with_its_place(tmp_path):
     found = mistakes(
         tmp_path,

@@ -142,6 +142,7 @@ def test_an_event_is_over_once_it_was_proved() -> None:
         "requests": 1,
         "false_alarms": 0,
         "repaired": 0,  # nobody can take a click back
+        "free": 1,
     }
 
 

@@ -14,6 +14,7 @@ import hijack_data as hj
 from hijack_data.errors import ParameterError, ParameterTypeError
 from hijack_data.params import Every
 from online_env.effects import Probe, Undone, register
+from online_env.environment.stage import Setting
 from online_env.errors import DesktopError, MissingCapabilityError
 
 from support.episodes import CLICK, make, play
@@ -201,6 +202,7 @@ def test_recovery_is_only_on_request(policy, helped):
         "requests": 1,
         "false_alarms": 0,
         "repaired": helped,
+        "free": helped,
     }
     assert stage.desktop.state == set()
 
@@ -216,7 +218,80 @@ def test_a_request_without_need_is_a_false_alarm(policy):
         "requests": 3,
         "false_alarms": alarms,
         "repaired": helped,
+        "free": helped,
     }
+
+
+@pytest.mark.parametrize(("policy", "free"), [("none", 0), ("repair", 1), ("reset", 1)])
+def test_a_re_initialisation_before_the_first_action_costs_no_step(policy, free):
+    env, _ = make(corruption=Marking(0), recovery=policy, max_steps=3)
+    env.reset(seed=0)
+    actions = ["REQUEST_REINIT", "WAIT", "REQUEST_REINIT", "WAIT", "WAIT"]
+    ends = [env.step(action)[3] for action in actions[: 3 + free]]
+    assert ends == [False] * (2 + free) + [True]
+    record = env.record
+    assert (record["steps"], record["ended"], record["recovery"]["free"]) == (3, "max_steps", free)
+
+
+class TwoPartStage(FakeStage):
+    """A stage that says in which order things happen to its desktop."""
+
+    splits_setup = True
+
+    def choose(self, task, seed):
+        return Setting("do-0", "Open the file", ("files",))
+
+    def reset_around(self, task, seed, cut_network):
+        self.desktop.calls.append("revert")
+        self.desktop.reset()
+        cut_network()
+        self.desktop.calls.append("set up")
+        if self.fails:
+            raise self.fails
+        return self.choose(task, seed)
+
+    def reset(self, task, seed):
+        return self.reset_around(task, seed, lambda: None)
+
+
+@register
+class Outage(Mark):
+    """An error of the environment."""
+
+    kind: ClassVar[str] = "test_outage"
+    before_setup: ClassVar[bool] = True
+
+
+@pytest.mark.parametrize("order", ["before_setup", "after_setup"])
+@pytest.mark.parametrize("whole", [False, True])
+def test_an_error_of_the_environment_comes_before_the_task_is_set_up(order, whole):
+    stage = FakeStage() if whole else TwoPartStage()
+    env, _ = make(stage, corruption=Marking(-1, kind="test_outage"), environment_errors=order)
+    env.reset(seed=0)
+    calls = [
+        call for call in stage.desktop.calls if call == "apply" or "re" in call or "up" in call
+    ]
+    first = order == "before_setup" and not whole
+    if first:
+        assert calls[:3] == ["revert", "apply", "set up"]
+    elif not whole:
+        assert calls[:3] == ["revert", "set up", "apply"]
+    env.step("DONE")
+    assert env.record["environment_errors"] == ("before_setup" if first else "after_setup")
+    assert env.record["status"] == "ok"
+    env.reset(seed=0, options={"corruption": None})
+    env.step("DONE")
+    assert env.record["environment_errors"] is None
+
+
+def test_a_set_up_that_the_cut_breaks_is_the_machine_s_failure():
+    stage = TwoPartStage()
+    stage.fails = DesktopError("no page")
+    env, _ = make(stage, corruption=Marking(-1, kind="test_outage"))
+    with pytest.raises(DesktopError, match="no page"):
+        env.reset(seed=0)
+    assert (env.record["status"], env.record["environment_errors"]) == ("invalid", "before_setup")
+    assert stage.desktop.state == set()
 
 
 class Later(hj.Planner):

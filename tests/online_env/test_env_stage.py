@@ -156,6 +156,19 @@ def test_a_machine_that_was_used_is_reverted():
         assert env.reverts == reverts
 
 
+def test_the_network_is_cut_between_the_revert_and_the_setup():
+    env, states = Env(), []
+    stage = OsworldStage(env)
+    stage.reset(TASK, 0)
+    assert stage.choose(TASK, 0) == stage.reset_around(
+        TASK, 0, lambda: states.append((env.reverts, env.task))
+    )
+    assert states == [(1, None)], "reverted, and nothing set up"
+    assert (env.reverts, env.task["id"]) == (1, "o-1"), "set up on the machine as it was left"
+    stage.reset(TASK, 0)
+    assert env.reverts == 2
+
+
 def test_a_machine_whose_setup_broke_off_is_reverted():
     class Breaks(Env):
         def reset(self, task_config=None):

@@ -70,9 +70,12 @@ class Worker:
         """Why the task can't be evaluated in this environment; empty where it can."""
         return package_needs.problems(task, self.metrics, self.getters, self.setup)
 
-    def reset(self, task: Message | None) -> Message:
-        """OSWorld's reset, always on a pristine desktop; the observation, pictures in base64."""
-        self.env.is_environment_used = self.used
+    def reset(self, task: Message | None, keep: bool = False) -> Message:
+        """OSWorld's reset, on a pristine desktop; the observation, pictures in base64.
+
+        `keep`: on the desktop as it is, because something was done to the pristine one.
+        """
+        self.env.is_environment_used = self.used and not keep
         self.used = True
         return _portable(self.env.reset(task_config=task))
 

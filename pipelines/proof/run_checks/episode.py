@@ -201,8 +201,8 @@ def _derived_fields(replay: EpisodeReplay, is_ok: bool) -> dict[str, Any]:
     """Return the fields of the record that can be computed from the lines."""
     acted = [line for line in replay.lines if line.get("raw") is not None]
     actions = [_action_text(line) for line in acted]
-    steps = len(acted)
-    is_cut = not is_ok and steps == len(replay.lines) > 0
+    steps = len(acted) - field_checks.free_requests(replay.record, replay.lines)
+    is_cut = not is_ok and len(acted) == len(replay.lines) > 0
     if is_cut and replay.record.get("steps") == steps - 1:
         steps -= 1  # the desktop died while it carried out the last action
     points = [answer_points(line["raw"], _allow_code(replay.record)) for line in acted]
@@ -232,7 +232,8 @@ def _action_text(line: Mapping[str, Any]) -> Any:
 def _end_reason(replay: EpisodeReplay, actions: list[Any]) -> str:
     if actions and actions[-1] in ("DONE", "FAIL"):
         return "agent"
-    if len(actions) == replay.record.get("max_steps"):
+    free = field_checks.free_requests(replay.record, replay.lines)
+    if len(actions) - free == replay.record.get("max_steps"):
         return "max_steps"
     return "outside"
 

@@ -10,6 +10,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any, Final, TypeGuard
 
+from hijack_data.actions.agent_actions import REINIT
 from hijack_data.runs.run_head import config_digest
 from hijack_data.runs.run_log import (
     EPISODE,
@@ -64,6 +65,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "seeds": COPIED,
         "max_steps": COPIED,
         "recovery": COPIED,
+        "environment_errors": COPIED,
         "retries": DERIVED,
         "agent_timeout": FREE,
         "episode_timeout": FREE,
@@ -105,6 +107,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "seconds": FREE,
         "setup_seconds": FREE,
         "effects": DERIVED,
+        "environment_errors": COPIED,
         "problem": FREE,
         "cause": DERIVED,
         "traceback": FREE,
@@ -120,7 +123,13 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "chain": DERIVED,
     },
     DESKTOP: {"provider": LIBRARY, "size": COPIED, "settle": LIBRARY},
-    RECOVERY: {"policy": COPIED, "requests": DERIVED, "false_alarms": FREE, "repaired": DERIVED},
+    RECOVERY: {
+        "policy": COPIED,
+        "requests": DERIVED,
+        "false_alarms": FREE,
+        "repaired": DERIVED,
+        "free": DERIVED,
+    },
     STEPS: {
         "said": FREE,
         "step": DERIVED,
@@ -270,6 +279,10 @@ def record_problems(
     steps, max_steps = record.get("steps"), config.get("max_steps")
     if isinstance(steps, int) and isinstance(max_steps, int) and steps > max_steps:
         yield f"steps is {steps}, max_steps of {RUN} is {max_steps}"
+    orders = (None, "after_setup", config.get("environment_errors"))
+    if record.get("environment_errors") not in orders:
+        order = fields.shown(record["environment_errors"])
+        yield f"environment_errors is {order}, by {RUN} it is {fields.shown(orders[-1])}"
     is_error = record.get("status") == "error" and "cause" in record
     if is_error and record["cause"] not in CAUSES:
         yield f"cause is {fields.shown(record.get('cause'))}: the episode is to be played again"
@@ -415,6 +428,19 @@ def time_problems(record: Mapping[str, Any], lines: Sequence[Mapping[str, Any]])
         yield f"seconds is {total}, setting up and the steps took {seconds:.3f}"
 
 
+def free_requests(record: Mapping[str, Any], lines: Sequence[Mapping[str, Any]]) -> int:
+    """Return how many requests of an episode cost no step: the first action, if it was one.
+
+    In the logs of earlier versions, which do not name this number, each cost a step.
+    """
+    recovery = _mapping(record.get(RECOVERY))
+    if "free" not in recovery or recovery.get("policy") == "none" or not lines:
+        return 0
+    if len(lines) == 1 and recovery["free"] == 0:
+        return 0  # the desktop died while it was carried out
+    return int(lines[0].get("code") == REINIT)
+
+
 def recovery_problems(
     record: Mapping[str, Any], lines: Sequence[Mapping[str, Any]], requests: int
 ) -> Iterator[str]:
@@ -428,6 +454,9 @@ def recovery_problems(
     recovery = _mapping(record.get(RECOVERY))
     if not recovery:
         return
+    if recovery.get("free", 0) != free_requests(record, lines):
+        value = free_requests(record, lines)
+        yield f"recovery.free is {fields.shown(recovery['free'])}, by {STEPS} it is {value}"
     counts = {key: recovery.get(key) for key in ("requests", "repaired", "false_alarms")}
     helped = sum(_mapping(line.get("result")).get("helped") is True for line in lines)
     for key, value in (("requests", requests), ("repaired", helped)):
@@ -453,7 +482,8 @@ def early_end_problems(
     acted = [line for line in lines if line.get("raw") is not None]
     is_last_seen = bool(lines) and lines[-1].get("raw") is None
     is_over = bool(acted) and (
-        acted[-1].get("code") in ("DONE", "FAIL") or len(acted) == record.get("max_steps")
+        acted[-1].get("code") in ("DONE", "FAIL")
+        or len(acted) - free_requests(record, lines) == record.get("max_steps")
     )
     if not is_over or not is_last_seen:
         return

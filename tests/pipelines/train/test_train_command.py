@@ -4,11 +4,14 @@ import json
 from pathlib import Path
 
 import pytest
+import yaml
 from click.testing import CliRunner
 
 pytest.importorskip("torch", reason="needs the extra [train]")
 pytest.importorskip("gymnasium", reason="needs the extra [train]")
 
+import hijack_data as hj
+from hijack_data.config import load_config
 from hijack_data.errors import ConfigError, HijackError
 from pipelines.train.errors import LeakError, TrainError
 from pipelines.train.toy import results
@@ -16,6 +19,12 @@ from pipelines.train.toy.arms import ARMS
 from pipelines.train.toy.settings import load_replication
 from pipelines.train.train_command import train
 
+ROOT = Path(__file__).parents[3]
+VISUAL = {
+    name
+    for name in hj.corruption_names()
+    if hj.make_corruption(name).category == "visual_disruptor"
+}
 SMALL = """\
 environment: toy
 training: [toy-00000, toy-00001, toy-00002, toy-00003]
@@ -96,8 +105,20 @@ def test_the_shipped_configuration_is_the_paper_s():
     assert (len(shipped.training), shipped.epochs, shipped.rollouts) == (128, 15, 4)
     assert (shipped.clip_low, shipped.clip_high, shipped.format_weight) == (0.2, 0.3, 1.0)
     assert shipped.seeds >= 4
-    assert set(shipped.trained) == {"pop_ups", "marks", "subtitle", "resolution"}
-    assert len(shipped.untrained) == 5
+    assert set(shipped.trained) == VISUAL
+    assert {*shipped.trained, *shipped.untrained} == set(hj.corruption_names())
+
+
+@pytest.mark.parametrize("name", ["verl_agent", "verl_served"])
+def test_every_shipped_trainer_draws_from_the_paper_s_five_visual_disruptors(name):
+    (loop,) = yaml.safe_load((ROOT / "configs" / "train" / f"{name}.yaml").read_text())
+    assert set(load_config({"corruptions": loop["corruptions"]}).corruptions) == VISUAL
+
+
+def test_the_servers_of_the_cluster_play_what_the_trainer_draws():
+    script = (ROOT / "examples" / "cluster" / "desktops.sh").read_text()
+    options = script.partition("--corruptions ")[2].split()[0]
+    assert set(options.split(",")) == {*VISUAL, "clean"}
 
 
 @pytest.mark.parametrize(
