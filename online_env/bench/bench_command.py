@@ -98,8 +98,8 @@ if TYPE_CHECKING:
 @click.option(
     "--prompts",
     type=click.Path(path_type=Path),
-    metavar="DIR",
-    help="Prompts of models that replace ours by name.",
+    metavar="DIR|FILE.py",
+    help="Prompts of models that replace ours by name; ui-tars says where UI-TARS' own are.",
 )
 @click.option(
     "--max-cost",
