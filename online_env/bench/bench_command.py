@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from hijack_data import extras
 from hijack_data.cli.completion import complete, complete_configuration
 from hijack_data.cli.options import (
     BriefCommand,
@@ -150,6 +151,8 @@ def bench(
 
     benchmark = override(load_bench(config), agent, tasks, corruptions, seeds, osworld_files)
     benchmark = replace(benchmark, in_process=in_process, agent_memory=agent_memory or 0.0)
+    if benchmark.text_boxes:
+        extras.require("text_boxes", "ocr", ("rapidocr", "onnxruntime"))
     check_agents(benchmark)
     models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
     prepare(benchmark.agents, models, None if dry_run else out)

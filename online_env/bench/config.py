@@ -61,7 +61,18 @@ RECOVERY = Parameter(
     "choice", "What a request of the agent for help leads to", choices=("none", "repair", "reset")
 )
 DESKTOP_KEYS = ("provider", "size")
-KEYS = ("desktop", "agents", "tasks", "corruptions", "seeds", *NUMBERS, "recovery", "osworld_files")
+TEXT_BOXES = Parameter("bool", "Whether pop-ups and marks keep lines of text free")
+KEYS = (
+    "desktop",
+    "agents",
+    "tasks",
+    "corruptions",
+    "seeds",
+    *NUMBERS,
+    "recovery",
+    "text_boxes",
+    "osworld_files",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +90,7 @@ class Bench:
         seeds: each seed gives every task another variant and every corruption different draws.
         max_steps: the most actions of an episode.
         recovery: `none`, `repair` or `reset`.
+        text_boxes: whether pop-ups and marks keep the lines of text free, which OCR finds.
         retries: how often an invalid episode is repeated.
         agent_timeout: seconds that an agent may take for one answer.
         episode_timeout: seconds that an episode may take altogether.
@@ -97,6 +109,7 @@ class Bench:
     seeds: tuple[int, ...] = (0,)
     max_steps: int = 15
     recovery: Literal["none", "repair", "reset"] = "none"
+    text_boxes: bool = False
     retries: int = 1
     agent_timeout: int = 600
     episode_timeout: int = 3600
@@ -129,6 +142,8 @@ class Bench:
             "agent_timeout": self.agent_timeout,
             "episode_timeout": self.episode_timeout,
         }
+        if self.text_boxes:
+            data["text_boxes"] = True
         if self.osworld_files:
             data["osworld_files"] = self.osworld_files
         if self.in_process:
@@ -356,6 +371,8 @@ class _Reader:
             return self._corruptions(tree)
         if key == "recovery":
             return check(self._problems, RECOVERY, key, tree)
+        if key == "text_boxes":
+            return check(self._problems, TEXT_BOXES, key, tree)
         if key in NUMBERS:
             return check(self._problems, NUMBERS[key], key, tree)
         return None

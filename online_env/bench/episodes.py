@@ -112,7 +112,11 @@ class LiveEpisodes:
         bench = self._bench
         begin(job.agent, episode_slug(*job.key[1:3], job.seed, job.agent, attempt))
         settings = EvalSettings(
-            max_steps=bench.max_steps, recovery=bench.recovery, log=self._folder, agent=job.agent
+            max_steps=bench.max_steps,
+            recovery=bench.recovery,
+            log=self._folder,
+            agent=job.agent,
+            text_boxes=bench.text_boxes,
         )
         env = CorruptedEnv(self._stage, settings=settings)
         planner = bench.planners[job.corruption]

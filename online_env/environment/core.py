@@ -51,7 +51,7 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
             `corruption` (its label), `seed`, `step`, `plan` (of the present picture), `events` (of
             its effects) and `record` (`None` until the episode is over).
         **changes: Fields of `EvalSettings` (`max_steps`, `settle`, `recovery`, `allow_code`,
-            `log`, `agent`, `password`) that replace those of `settings`.
+            `log`, `agent`, `password`, `text_boxes`) that replace those of `settings`.
 
     Raises:
         UnknownNameError: The corruption, recovery policy or render mode does not exist.

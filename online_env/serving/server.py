@@ -142,7 +142,11 @@ def make_service(options: ServeOptions) -> DesktopService:
         wait_timeout=options.wait_timeout,
     )
     settings = EvalSettings(
-        max_steps=bench.max_steps, recovery=bench.recovery, log=options.log, agent="client"
+        max_steps=bench.max_steps,
+        recovery=bench.recovery,
+        log=options.log,
+        agent="client",
+        text_boxes=bench.text_boxes,
     )
     return DesktopService(pool, draws, settings, lease=options.lease)
 
