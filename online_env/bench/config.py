@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias, cast
 
 import yaml
 
-from hijack_data.config import dump
+from hijack_data.config import dump, load_config
 from hijack_data.config.build import Builder
 from hijack_data.config.corruption_settings import check
 from hijack_data.config.files import read_config
@@ -260,14 +260,28 @@ def override(
 
 
 def _planners(bench: Bench, text: str) -> Planners:
-    """Return the corruptions that a text lists: labels of the file, names, or `all`."""
+    """Return the corruptions that a text lists: labels of the file, names, or `all`.
+
+    The path of a configuration of corruptions, such as the authors' `default.yaml`, stands for all
+    that it lists.
+    """
     if text.strip() == ALL:
         return all_planners()
     planners = {**all_planners(), **bench.planners}
+    labels: list[str] = []
     for name in _split_names(text):
+        if name.endswith((".yaml", ".yml")):
+            listed = load_config(name).corruptions
+            planners.update(listed)
+            labels += listed
+            continue
         if name not in planners:
             check_not_broken(name)
-    return {label: planners[label] for label in _check_names("--corruptions", text, planners)}
+        labels.append(name)
+    return {
+        label: planners[label]
+        for label in _check_names("--corruptions", ",".join(labels), planners)
+    }
 
 
 def _registered_names(option: str, text: str, registry: AnyRegistry) -> tuple[str, ...]:
