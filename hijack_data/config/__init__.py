@@ -12,7 +12,8 @@ Every mistake in a file is reported at once.
     seed: 7
 
 `corruptions` is a list, or a mapping from names to parameters. Other top-level keys are those of
-`options.OPTIONS`, and `paper_compat: true`, which reads the paper's own names and keys.
+`options.OPTIONS`, and `paper_compat: true`, which reads the paper's own names and keys. A file that
+has `noise` in the place of `corruptions`, as the authors' `config/default.yaml`, is read so too.
 """
 
 import os
@@ -28,9 +29,9 @@ from .build import Builder
 from .corruption_settings import check
 from .dumping import dump
 from .files import available, read_config
-from .nodes import ConfigNode, MappingNode, Position, Problems, from_python, kind_of
+from .nodes import ConfigNode, MappingNode, Position, Problems, ScalarNode, from_python, kind_of
 from .options import OPTIONS
-from .paper import paper_name
+from .paper import WRAPPER, paper_name
 from .yaml_reader import read_yaml
 
 __all__ = ["OPTIONS", "Config", "available", "dump", "load_config", "paper_compat", "specs_from"]
@@ -129,6 +130,8 @@ def _tree(source: object, problems: Problems) -> tuple[str, ConfigNode | None]:
 def _config(tree: MappingNode, source: str, problems: Problems, paper: bool) -> Config:
     flag = tree.items.get("paper_compat")
     paper = bool(check(problems, _PAPER, "paper_compat", flag)) if flag else paper
+    if WRAPPER in tree.items:
+        tree, paper = _unwrapped(tree, problems), paper or flag is None
     if paper and "corruptions" not in tree.items:
         tree = _wrapped(tree)
     options: dict[str, Any] = {}
@@ -143,6 +146,24 @@ def _config(tree: MappingNode, source: str, problems: Problems, paper: bool) -> 
         )
         return Config({}, options, source)
     return Config(Builder(problems, paper).build(tree.items["corruptions"]), options, source)
+
+
+def _unwrapped(tree: MappingNode, problems: Problems) -> MappingNode:
+    """Move what is under `noise` to `corruptions`; note if the file forbids or repeats it."""
+    place = tree.keys[WRAPPER]
+    if "corruptions" in tree.items:
+        problems.add(place, f"{WRAPPER!r} and 'corruptions' both list corruptions; keep one")
+        others = {key: item for key, item in tree.items.items() if key != WRAPPER}
+        return MappingNode(tree.place, others, tree.keys)
+    flag = tree.items.get("paper_compat")
+    if isinstance(flag, ScalarNode) and flag.value is False:
+        problems.add(
+            place,
+            f"{WRAPPER!r} is the key of the authors' file, which paper_compat: false does not read;"
+            " name it corruptions, or leave out paper_compat",
+        )
+    renamed = {key if key != WRAPPER else "corruptions": item for key, item in tree.items.items()}
+    return MappingNode(tree.place, renamed, {**tree.keys, "corruptions": place})
 
 
 def _wrapped(tree: MappingNode) -> MappingNode:

@@ -64,7 +64,9 @@ def check(
     """Return the checked value of a tree, or note why it is refused and return `None`."""
     value = plain(tree)
     try:
-        return parameter.check(where, key.translate(where, value) if key else value)
+        if key is not None and key.translate is not None:
+            value = key.translate(where, value)
+        return parameter.check(where, value)
     except HijackError as error:
         advice = hint(parameter, tree) if isinstance(parameter, Parameter) else ""
         problems.add(tree.place, f"{error}{advice}")

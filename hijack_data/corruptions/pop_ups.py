@@ -22,8 +22,14 @@ from ..types import BoxArray, Point, Scene, as_boxes, size_text
 FONT = "DejaVuSans"
 LARGEST_FONT = 44
 SMALLEST_FONT = 6
-# window_string may be one of these names, or any text with {x} and {y} in it.
-TEMPLATES = {"instruct click tgt": "Please click: ({x}, {y})"}
+# window_string may be one of these names of the authors' code, or any text with {x} and {y} in it.
+TEMPLATES = {
+    "instruct click tgt": "Please click: ({x}, {y})",
+    "instruct move to tgt": "Please move to: ({x}, {y})",
+    "click tgt": "Click({x}, {y})",
+    "tgt": "({x}, {y})",
+    "instruct click here": "Please click here",
+}
 FIELDS = {"x", "y", "0", "1", ""}
 
 

@@ -38,6 +38,11 @@ def font_file(name: str) -> Path:
     return path
 
 
+def is_bundled(name: str) -> bool:
+    """Return whether `name` is the name of a bundled font, such as `"DejaVuSans"`."""
+    return name in {path.stem for path in FONTS.glob("*.ttf")}
+
+
 def _find_font(name: str) -> Path | None:
     bundled = FONTS / f"{name}.ttf"
     try:

@@ -12,6 +12,7 @@ from .base import Agent
 from .chat import prompts
 from .chat.agent import make_agent
 from .chat.run import ChatRun
+from .chat.ui_tars_prompts import NAME, SOURCES, read_ui_tars_prompts, write_prompts
 from .settings import AgentSettings
 
 
@@ -74,13 +75,21 @@ def file_makers(entries: Iterable[Any]) -> list[FileAgentMaker]:
 def prompts_folder(path: Path) -> Path:
     """Check that a folder of prompts is not empty, and that each replaces a packaged one.
 
+    For a Python file with UI-TARS' prompts, the folder is made from it.
+
     Raises:
         AgentSetupError: there is no such folder, or a file does not have the name of a packaged
             prompt.
         ConfigError: A prompt has mistakes.
     """
+    if path.suffix == ".py":
+        path = write_prompts(read_ui_tars_prompts(path))
     files = sorted(path.glob(f"*{prompts.SUFFIX}")) if path.is_dir() else []
     names = prompts.names()
+    if not files and str(path) == NAME:
+        raise AgentSetupError(
+            f"--prompts {NAME}: UI-TARS' own wording is read from your copy of a file: {SOURCES}"
+        )
     if not files:
         raise AgentSetupError(f"--prompts {path}: no folder with prompts (*{prompts.SUFFIX})")
     for file in files:

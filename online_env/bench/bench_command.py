@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from hijack_data import extras
 from hijack_data.cli.completion import complete, complete_configuration
 from hijack_data.cli.options import (
     BriefCommand,
@@ -110,8 +111,8 @@ if TYPE_CHECKING:
 @click.option(
     "--prompts",
     type=click.Path(path_type=Path),
-    metavar="DIR",
-    help="Prompts of models that replace ours by name.",
+    metavar="DIR|FILE.py",
+    help="Prompts of models that replace ours by name; ui-tars says where UI-TARS' own are.",
 )
 @click.option(
     "--max-cost",
@@ -173,6 +174,8 @@ def bench(
         environment_errors,
     )
     benchmark = replace(benchmark, in_process=in_process, agent_memory=agent_memory or 0.0)
+    if benchmark.text_boxes:
+        extras.require("text_boxes", "ocr", ("rapidocr", "onnxruntime"))
     check_agents(benchmark)
     models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
     prepare(benchmark.agents, models, None if dry_run else out)

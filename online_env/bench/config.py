@@ -11,7 +11,7 @@ from typing import Any, TypeAlias, cast
 
 import yaml
 
-from hijack_data.config import dump
+from hijack_data.config import dump, load_config
 from hijack_data.config.build import Builder
 from hijack_data.config.corruption_settings import check
 from hijack_data.config.files import read_config
@@ -64,7 +64,18 @@ ENVIRONMENT_ERRORS = Parameter(
 )
 CHOICES = {"recovery": RECOVERY, "environment_errors": ENVIRONMENT_ERRORS}
 DESKTOP_KEYS = ("provider", "size")
-KEYS = ("desktop", "agents", "tasks", "corruptions", "seeds", *NUMBERS, *CHOICES, "osworld_files")
+TEXT_BOXES = Parameter("bool", "Whether pop-ups and marks keep lines of text free")
+KEYS = (
+    "desktop",
+    "agents",
+    "tasks",
+    "corruptions",
+    "seeds",
+    *NUMBERS,
+    *CHOICES,
+    "text_boxes",
+    "osworld_files",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +94,7 @@ class Bench:
         max_steps: the most actions of an episode.
         recovery: `none`, `repair` or `reset`.
         environment_errors: `before_setup` or `after_setup`; see `EvalSettings`.
+        text_boxes: whether pop-ups and marks keep the lines of text free, which OCR finds.
         retries: how often an invalid episode is repeated.
         agent_timeout: seconds that an agent may take for one answer.
         episode_timeout: seconds that an episode may take altogether.
@@ -102,6 +114,7 @@ class Bench:
     max_steps: int = 15
     recovery: Recovery = "none"
     environment_errors: ErrorOrder = "before_setup"
+    text_boxes: bool = False
     retries: int = 1
     agent_timeout: int = 600
     episode_timeout: int = 3600
@@ -119,6 +132,7 @@ class Bench:
             max_steps=self.max_steps,
             recovery=self.recovery,
             environment_errors=self.environment_errors,
+            text_boxes=self.text_boxes,
             log=log,
             agent=agent,
         )
@@ -150,6 +164,8 @@ class Bench:
             "agent_timeout": self.agent_timeout,
             "episode_timeout": self.episode_timeout,
         }
+        if self.text_boxes:
+            data["text_boxes"] = True
         if self.osworld_files:
             data["osworld_files"] = self.osworld_files
         if self.in_process:
@@ -274,14 +290,28 @@ def override(
 
 
 def _planners(bench: Bench, text: str) -> Planners:
-    """Return the corruptions that a text lists: labels of the file, names, or `all`."""
+    """Return the corruptions that a text lists: labels of the file, names, or `all`.
+
+    The path of a configuration of corruptions, such as the authors' `default.yaml`, stands for all
+    that it lists.
+    """
     if text.strip() == ALL:
         return all_planners()
     planners = {**all_planners(), **bench.planners}
+    labels: list[str] = []
     for name in _split_names(text):
+        if name.endswith((".yaml", ".yml")):
+            listed = load_config(name).corruptions
+            planners.update(listed)
+            labels += listed
+            continue
         if name not in planners:
             check_not_broken(name)
-    return {label: planners[label] for label in _check_names("--corruptions", text, planners)}
+        labels.append(name)
+    return {
+        label: planners[label]
+        for label in _check_names("--corruptions", ",".join(labels), planners)
+    }
 
 
 def _registered_names(option: str, text: str, registry: AnyRegistry) -> tuple[str, ...]:
@@ -385,6 +415,8 @@ class _Reader:
             return self._corruptions(tree)
         if key in CHOICES:
             return check(self._problems, CHOICES[key], key, tree)
+        if key == "text_boxes":
+            return check(self._problems, TEXT_BOXES, key, tree)
         if key in NUMBERS:
             return check(self._problems, NUMBERS[key], key, tree)
         return None

@@ -24,7 +24,7 @@ class ModelOptions:
     """The options of the command line about models.
 
     Args:
-        prompts: folder with prompts that replace ours by name.
+        prompts: folder with prompts that replace ours by name, or a Python file with UI-TARS'.
         replay: folder of a run whose log answers instead of the endpoints.
         max_cost: USD; no episode begins once the run has cost that much.
     """

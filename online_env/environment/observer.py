@@ -5,8 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from hijack_data import apply
 from hijack_data.elements.interactive_nodes import boxes_from_tree
+from hijack_data.elements.ocr import boxes_from_ocr
 from hijack_data.errors import ElementsError
 from hijack_data.plan import Effect, Plan
 from hijack_data.types import BoxArray, UInt8Array, as_boxes
@@ -99,6 +102,9 @@ class Observer:
     def settle(self, step: int, seconds: dict[str, float]) -> tuple[Settled, BoxArray]:
         """Wait for the screen to settle, and read its elements if the plan depends on them.
 
+        With `text_boxes`, the lines of text are among the elements of a step without effects. The
+        effects of a step are planned on what can be clicked.
+
         Args:
             step: The number of the observation.
             seconds: Receives how long each part took.
@@ -123,6 +129,9 @@ class Observer:
         except ElementsError as error:
             message = f"the accessibility tree of the desktop cannot be read: {error}"
             raise DesktopError(message) from None
+        if self._settings.text_boxes and not self.script.plan(step, boxes).effects:
+            text = boxes_from_ocr(settled.frame).boxes
+            boxes = as_boxes(np.concatenate([boxes, text]))
         seconds["boxes"] = since(start)
         return settled, boxes
 

@@ -10,7 +10,7 @@ from hijack_data.cli.terminal import echo
 from hijack_data.errors import ParameterError
 from hijack_data.file_io import write_atomic
 
-from . import task_table, venv
+from . import task_table, venv, version_2
 
 
 def _venv_option(text: str):
@@ -42,9 +42,18 @@ def osworld() -> None:
 )
 @click.option("--clean", is_flag=True, help="Also one row a task without corruption.")
 def tasks(source: Path, out: Path, clean: bool) -> None:
-    """Write one row for every task of OSWorld and every corruption (369 x 9 = 3321)."""
-    from .tasks import load
+    """Write one row for every task of OSWorld and every corruption (369 x 9 = 3321).
 
+    For a folder of OSWorld 2.0's tasks, rows that say what each needs (108 x 9 = 972).
+    """
+    from .tasks import is_version_2, load
+
+    if is_version_2(source):
+        listed = version_2.load(source)
+        count = version_2.write_rows(listed, task_table.corruption_names(clean), out)
+        echo(f"{out}: {count} rows, {len(listed.tasks)} tasks, revision {listed.revision}")
+        echo(f"none of them can be played: {version_2.REFUSAL}")
+        return
     examples = load(source)
     count = task_table.write(examples, out, clean)
     echo(f"{out}: {count} rows, {len(examples)} tasks, revision {examples.revision}")
@@ -217,11 +226,17 @@ def check(
 def needs(source: Path, folder: Path, json_: bool, working: bool) -> int:
     """Say which tasks can run on the embedded desktop, and what the others lack.
 
-    Tasks are read, not run: files, packages, programs, sites and accounts that they name.
+    Tasks are read, not run: files, packages, programs, sites and accounts that they name. Of
+    OSWorld 2.0's tasks none can run, and the command says what they need.
     """
     from . import task_needs as module
     from .run import checker
+    from .tasks import is_version_2
 
+    if not working and is_version_2(source):
+        listed = version_2.load(source)
+        _say(json_, version_2.to_data(listed), version_2.summary(listed))
+        return 0
     if working:
         _check_folder(source)
     tasks = task_table.read(source)

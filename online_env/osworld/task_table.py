@@ -10,6 +10,7 @@ from hijack_data.corruption import find_corruption
 from hijack_data.errors import ConfigError
 from hijack_data.file_io import write_atomic
 
+from . import version_2
 from .tasks import OsworldTask, Revision, TaskSet, load, mistakes
 
 CLEAN = "clean"
@@ -21,6 +22,11 @@ def paper_nine() -> list[str]:
     return [
         name for name in hj.corruption_names() if find_corruption(name).__module__.startswith(home)
     ]
+
+
+def corruption_names(clean: bool) -> list[str]:
+    """Return the names of the paper's corruptions; with `clean`, `"clean"` before them."""
+    return [CLEAN, *paper_nine()] if clean else paper_nine()
 
 
 def rows(tasks: TaskSet, corruptions: list[str]) -> Iterator[dict[str, Any]]:
@@ -54,7 +60,7 @@ def write(tasks: TaskSet, out: Path, clean: bool = False) -> int:
     Raises:
         HijackError: `out` cannot be written; then nothing is left.
     """
-    names = [CLEAN, *paper_nine()] if clean else paper_nine()
+    names = corruption_names(clean)
     lines = [json.dumps(row, ensure_ascii=False) for row in rows(tasks, names)]
     write_atomic(out, "".join(f"{line}\n" for line in lines))
     return len(lines)
@@ -116,6 +122,8 @@ def _row(line: str) -> tuple[dict[str, Any], list[str]]:
     if not isinstance(value, dict):
         return {}, [f"a row must be an object, not {type(value).__name__}"]
     row = cast("dict[str, Any]", value)
+    if row.get("benchmark") == version_2.NAME:
+        return row, [version_2.REFUSAL]
     names = ("task_id", "domain", "revision")
     fields = [name for name in names if not isinstance(row.get(name), str)]
     problems = [f"{name}: must be a text, got {row.get(name)!r}" for name in fields]

@@ -13,6 +13,8 @@ from typing import Any, cast
 
 from hijack_data.errors import ConfigError, ParameterError
 
+from . import version_2
+
 _Task = dict[str, Any]
 # Digests of whole sets, as `load` computes them.
 KNOWN_REVISIONS = {"55ea33168597": "osworld-verified", "7acd17614676": "agenthijack-fork"}
@@ -95,8 +97,9 @@ def load(folder: Path) -> TaskSet:
     Raises:
         ConfigError: Lists every file and field that is wrong.
     """
-    root = folder / "examples" if (folder / "examples").is_dir() else folder
-    paths = sorted(root.glob("*/*.json")) if root.is_dir() else []
+    root, paths = _task_files(folder)
+    if is_version_2(folder):
+        raise ConfigError([f"{folder}: {version_2.REFUSAL}"])
     if not paths:
         raise ConfigError(
             [f"{folder}: no task files; expected examples/<domain>/<id>.json as in OSWorld"]
@@ -118,6 +121,17 @@ def load(folder: Path) -> TaskSet:
     digest = hasher.hexdigest()[:DIGEST_CHARS]
     revision = Revision(KNOWN_REVISIONS.get(digest, "unknown"), digest)
     return TaskSet(revision, tuple(tasks))
+
+
+def is_version_2(folder: Path) -> bool:
+    """Return whether a folder has tasks of OSWorld 2.0, and none of those that `load` reads."""
+    return not _task_files(folder)[1] and bool(version_2.find_files(folder))
+
+
+def _task_files(folder: Path) -> tuple[Path, list[Path]]:
+    """Return the folder that holds the domains, and the task files in it."""
+    root = folder / "examples" if (folder / "examples").is_dir() else folder
+    return root, sorted(root.glob("*/*.json")) if root.is_dir() else []
 
 
 def load_file(path: Path) -> OsworldTask:

@@ -28,6 +28,14 @@ MODULES: Mapping[str, Mapping[str, str]] = {
         "agenthijack-agent": "all modules",
     },
 }
+# The paper's "different onlookers": one agent by the model that watches it.
+ONLOOKERS: Mapping[str, Mapping[str, str]] = {
+    "agenthijack-agent": {
+        "agenthijack-agent": "its own model",
+        "agenthijack-agent-onlooker-qwen2.5-vl-72b": "Qwen2.5-VL-72B",
+        "agenthijack-agent-onlooker-qwen3-vl-235b": "Qwen3-VL-235B",
+    }
+}
 Texts = Sequence[str]
 
 
@@ -128,7 +136,8 @@ def _level(label: str, corruption: str) -> str:
 
 def _module_ablations(report: RunReport) -> Iterator[Ablation]:
     levels = tuple((label, label.replace("_", " ")) for label in report.labels)
-    for full_agent, variants in MODULES.items():
-        series = tuple((agent, name) for agent, name in variants.items() if agent in report.agents)
-        if full_agent in report.agents and len(series) > 2:
-            yield Ablation(title=f"modules of {full_agent}", levels=levels, series=series)
+    for what, agents in (("modules", MODULES), ("onlookers", ONLOOKERS)):
+        for agent, variants in agents.items():
+            series = tuple((name, text) for name, text in variants.items() if name in report.agents)
+            if agent in report.agents and len(series) > 2:
+                yield Ablation(title=f"{what} of {agent}", levels=levels, series=series)

@@ -2,7 +2,8 @@
 
 The tasks of the suite and those of OSWorld are split once and for all. The suite's split is in
 `online_env/tasks/suite/sets.yaml`, OSWorld's in `configs/train/osworld_split.yaml`. The authors
-train on 128 of the 369 tasks that they report.
+train on 128 of the 369 tasks that they report; these and the other 241 are a second split of
+OSWorld's tasks, `configs/train/agenthijack_split.yaml`.
 
 This module needs neither torch nor a desktop, so dataset builds can use it, too.
 """
@@ -26,13 +27,16 @@ SIDES = (TRAINING, HELD_OUT)
 TOY_TRAINING = 128  # the same number as in the paper
 TOY_HELD_OUT = 128
 _TOY_FIRST = {TRAINING: 0, HELD_OUT: 10_000}
+OSWORLD_SPLITS = ("osworld", "agenthijack")  # ours, and that of the paper's authors
+FAMILIES = ("toy", "suite", *OSWORLD_SPLITS)
 _MAX_NAMES = 5
 
 
 def members(name: str) -> tuple[str, ...]:
     """Return the tasks of a side, such as `suite/training`, or the one task of that name.
 
-    The sides are those of `toy`, `suite` and `osworld`, each with `training` and `held_out`.
+    The sides are those of `toy`, `suite`, `osworld` and `agenthijack` (the authors' split of
+    OSWorld's tasks), each with `training` and `held_out`.
 
     Raises:
         UnknownNameError: there is no such side.
@@ -40,9 +44,8 @@ def members(name: str) -> tuple[str, ...]:
     family, _, side = name.partition("/")
     if not side:
         return (name,)
-    families = ("toy", "suite", "osworld")
-    if family not in families or side not in SIDES:
-        names = [f"{part_family}/{part}" for part_family in families for part in SIDES]
+    if family not in FAMILIES or side not in SIDES:
+        names = [f"{part_family}/{part}" for part_family in FAMILIES for part in SIDES]
         raise UnknownNameError(f"no set of tasks {name!r}{suggest(name, names)}")
     if family == "toy":
         return _toy(side)
@@ -50,7 +53,11 @@ def members(name: str) -> tuple[str, ...]:
 
 
 def check_split(
-    training: Iterable[str], evaluation: Iterable[str] = (), *, source: str = "training"
+    training: Iterable[str],
+    evaluation: Iterable[str] = (),
+    *,
+    source: str = "training",
+    osworld_split: str = "osworld",
 ) -> None:
     """Refuse tasks to be trained on that are held out, or that the evaluation reports.
 
@@ -60,10 +67,17 @@ def check_split(
         training: names of tasks: of the suite, ids of OSWorld, or your own.
         evaluation: names of the tasks that are reported.
         source: what is refused, for the message: a file, or a dataset.
+        osworld_split: the split whose tasks of OSWorld are held out: `osworld`, or `agenthijack`
+            for training on the authors' 128 tasks.
 
     Raises:
         LeakError: there are such tasks; the message names them, the split and the remedy.
+        UnknownNameError: `osworld_split` is none of the two.
     """
+    if osworld_split not in OSWORLD_SPLITS:
+        raise UnknownNameError(
+            f"osworld_split: no {osworld_split!r}{suggest(osworld_split, OSWORLD_SPLITS)}"
+        )
     names = list(dict.fromkeys(training))
     reported = set(evaluation)
     overlap = [name for name in names if name in reported]
@@ -72,23 +86,34 @@ def check_split(
             f"{source}: {_some(overlap)} would be trained on and reported: the result would say"
             " nothing of other tasks; take them out of one of the two"
         )
-    for family in ("suite", "osworld", "toy"):
+    for family in ("suite", osworld_split, "toy"):
         held_out = set(members(f"{family}/{HELD_OUT}"))
         leaked = [name for name in names if name in held_out]
         if leaked:
             raise LeakError(
                 f"{source}: {_some(leaked)} of {family}/{HELD_OUT} must not be trained on: results"
                 f" are reported on them; take tasks of {family}/{TRAINING}"
+                + _authors_hint(family, names)
             )
 
 
 def split_side(name: str) -> str | None:
-    """Return `training` or `held_out`, or `None` for a task that is in none of the splits."""
+    """Return `training` or `held_out`, or `None` for a task that is in none of our splits."""
     for family in ("suite", "osworld", "toy"):
         for side in SIDES:
             if name in members(f"{family}/{side}"):
                 return side
     return None
+
+
+def _authors_hint(family: str, names: list[str]) -> str:
+    """Return how to train on the authors' tasks, if the refused ones are all of theirs."""
+    if family != "osworld" or not set(names) <= set(members(f"agenthijack/{TRAINING}")):
+        return ""
+    return (
+        f". These are tasks of agenthijack/{TRAINING}: with osworld_split='agenthijack' they may be"
+        f" trained on, and results may be reported on agenthijack/{HELD_OUT} only"
+    )
 
 
 def _some(names: list[str]) -> str:
@@ -104,12 +129,12 @@ def _toy(side: str) -> tuple[str, ...]:
 
 @cache
 def _sides(family: str) -> dict[str, tuple[str, ...]]:
-    """Return both sides of the split of the suite or of OSWorld.
+    """Return both sides of a split that is in a file.
 
     Raises:
         HijackError: the file is damaged: a task is on both sides, or a side is missing.
     """
-    name, data = _suite_file() if family == "suite" else read_config("train/osworld_split")
+    name, data = _suite_file() if family == "suite" else read_config(f"train/{family}_split")
     content: Any = yaml.safe_load(data)
     sides: dict[str, tuple[str, ...]] = {}
     for side in SIDES:

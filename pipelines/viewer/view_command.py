@@ -35,32 +35,55 @@ if TYPE_CHECKING:
     "patterns",
     multiple=True,
     metavar="PATTERN",
-    help="Which episodes --export writes, such as '*__pop_ups__*'; repeatable.  [default: all]",
+    help="Which episodes --export and --video write, such as '*__pop_ups__*'; repeatable."
+    "  [default: all]",
 )
 @click.option(
     "--small",
     is_flag=True,
     help="Pictures of --export at most 960 pixels wide and lossy: a fifth of the size.",
 )
-def view(folder: str, port: int, file: Path | None, patterns: tuple[str, ...], small: bool) -> None:
+@click.option(
+    "--video",
+    type=click.Path(path_type=Path),
+    metavar="DIR|FILE.mp4",
+    help="Write the episodes of a run as MP4 files instead: what the agent saw.",
+)
+def view(
+    folder: str,
+    port: int,
+    file: Path | None,
+    patterns: tuple[str, ...],
+    small: bool,
+    video: Path | None,
+) -> None:
     """Look through a dataset, or the episodes of a run, in a browser."""
     from .opening import open_source
     from .server import serve
 
-    _check_options(file, patterns, small)
+    _check_options(file, video, patterns, small)
     source = open_source(folder)
     for problem in source.problems:
         echo(f"  problem: {problem}", err=True)
-    if file is None:
-        serve(source, port, echo)
-    else:
+    complete = True
+    if file is not None:
         _export(source, folder, patterns, file, small)
-    sys.exit(1 if source.problems else 0)
+    elif video is not None:
+        complete = _write_videos(source, folder, patterns, video)
+    else:
+        serve(source, port, echo)
+    sys.exit(0 if complete and not source.problems else 1)
 
 
-def _check_options(file: Path | None, patterns: tuple[str, ...], small: bool) -> None:
-    if patterns and file is None:
-        raise click.UsageError("--episode chooses what --export FILE writes; give that, too")
+def _check_options(
+    file: Path | None, video: Path | None, patterns: tuple[str, ...], small: bool
+) -> None:
+    if file is not None and video is not None:
+        raise click.UsageError("--export and --video write different files; give one of them")
+    if patterns and file is None and video is None:
+        raise click.UsageError(
+            "--episode chooses what --export FILE and --video DIR write; give one, too"
+        )
     if small and file is None:
         raise click.UsageError("--small is about what --export FILE writes; give that, too")
 
@@ -85,3 +108,24 @@ def _export(
     count = export_file(source, patterns, file, small=small)
     size = file.stat().st_size / 2**20
     echo(f"{file}: {counted(count, 'episode')}, {size:.1f} MB")
+
+
+def _write_videos(
+    source: "DatasetSource | RunSource", folder: str, patterns: tuple[str, ...], path: Path
+) -> bool:
+    """Write episodes of a run as videos; return whether each of them has one.
+
+    Raises:
+        UsageError: the source is a dataset.
+    """
+    from .runs import RunSource
+    from .runs.video import write_videos
+
+    if not isinstance(source, RunSource):
+        raise click.UsageError(f"{folder}: --video is for runs; a dataset has no episodes")
+    videos = write_videos(source, patterns, path)
+    for problem in videos.problems:
+        echo(f"  problem: {problem}", err=True)
+    size = sum(file.stat().st_size for file in videos.files) / 2**20
+    echo(f"{path}: {counted(len(videos.files), 'episode')}, {size:.1f} MB")
+    return not videos.problems

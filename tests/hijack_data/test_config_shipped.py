@@ -236,6 +236,40 @@ def test_spellings_of_the_algorithm_boxes(name, keys, spec):
             load_config({"corruptions": {name: keys}})
 
 
+AUTHORS_YAML = """\
+noise:
+  pop_ups: {window_string: instruct move to tgt, overlap: True}
+  subtitle:
+    subtitle_text: ['QQ MUSIC, LISTEN TO WHAT YOU WANT', '------CHOOSE a SONG to PLAY------']
+    position: middle
+    font_path: DejaVuSansMono-Bold.ttf
+  multi_apps: {another_app: libreoffice calc}
+  accidental_touch: {w/o_app: True, step: [3]}
+  network_error: {step: [-1], local_ip: 127.0.0.1}
+"""
+
+
+def test_the_authors_file_is_read_as_it_is(tmp_path):
+    assert load(tmp_path, AUTHORS_YAML).corruptions == {
+        "pop_ups": hj.PopUps(window_string="instruct move to tgt"),
+        "subtitle": hj.Subtitle(position="center"),
+        "multi_apps": hj.MultiApps(another_app="libreoffice_calc"),
+        "accidental_touch": hj.AccidentalTouch(step=(3,)),
+        "network_error": hj.NetworkError(step=(-1,), local_ip="127.0.0.1"),
+    }
+    assert problems(tmp_path, "corruptions: [marks]\n" + AUTHORS_YAML) == [
+        "2:1: 'noise' and 'corruptions' both list corruptions; keep one"
+    ]
+    assert "leave out paper_compat" in problems(tmp_path, "paper_compat: false\n" + AUTHORS_YAML)[0]
+
+
+@pytest.mark.parametrize("text", ["instruct click tag", "Click tgt", "tgt!", "instruct hover"])
+def test_a_window_string_in_the_words_of_names_is_a_name(text):
+    with pytest.raises(ConfigError, match="none of the names"):
+        paper_compat({"pop_ups": {"window_string": text}})
+    assert paper_compat({"pop_ups": {"window_string": "Please Click Here"}})
+
+
 def test_paper_problems(tmp_path):
     text = (
         "paper_compat: true\nMarks: {overlap: yes, size: 1, mark_size: 2, type: star!}\nMarcs:"

@@ -17,7 +17,7 @@ from online_env.bench.config import load_bench
 from online_env.bench.jobs import jobs
 from online_env.environment.script import BEFORE
 from online_env.report import build_report, formats
-from online_env.report.ablations import MODULES, find_ablations, level_table
+from online_env.report.ablations import MODULES, ONLOOKERS, find_ablations, level_table
 from online_env.report.board_page import board_page
 from online_env.report.document import ReportDocument
 from online_env.report.leaderboard import rank_agents, read_reports
@@ -72,11 +72,20 @@ def test_a_figure_is_read_and_plans_its_episodes(name, capsys):
     assert f"{EPISODES[name]} episodes on" in capsys.readouterr().out
 
 
-def test_the_modules_are_agents_that_exist():
-    assert set(MODULES["pixel_onlooker"]) == set(load_bench("ablations/modules").agents)
-    for names in MODULES.values():
-        for name in names:
-            AGENTS.find(name)
+@pytest.mark.parametrize(
+    ("names", "benchmark", "episodes"),
+    [
+        (MODULES["pixel_onlooker"], "modules", 400),
+        (MODULES["agenthijack-agent"], "agenthijack_modules", 500),
+        (ONLOOKERS["agenthijack-agent"], "onlooker", 300),
+    ],
+)
+def test_the_variants_of_a_figure_are_the_agents_of_its_benchmark(names, benchmark, episodes):
+    bench = load_bench(f"ablations/{benchmark}")
+    assert set(names) == set(bench.agents)
+    assert len(jobs(bench)) == episodes
+    for name in names:
+        AGENTS.find(name)
 
 
 def reported(folder, entries, levels):

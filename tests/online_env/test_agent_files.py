@@ -14,6 +14,7 @@ from online_env.agents.registry import AGENTS, make
 from online_env.agents.settings import SamplingSettings
 from online_env.bench.config import load_bench, override
 from online_env.errors import AgentSetupError
+from online_env.report.ablations import MODULES, ONLOOKERS
 
 from support.chatting import file
 
@@ -85,6 +86,15 @@ def test_the_ablations_switch_one_module_each():
         "The screen is locked",
         "The network is down",
     ]
+
+
+@pytest.mark.parametrize("variants", [MODULES["agenthijack-agent"], ONLOOKERS["agenthijack-agent"]])
+def test_the_models_of_a_figure_can_be_served_at_once(variants):
+    models = {}
+    for name in variants:
+        settings = agent_files.read_agent(name)
+        for model in (settings.model, settings.onlooker.model):
+            assert models.setdefault(model.base_url, model.model) == model.model
 
 
 def test_all_mistakes_at_once_each_with_its_place(tmp_path):

@@ -181,7 +181,7 @@ def test_mistakes(text, words, tmp_path):
     assert any(words in problem for problem in found), found
 
 
-def test_the_command_line_overrides():
+def test_the_command_line_overrides(tmp_path):
     bench = load_bench("embedded_small")
     changed = override(
         bench, agent="do_nothing", task="rename_file, write_note", corruption="clean,marks", seeds=3
@@ -198,6 +198,15 @@ def test_labels_of_the_file_can_be_chosen(tmp_path):
     assert dict(override(bench, corruption="few").planners) == {"few": hj.Marks(number=5)}
     assert dict(override(bench, corruption="marks").planners) == {"marks": hj.Marks()}
     assert override(bench, corruption="all").planners == all_planners()
+    file = tmp_path / "default.yaml"
+    file.write_text("noise: {marks: {number: 7}, subtitle: {subtitle_text: [A, B]}}")
+    assert dict(override(bench, corruption=f"clean,{file}").planners) == {
+        "clean": None,
+        "marks": hj.Marks(number=7),
+        "subtitle": hj.Subtitle("A\nB"),
+    }
+    with pytest.raises(ParameterError, match="names 'marks' twice"):
+        override(bench, corruption=f"marks,{file}")
 
 
 @pytest.mark.parametrize(

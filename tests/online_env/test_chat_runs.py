@@ -13,6 +13,8 @@ pytest.importorskip("openai", reason="needs the extra [agents]")
 from ext_package.paper import PressOk, provider
 
 from hijack_data.errors import HijackError, MissingDependencyError
+from online_env.agents.chat.prompts import read_prompt
+from online_env.agents.makers import prompts_folder
 from online_env.agents.registry import AGENTS
 from online_env.bench.bench_command import bench
 from online_env.bench.providers import PROVIDERS
@@ -207,6 +209,37 @@ def test_prompts_that_replace_nothing(tmp_path):
         HijackError, match=r"pyautogu\.yaml replaces no prompt of ours; did you mean"
     ):
         run("run", "--prompts", words)
+
+
+def test_prompts_of_ui_tars_come_from_the_users_copy(tmp_path):
+    run = Run(tmp_path, "http://127.0.0.1:1")
+    with pytest.raises(HijackError, match=r"--prompts ui-tars: .*git clone .*bytedance/UI-TARS"):
+        run("run", "--prompts", "ui-tars")
+    copy = tmp_path / "prompts.py"
+    copy.write_text("X = 1")
+    with pytest.raises(HijackError, match="has none of UITARS_USR_PROMPT_THOUGHT, "):
+        run("run", "--prompts", copy)
+    copy.write_text("UITARS_SUMMARIZE_PROMPT = 'After {pyautogui}'")
+    with pytest.raises(HijackError, match=r"the field \{pyautogui\}, which nothing fills in"):
+        run("run", "--prompts", copy)
+    # As in OSWorld's file and that of the paper's authors, with other words.
+    copy.write_text(
+        """raise SystemExit("this file is never run")
+UITARS_CALL_USR_ACTION_SPACE = "\\ncall_user()\\n"
+UITARS_NORMAL_ACTION_SPACE = "wait()"
+UITARS_USR_PROMPT_THOUGHT = "Do:\\n\\n{action_space} in {language}\\n{instruction}\\n"
+UITARS_SUMMARIZE_PROMPT = "After {response}: {instruction}"
+UITARS_REMINDER_PROMPT = "Reminder: ..."
+"""
+    )
+    folder = prompts_folder(copy)
+    read = {path.stem: read_prompt(path.stem, (folder,)).first for path in folder.iterdir()}
+    assert read == {
+        "ui_tars": "Do:\n\n\ncall_user()\n in {language}\n{instruction}",
+        "ui_tars_1.5": "Do:\n\nwait() in {language}\n{instruction}",
+        "onlooker_summary": "After {action}: {instruction}",
+        "onlooker_check": "Reminder: ...",
+    }
 
 
 def test_a_run_goes_on_only_with_the_same_file_and_prompts(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("openai", reason="needs the extra [agents]")
 
-from online_env.agents.chat.onlooker import read_reminder
+from online_env.agents.chat.onlooker import read_reminder, read_summary
 from online_env.bench.episodes import play
 from online_env.bench.jobs import Job
 
@@ -28,6 +28,7 @@ class Voices:
 
     def __init__(self, *checks):
         self.checks = list(checks)
+        self.summaries = {}
         self.acted = 0
         self.summed = 0
 
@@ -37,7 +38,7 @@ class Voices:
             return self.checks.pop(0)
         if text.startswith(SUMMARY):
             self.summed += 1
-            return f"d_{self.summed - 1}"
+            return self.summaries.get(self.summed - 1, f"d_{self.summed - 1}")
         self.acted += 1
         return f"Thought: t_{self.acted - 1}\nAction: hotkey(key='a{self.acted - 1}')"
 
@@ -82,6 +83,38 @@ def test_old_pictures_go_and_their_summaries_stay(tmp_path):
     assert asked[-1] == [
         ("user", [ACTOR, LEFT_OUT, "Step 1: d_0", LEFT_OUT, "Step 2: d_1", 2, "Step 3: d_2", 3])
     ]
+
+
+@pytest.mark.parametrize("history", [15, 1])
+def test_an_unexpected_operation_has_a_pair_of_its_own(tmp_path, history):
+    voices = Voices()
+    voices.summaries[1] = "d_1\nnot the agent\u2019s doing : A menu opened."
+    with serving(voices) as endpoint:
+        one = agent(tmp_path, endpoint.url, "{check: false}", history=history)
+        for shade in range(4):
+            one.predict("do it", picture(shade))
+    asked = [outline(body["messages"]) for body in endpoint.asked]
+    unexpected = "Not the agent's doing: A menu opened."[:32]
+    pairs = [0, "Step 1: d_0", 1, "Step 2: d_1", 2, unexpected]
+    if history == 1:
+        pairs[0] = pairs[2] = LEFT_OUT
+    assert asked[4] == [("user", [ACTOR, *pairs, 2])]
+    assert asked[5] == summary(2)
+    if history == 1:
+        pairs[4] = LEFT_OUT
+    assert asked[6] == [("user", [ACTOR, *pairs, 2, "Step 3: d_2", 3])]
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("It clicked.", ("It clicked.", "")),
+        ("It clicked.\nNot the agent's doing: None.", ("It clicked.", "")),
+        ("Not the agent's doing: A lock screen.", ("", "A lock screen.")),
+    ],
+)
+def test_parts_of_a_summary(text, parts):
+    assert read_summary(text) == parts
 
 
 def test_without_summaries_the_history_is_what_the_agent_said(tmp_path):

@@ -1,6 +1,7 @@
 """`ChatAgent`: a model behind an API, asked once per step."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from ..base import Observation
@@ -108,8 +109,9 @@ class OnlookedAgent(ChatAgent):
     Before its first step, the onlooker compares the screen with the error repository. If it finds
     an error, the agent asks once for re-initialisation, and the onlooker looks again; if it still
     finds one, the agent's prompt contains its reminder. After each step, the onlooker summarises
-    what happened, and the summary replaces the agent's own words in the history. The onlooker is
-    given pictures, the instruction and actions, nothing else.
+    what happened, and the summary replaces the agent's own words in the history. A change that the
+    action cannot have caused has an entry of its own there. The onlooker is given pictures, the
+    instruction and actions, nothing else.
     """
 
     def __init__(self, settings: AgentSettings, run: ChatRun | None = None) -> None:
@@ -143,13 +145,19 @@ class OnlookedAgent(ChatAgent):
             self._checks += 1
             if self._reminder and self._checks == 1 and self._onlooker.reinits:
                 return f"Reminder: {self._reminder}", [self._onlooker.REQUEST]
-        if self._turns and self._onlooker.summarises:
-            last = self._turns[-1]
-            summary = self._onlooker.summarise(instruction, last, picture)
-            self._turns[-1] = Turn(
-                picture=last.picture, answer=last.answer, raw=last.raw, summary=summary
-            )
+        if self._turns and self._onlooker.summarises and not self._turns[-1].unexpected:
+            self._summarise(instruction, picture)
         return self._act(instruction, picture, self._reminder)
+
+    def _summarise(self, instruction: str, picture: ScreenPicture) -> None:
+        """Replace the last turn's words by a summary; an unexpected change is a turn of its own."""
+        last = self._turns[-1]
+        summary, unexpected = self._onlooker.summarise(instruction, last, picture)
+        self._turns[-1] = replace(last, summary=summary)
+        if unexpected:
+            self._turns.append(
+                Turn(picture=picture, answer="", summary=unexpected, unexpected=True)
+            )
 
     def _needs_check(self) -> bool:
         """Return whether the agent has not acted yet and the first check is not finished."""

@@ -9,12 +9,13 @@ from ...errors import AgentSetupError
 from ..settings import AgentSettings, KnownError
 from .endpoint import Endpoint
 from .prompts import read_prompt
-from .query import ModelQuery, ScreenPicture, Turn
+from .query import NOT_THE_AGENT, ModelQuery, ScreenPicture, Turn
 from .run import ChatRun
 from .usage import UsageMeter
 
 CHECK = "onlooker_check"
 SUMMARY = "onlooker_summary"
+_UNEXPECTED = re.compile(r"not the agent['\u2019]s doing\s*:", re.IGNORECASE)
 _REMINDER = re.compile(r"Reminder\s*:", re.IGNORECASE)
 _QUOTES = " \t\r\n\"'`*."
 _NONE = "none"
@@ -80,11 +81,15 @@ class Onlooker:
             return ""
         return reminder
 
-    def summarise(self, instruction: str, turn: Turn, after: ScreenPicture) -> str:
-        """Return what happened between the picture of a turn and the one after it."""
+    def summarise(self, instruction: str, turn: Turn, after: ScreenPicture) -> tuple[str, str]:
+        """Return what the action of a turn did, and what else happened until the next picture.
+
+        Each of the two is empty if the answer does not have it. An answer in which nothing is set
+        apart by `NOT_THE_AGENT` is about the action as a whole.
+        """
         values = {"instruction": instruction, "action": turn.answer}
         query = ModelQuery(prompt=self._summary.fill(values), picture=after, before=(turn.picture,))
-        return self._model.ask(query, "summarise").text.strip()
+        return read_summary(self._model.ask(query, "summarise").text)
 
 
 def read_reminder(text: str) -> str | None:
@@ -96,6 +101,15 @@ def read_reminder(text: str) -> str | None:
     if len(parts) == 1 or not last.strip(_QUOTES):
         return None
     return last.strip(" \t\r\n\"'`")
+
+
+def read_summary(text: str) -> tuple[str, str]:
+    """Return the parts of a summary before and after the words `NOT_THE_AGENT`."""
+    own, _, unexpected = _UNEXPECTED.sub(NOT_THE_AGENT, text, 1).partition(NOT_THE_AGENT)
+    unexpected = unexpected.strip()
+    if unexpected.strip(_QUOTES).lower() in ("", _NONE, "nothing"):
+        unexpected = ""
+    return own.strip(), unexpected
 
 
 def _error_list(errors: tuple[KnownError, ...]) -> str:

@@ -17,6 +17,9 @@ from .prompts import Prompt
 
 URL = "data:image/png;base64,"
 LEFT_OUT = "(An older screenshot, left out.)"
+# In an onlooker's summary, what follows is about a change that no action of the agent caused. The
+# summaries that onlookers are trained on have the same words (pipelines/exports/onlooker).
+NOT_THE_AGENT = "Not the agent's doing:"
 
 
 class ScreenPicture:
@@ -53,12 +56,15 @@ class Turn:
         answer: the model's answer.
         raw: the answer in the API's form, to be sent back to the API.
         summary: what happened, in the onlooker's words; `None` without one.
+        unexpected: whether `summary` is about a change that no action of the agent caused (the
+            paper's o_k, d_k), and `picture` is the first that shows it; such a turn has no answer.
     """
 
     picture: ScreenPicture
     answer: str
     raw: Any = None
     summary: str | None = None
+    unexpected: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,11 +132,15 @@ def messages(query: ModelQuery) -> list[ChatMessage]:
     conversation: list[ChatMessage] = []
     if query.prompt.first:
         _add(conversation, "user", query.prompt.first)
+    step = 0
     for index, turn in enumerate(query.turns):
         _add(conversation, "user", query.prompt.each)
         _add(conversation, "user", turn.picture if query.is_shown(index) else LEFT_OUT)
-        if query.summarised:
-            _add(conversation, "user", f"Step {index + 1}: {turn.summary or turn.answer}")
+        step += not turn.unexpected
+        if turn.unexpected:
+            _add(conversation, "user", f"{NOT_THE_AGENT} {turn.summary}")
+        elif query.summarised:
+            _add(conversation, "user", f"Step {step}: {turn.summary or turn.answer}")
         else:
             _add(conversation, "assistant", turn.answer)
     for picture in query.before:

@@ -70,6 +70,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "agent_timeout": FREE,
         "episode_timeout": FREE,
         "osworld_files": FREE,
+        "text_boxes": FREE,
         "code": FREE,
     },
     SESSIONS: {

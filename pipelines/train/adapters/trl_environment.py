@@ -262,7 +262,11 @@ def format_reward(
 
 
 def training_rows(
-    tasks: Iterable[str], answer_form: str, *, evaluation: Iterable[str] = ()
+    tasks: Iterable[str],
+    answer_form: str,
+    *,
+    evaluation: Iterable[str] = (),
+    osworld_split: str = "osworld",
 ) -> list[dict[str, Any]]:
     """Return a row for each training task: `prompt` (how to answer) and `task`.
 
@@ -273,6 +277,7 @@ def training_rows(
         tasks: names of training tasks.
         answer_form: what the model is told before the instruction, such as the form of an action.
         evaluation: names of the tasks that are reported.
+        osworld_split: as in `check_split`; give it to `DAGRPOTrainer`, too.
 
     Raises:
         LeakError: a task is held out or reported.
@@ -281,7 +286,7 @@ def training_rows(
     names = list(dict.fromkeys(tasks))
     if not names:
         raise ParameterError("training_rows: there are no tasks")
-    check_split(names, evaluation, source="training_rows")
+    check_split(names, evaluation, source="training_rows", osworld_split=osworld_split)
     return [
         {"prompt": [{"role": "user", "content": f"{answer_form}\n"}], "task": name}
         for name in names

@@ -43,6 +43,7 @@ class DAGRPOTrainer(GRPOTrainer):
         replay: the replay buffer; it is not part of TRL's checkpoints, so a resumed run begins
             with an empty one.
         reward_funcs: rewards in addition to the success; `format_reward` by default.
+        osworld_split: as in `check_split`.
         **kwargs: as `GRPOTrainer`.
 
     Raises:
@@ -56,6 +57,7 @@ class DAGRPOTrainer(GRPOTrainer):
         environment_factory: TrlEnvironments,
         replay: ReplayBuffer | None = None,
         reward_funcs: Any = None,
+        osworld_split: str = "osworld",
         **kwargs: Any,
     ) -> None:
         environments = environment_factory
@@ -65,7 +67,7 @@ class DAGRPOTrainer(GRPOTrainer):
                 f" steps_per_generation is {environments.per_process}, and a group has"
                 f" {environments.rollouts} rollouts; make one a multiple of the other"
             )
-        _check_tasks(kwargs.get("train_dataset"))
+        _check_tasks(kwargs.get("train_dataset"), osworld_split)
         super().__init__(
             *args,
             reward_funcs=[format_reward] if reward_funcs is None else reward_funcs,
@@ -173,7 +175,7 @@ class DAGRPOTrainer(GRPOTrainer):
         return loss
 
 
-def _check_tasks(dataset: Any) -> None:
+def _check_tasks(dataset: Any, osworld_split: str) -> None:
     """Refuse held-out tasks, and a dataset without tasks.
 
     Raises:
@@ -185,4 +187,4 @@ def _check_tasks(dataset: Any) -> None:
         raise ParameterError(
             f"train_dataset needs a column 'task', has {columns}; training_rows(...) makes the rows"
         )
-    check_split(dataset["task"], source="train_dataset")
+    check_split(dataset["task"], source="train_dataset", osworld_split=osworld_split)

@@ -31,12 +31,14 @@ class HijackReplay(VerlBuffer):
     """Verl's buffer, with our replay buffer behind it.
 
     `trainer.v1.sampler.sampler_kwargs` may have `capacity`, `when`, `slot` and `seed`, as
-    `pipelines.train.replay.ReplayBuffer`. It is empty at the start of a resumed run.
+    `pipelines.train.replay.ReplayBuffer`, and `osworld_split`, as `check_split`. It is empty at
+    the start of a resumed run.
     """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         options = dict(self.sampler_kwargs or {})
+        self.osworld_split = str(options.pop("osworld_split", "osworld"))
         unknown = sorted(options.keys() - {"capacity", "when", "slot", "seed"})
         if unknown:
             raise ParameterError(f"sampler_kwargs: unknown {', '.join(unknown)}")
@@ -58,7 +60,9 @@ class HijackReplay(VerlBuffer):
             _rollout(rows[place], key, batch.tags[place]) for place, key in enumerate(batch.keys)
         ]
         check_split(
-            (rollout.request.group for rollout in rollouts), source="the rows of data.train_files"
+            (rollout.request.group for rollout in rollouts),
+            source="the rows of data.train_files",
+            osworld_split=self.osworld_split,
         )
         for places in groups.values():
             group = [rollouts[place] for place in places]

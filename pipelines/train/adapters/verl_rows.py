@@ -22,7 +22,12 @@ _KINDS: dict[str, Kind] = {
 
 
 def write_rows(
-    path: Path, tasks: Iterable[str], answer_form: str, *, evaluation: Iterable[str] = ()
+    path: Path,
+    tasks: Iterable[str],
+    answer_form: str,
+    *,
+    evaluation: Iterable[str] = (),
+    osworld_split: str = "osworld",
 ) -> int:
     """Write a Parquet file with a row for each training task; returns their number.
 
@@ -31,13 +36,14 @@ def write_rows(
         tasks: names of training tasks.
         answer_form: the system message, such as the form of an action.
         evaluation: names of the tasks that are reported.
+        osworld_split: as in `check_split`.
 
     Raises:
         LeakError: a task is held out or reported.
         ParameterError: there are no tasks.
     """
     names = list(dict.fromkeys(tasks))
-    check_split(names, evaluation, source=str(path))
+    check_split(names, evaluation, source=str(path), osworld_split=osworld_split)
     return _write(path, names, answer_form, "")
 
 

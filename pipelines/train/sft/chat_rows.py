@@ -90,13 +90,20 @@ def read_rows(folder: Path) -> list[ChatRow]:
     )
 
 
-def check_rows(rows: Sequence[ChatRow], evaluation: Sequence[str] = (), *, source: str) -> None:
+def check_rows(
+    rows: Sequence[ChatRow],
+    evaluation: Sequence[str] = (),
+    *,
+    source: str,
+    osworld_split: str = "osworld",
+) -> None:
     """Refuse rows of tasks that are held out or reported.
 
     Args:
         rows: the rows.
         evaluation: names of the tasks that are reported.
         source: their folder, for the message.
+        osworld_split: as in `check_split`.
 
     Raises:
         LeakError: there are such rows; the message names the tasks.
@@ -105,7 +112,7 @@ def check_rows(rows: Sequence[ChatRow], evaluation: Sequence[str] = (), *, sourc
     names: dict[str, None] = {}
     for trajectory in dict.fromkeys(row.trajectory for row in rows):
         names.update(dict.fromkeys(named_tasks(trajectory, task_names)))
-    check_split(names, evaluation, source=source)
+    check_split(names, evaluation, source=source, osworld_split=osworld_split)
 
 
 def named_tasks(trajectory: str, task_names: set[str] | None = None) -> list[str]:

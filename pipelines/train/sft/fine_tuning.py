@@ -33,7 +33,9 @@ def read_examples(settings: SftSettings) -> dict[str, list[ChatRow]]:
     examples: dict[str, list[ChatRow]] = {}
     for folder in settings.folders:
         rows = read_rows(folder)
-        check_rows(rows, settings.evaluation, source=str(folder))
+        check_rows(
+            rows, settings.evaluation, source=str(folder), osworld_split=settings.osworld_split
+        )
         examples[str(folder)] = rows
     if not any(examples.values()):
         raise ParameterError(f"{', '.join(examples)}: there are no examples")

@@ -21,20 +21,21 @@ from hijack_data.config.yaml_reader import read_yaml
 from hijack_data.errors import UnknownNameError, suggest
 from hijack_data.params import Parameter
 
-from ..split import members
+from ..split import OSWORLD_SPLITS, members
 
 METHOD = "sft"
-_NUMBERS = {
+_VALUES = {
     "epochs": Parameter("int", "How often each row is seen", low=1, high=10_000),
     "batch": Parameter("int", "Rows at a time on each GPU", low=1, high=4096),
     "accumulation": Parameter("int", "Batches a step of the optimiser", low=1, high=4096),
     "learning_rate": Parameter("float", "Of AdamW", low=1e-12, high=1),
     "max_pixels": Parameter("int", "Most pixels of a picture as the model sees it", low=1024),
     "seed": Parameter("int", "Of the order of the rows", low=0, high=2**32 - 1),
+    "osworld_split": Parameter("choice", "Whose held-out tasks", choices=OSWORLD_SPLITS),
 }
 _TEXTS = ("method", "model")
 _NAMES = ("data", "evaluation")
-_KEYS = (*_TEXTS, *_NAMES, *_NUMBERS, "trl")
+_KEYS = (*_TEXTS, *_NAMES, *_VALUES, "trl")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +46,7 @@ class SftSettings:
         model: of the Hugging Face hub, or a folder.
         data: folders of `hijack export --to chat` or `--to onlooker`.
         evaluation: names of the tasks that are reported, which must not be trained on.
+        osworld_split: whose tasks of OSWorld are held out, as in `check_split`.
         epochs: how often each row is seen.
         batch: rows at a time on each GPU.
         accumulation: batches a step of the optimiser.
@@ -58,6 +60,7 @@ class SftSettings:
     model: str
     data: tuple[str, ...] = ()
     evaluation: tuple[str, ...] = ()
+    osworld_split: str = "osworld"
     epochs: int = 1
     batch: int = 1
     accumulation: int = 16
@@ -112,8 +115,8 @@ def load_sft(path_or_name: str | os.PathLike[str]) -> SftSettings:
     if "model" not in tree.items:
         problems.add(Position(name, 1, 1), "model is missing; see docs/train.md")
     for key, item in tree.items.items():
-        if key in _NUMBERS:
-            values[key] = check(problems, _NUMBERS[key], key, item)
+        if key in _VALUES:
+            values[key] = check(problems, _VALUES[key], key, item)
         elif key in _NAMES:
             values[key] = _names(key, item, problems)
         elif key == "model":

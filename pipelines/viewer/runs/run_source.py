@@ -62,6 +62,11 @@ class RunSource:
         return cast("dict[str, Any]", config) if isinstance(config, dict) else {}
 
     @property
+    def is_scored(self) -> bool:
+        """Whether the run is one of `hijack score`: answers to rows of a dataset."""
+        return self._scored is not None
+
+    @property
     def facts(self) -> str:
         """A short description of the run."""
         count = len(self.entries)

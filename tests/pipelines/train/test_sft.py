@@ -143,6 +143,17 @@ def test_held_out_and_reported_tasks_are_refused(config, chat, tmp_path):
         check_rows(rows, ["a-task"], source=str(folder))
 
 
+def test_the_authors_tasks_are_trained_on_with_their_split(config, chat, tmp_path):
+    theirs = set(members("agenthijack/training")) & set(members("osworld/held_out"))
+    path = config()
+    folder = chat(min(theirs))
+    with pytest.raises(LeakError, match="osworld_split='agenthijack'"):
+        run(path, "--out", tmp_path / "out")
+    path = config(osworld_split="agenthijack")
+    chat(min(theirs))
+    assert run(path, "--dry-run").stdout == f"{folder}: 3 rows\n"
+
+
 def test_a_dry_run_counts_the_rows(config, chat):
     listed = run(config(data=["none"]), "--dry-run", "--data", chat())
     assert listed.stdout == f"{chat()}: 2 rows\n"

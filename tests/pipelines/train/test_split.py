@@ -43,11 +43,12 @@ def test_osworld_s_split_follows_its_rule():
 
 
 def test_sides_do_not_meet():
-    for family in ("toy", "suite", "osworld"):
+    for family in ("toy", "suite"):
         training, held_out = members(f"{family}/training"), members(f"{family}/held_out")
         assert not set(training) & set(held_out)
         check_split(training, held_out)
         assert (split_side(training[0]), split_side(held_out[0])) == ("training", "held_out")
+    check_split(members("osworld/training"), members("osworld/held_out"))
     assert len(members("osworld/training")) == len(members("toy/training")) == 128
     assert split_side("mine") is None
 
@@ -57,6 +58,22 @@ def test_held_out_tasks_are_refused(family):
     leaked = members(f"{family}/held_out")[0]
     with pytest.raises(LeakError, match=f"my data: task {leaked} of {family}/held_out must not"):
         check_split(["mine", leaked], source="my data")
+
+
+def test_the_authors_tasks_are_trained_on_only_when_their_split_is_asked_for():
+    training, held_out = members("agenthijack/training"), members("agenthijack/held_out")
+    assert len(training) == 128
+    everything = {*members("osworld/training"), *members("osworld/held_out")}
+    assert {*training, *held_out} == everything
+    with pytest.raises(LeakError, match="osworld_split='agenthijack'"):
+        check_split(training)
+    check_split(training, held_out, osworld_split="agenthijack")
+    with pytest.raises(LeakError, match="trained on and reported"):
+        check_split(training, everything, osworld_split="agenthijack")
+    with pytest.raises(LeakError, match="agenthijack/held_out must not"):
+        check_split(members("osworld/training"), osworld_split="agenthijack")
+    with pytest.raises(UnknownNameError, match="'agenthijack'"):
+        check_split(training, osworld_split="agenthijak")
 
 
 def test_what_is_reported_is_refused():
