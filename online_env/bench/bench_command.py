@@ -21,7 +21,7 @@ from hijack_data.cli.options import (
     new_run_options,
 )
 from hijack_data.cli.terminal import console, echo
-from hijack_data.errors import ParameterError, StorageError, counted
+from hijack_data.errors import ConfigError, ParameterError, StorageError, counted
 from hijack_data.locking import Lock
 from hijack_data.runs import seal
 
@@ -30,6 +30,7 @@ from ..errors import CostLimitError
 from ..report.outcome import exit_code
 from ..report.terminal import show
 from ..results import costs, records
+from .machine_options import machine_options
 from .progress import ProgressDisplay
 
 if TYPE_CHECKING:
@@ -47,12 +48,17 @@ if TYPE_CHECKING:
         "agent_memory",
         "engine",
         "in_process",
+        "machines",
         "max_cost",
         "osworld_files",
         "prompts",
         "ray_address",
         "replay",
+        "reset_command",
         "sign",
+        "unplayable",
+        "vm",
+        "vm_options",
     ),
 )
 @click.argument("config", shell_complete=complete_configuration("benchmark"))
@@ -82,6 +88,14 @@ if TYPE_CHECKING:
     type=click.Path(exists=True, file_okay=False),
     metavar="CACHE",
     help="Files of OSWorld's tasks, as hijack osworld prefetch fetches them.",
+)
+@machine_options
+@click.option(
+    "--unplayable",
+    type=click.Choice(("refuse", "skip", "zero")),
+    default="refuse",
+    show_default=True,
+    help="Tasks of OSWorld that can't be played: refuse the run, leave them out, or count 0.",
 )
 @click.option(
     "--engine",
@@ -126,6 +140,11 @@ def bench(
     seeds: int | None,
     desktops: int | None,
     osworld_files: str | None,
+    vm: tuple[str, ...],
+    machines: int,
+    vm_options: tuple[str, ...],
+    reset_command: str,
+    unplayable: str,
     engine: str,
     ray_address: str | None,
     resume: bool,
@@ -141,15 +160,20 @@ def bench(
 
     Such as: hijack bench embedded_small --out runs/small
     """
-    from .config import load_bench, override  # loads the web sites, which a report does not need
+    from .config import (
+        load_bench,
+        on_machines,
+        override,
+    )  # loads the web sites, which a report does not need
     from .estimates import estimate, history_near
     from .jobs import jobs
     from .models import ModelOptions, check_agents, prepare
     from .pools import open_pool
-    from .workers import default_desktops
 
     benchmark = override(load_bench(config), agent, tasks, corruptions, seeds, osworld_files)
     benchmark = replace(benchmark, in_process=in_process, agent_memory=agent_memory or 0.0)
+    benchmark = on_machines(benchmark, vm, machines, vm_options, reset_command)
+    benchmark = _only_playable(benchmark, unplayable)
     check_agents(benchmark)
     models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
     prepare(benchmark.agents, models, None if dry_run else out)
@@ -161,7 +185,8 @@ def bench(
         if not remaining:
             echo(f"{out}: all {len(planned_jobs)} episodes are there")
             return
-        at_once = min(desktops or default_desktops(), len(remaining))
+        _check_here(benchmark, engine, len(remaining))
+        at_once = min(desktops or _room(benchmark), len(remaining))
         for job in remaining:
             echo(str(job))
         expected = estimate(benchmark, remaining, at_once, history_near(out))
@@ -171,10 +196,10 @@ def bench(
         raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
     if sign is not None:
         seal.check_key(sign)
-    _check_here(benchmark, engine)
+    _check_here(benchmark, engine, len(planned_jobs))
     setup = _setup(benchmark, out, models)
     with (
-        open_pool(engine, setup, len(planned_jobs), desktops, ray_address) as pool,
+        open_pool(engine, setup, len(planned_jobs), desktops, ray_address, _notice) as pool,
         _begin_run(benchmark, planned_jobs, out, resume, pool.desktops),
     ):
         code = _run(benchmark, planned_jobs, out, pool, models)
@@ -220,7 +245,7 @@ def _begin_run(
         benchmark.to_data(),
         [job.id for job in planned_jobs],
         goes_on=resume,
-        notice=lambda text: echo(f"hijack: {text}", err=True),
+        notice=_notice,
         desktops=desktops,
     )
 
@@ -317,30 +342,70 @@ def _budget(out: Path, limit: float | None) -> costs.Budget | None:
     return costs.Budget(limit, records.read(out).records)
 
 
-def _check_here(benchmark: "Bench", engine: str) -> None:
-    """Check that the run's tasks can be played on this machine; nodes of Ray check themselves.
+def _notice(text: str) -> None:
+    echo(f"hijack: {text}", err=True)
+
+
+def _room(benchmark: "Bench") -> int:
+    """Return how many episodes can be played side by side."""
+    from .workers import default_desktops
+
+    if benchmark.machines is not None:
+        return len(benchmark.machines.each())
+    return default_desktops()
+
+
+def _only_playable(benchmark: "Bench", unplayable: str) -> "Bench":
+    """Return the benchmark without the tasks of a family that cannot be played; each is listed.
 
     Raises:
-        ParameterError: Tasks of a family are to be played elsewhere than on embedded desktops here.
+        ConfigError: The run is to be refused because of them, or none is left.
     """
     from ..tasks import TASKS, find_family
+
+    family = find_family(benchmark.tasks)
+    if family is None:
+        return benchmark
+    classes = [TASKS.get(name) for name in benchmark.tasks]
+    reasons = family.find_unplayable(classes, benchmark.files, benchmark.machines)
+    playable = tuple(name for name in benchmark.tasks if name not in reasons)
+    count = f"{len(reasons)} of {len(benchmark.tasks)} tasks can't be played"
+    if reasons and (unplayable == "refuse" or not playable):
+        lines = [f"{name}: {reason}" for name, reason in reasons.items()]
+        remedy = "leave them out (--unplayable skip), or count them as 0 (--unplayable zero)"
+        raise ConfigError([*lines, f"{count}; {remedy}"])
+    for name, reason in reasons.items():
+        echo(f"not played: {name}: {reason}")
+    if not reasons:
+        return benchmark
+    counted_as = "count 0" if unplayable == "zero" else "are left out"
+    echo(f"{count} and {counted_as}")
+    score = 0.0 if unplayable == "zero" else None
+    return replace(benchmark, tasks=playable, unplayable=reasons, unplayable_score=score)
+
+
+def _check_here(benchmark: "Bench", engine: str, episodes: int) -> None:
+    """Check that the run's episodes can be played here; nodes of Ray check themselves.
+
+    Raises:
+        ParameterError: Tasks of a family are to be played on a cluster.
+    """
+    from ..tasks import find_family
     from .pools import LOCAL
-    from .providers import EMBEDDED, check_installed
+    from .providers import check_installed
 
     family = find_family(benchmark.tasks)
     if family is None:
         if engine == LOCAL:
             check_installed(benchmark.provider, benchmark.tasks)
         return
-    if engine != LOCAL or benchmark.provider != EMBEDDED:
+    if engine != LOCAL:
         raise ParameterError(
-            f"{family.title}'s tasks are played on the embedded desktops of this machine; leave out"
-            f" {'--engine ' + engine if engine != LOCAL else 'provider: ' + benchmark.provider}"
+            f"{family.title}'s tasks are played from this machine; leave out --engine {engine},"
+            " and name the machines with --vm"
         )
-    classes = [TASKS.get(name) for name in benchmark.tasks]
-    family.check_runnable(
-        classes, Path(benchmark.osworld_files) if benchmark.osworld_files else None
-    )
+    if benchmark.machines is not None:
+        family.check_machines(benchmark.machines, episodes)
 
 
 @contextlib.contextmanager

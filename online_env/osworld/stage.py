@@ -51,7 +51,9 @@ class OsworldStage:
         self.env = env
         self._late_files = late_files
         self._infeasible = False
-        self._desktop = _EmbeddedGuest(env, password, capabilities)
+        # An environment on an embedded desktop has its network namespace.
+        guest = _EmbeddedGuest if hasattr(env, "namespace") else OsworldDesktop
+        self._desktop = guest(env, password, capabilities)
         self.setup_errors: list[str] = []
 
     @property
