@@ -380,8 +380,19 @@ def _only_playable(benchmark: "Bench", unplayable: str) -> "Bench":
         return benchmark
     counted_as = "count 0" if unplayable == "zero" else "are left out"
     echo(f"{count} and {counted_as}")
-    score = 0.0 if unplayable == "zero" else None
-    return replace(benchmark, tasks=playable, unplayable=reasons, unplayable_score=score)
+    return replace(
+        benchmark,
+        tasks=playable,
+        unplayable={
+            name: {
+                "reason": reason,
+                "apps": list(TASKS.get(name).apps),
+                "infeasible": bool(TASKS.get(name).infeasible),
+            }
+            for name, reason in reasons.items()
+        },
+        unplayable_score=0.0 if unplayable == "zero" else None,
+    )
 
 
 def _check_here(benchmark: "Bench", engine: str, episodes: int) -> None:

@@ -74,7 +74,7 @@ class Bench:
         provider: name of the desktop's provider, in `providers.PROVIDERS`.
         osworld_files: OSWorld's file cache, for tasks of OSWorld; "" if none needs files.
         machines: machines of the user for tasks of OSWorld; `None` for embedded desktops.
-        unplayable: tasks that are not played, with the reason.
+        unplayable: tasks that are not played, each with `reason`, `apps` and `infeasible`.
         unplayable_score: what an episode of such a task counts: 0.0, or `None` for nothing.
         size: `(height, width)` of the desktop in pixels.
         agents: names in `agents.AGENTS`.
@@ -95,7 +95,7 @@ class Bench:
     provider: str = EMBEDDED
     osworld_files: str = ""
     machines: MachineSettings | None = None
-    unplayable: Mapping[str, str] = field(default_factory=dict[str, str])
+    unplayable: Mapping[str, Mapping[str, Any]] = field(default_factory=dict[str, Any])
     unplayable_score: float | None = None
     size: Size = (1080, 1920)
     agents: tuple[str, ...] = ("oracle",)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-PASSWORD = "client_password"  # an option that no record shows
+NOT_RECORDED = ("client_password", "path_to_vm")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,14 +30,13 @@ class MachineSettings:
         return tuple(replace(self, vm=(name,), count=1) for name in [*addresses, *providers])
 
     def to_data(self) -> dict[str, Any]:
-        """Return JSON data for the configuration of a run."""
-        data: dict[str, Any] = {"vm": list(self.vm), "machines": self.count}
-        options = {key: value for key, value in self.options.items() if key != PASSWORD}
-        if options:
-            data["vm_options"] = options
-        if self.reset_command:
-            data["reset_command"] = self.reset_command
-        return data
+        """Return what decides results, as JSON data for the configuration of a run.
+
+        Which machines there are does not: `--resume` may go on with others, and every record names
+        its own. Commands and passwords are not written down at all.
+        """
+        options = {key: value for key, value in self.options.items() if key not in NOT_RECORDED}
+        return {"vm_options": options} if options else {}
 
 
 def is_address(name: str) -> bool:

@@ -68,6 +68,8 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "agent_timeout": FREE,
         "episode_timeout": FREE,
         "osworld_files": FREE,
+        "unplayable": FREE,
+        "unplayable_score": FREE,
         "code": FREE,
     },
     SESSIONS: {
@@ -119,7 +121,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "lines": DERIVED,
         "chain": DERIVED,
     },
-    DESKTOP: {"provider": LIBRARY, "size": COPIED, "settle": LIBRARY},
+    DESKTOP: {"provider": LIBRARY, "size": COPIED, "settle": LIBRARY, "machine": FREE},
     RECOVERY: {"policy": COPIED, "requests": DERIVED, "false_alarms": FREE, "repaired": DERIVED},
     STEPS: {
         "said": FREE,
