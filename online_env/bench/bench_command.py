@@ -21,7 +21,7 @@ from hijack_data.cli.options import (
     new_run_options,
 )
 from hijack_data.cli.terminal import console, echo
-from hijack_data.errors import ConfigError, ParameterError, StorageError, counted
+from hijack_data.errors import ParameterError, StorageError, counted
 from hijack_data.locking import Lock
 from hijack_data.runs import seal
 
@@ -30,7 +30,7 @@ from ..errors import CostLimitError
 from ..report.outcome import exit_code
 from ..report.terminal import show
 from ..results import costs, records
-from .machine_options import machine_options
+from .machine_options import MORE, machine_options
 from .progress import ProgressDisplay
 
 if TYPE_CHECKING:
@@ -45,20 +45,15 @@ if TYPE_CHECKING:
 @click.command(
     cls=BriefCommand,
     more=(
+        *MORE,
         "agent_memory",
         "engine",
         "in_process",
-        "machines",
         "max_cost",
-        "osworld_files",
         "prompts",
         "ray_address",
         "replay",
-        "reset_command",
         "sign",
-        "unplayable",
-        "vm",
-        "vm_options",
     ),
 )
 @click.argument("config", shell_complete=complete_configuration("benchmark"))
@@ -83,20 +78,7 @@ if TYPE_CHECKING:
     help="Seeds 0 to N-1, instead of CONFIG's.",
 )
 @desktops_option
-@click.option(
-    "--osworld-files",
-    type=click.Path(exists=True, file_okay=False),
-    metavar="CACHE",
-    help="Files of OSWorld's tasks, as hijack osworld prefetch fetches them.",
-)
 @machine_options
-@click.option(
-    "--unplayable",
-    type=click.Choice(("refuse", "skip", "zero")),
-    default="refuse",
-    show_default=True,
-    help="Tasks of OSWorld that can't be played: refuse the run, leave them out, or count 0.",
-)
 @click.option(
     "--engine",
     type=click.Choice(("local", "ray")),
@@ -168,12 +150,13 @@ def bench(
     from .estimates import estimate, history_near
     from .jobs import jobs
     from .models import ModelOptions, check_agents, prepare
+    from .playable import only_playable
     from .pools import open_pool
 
     benchmark = override(load_bench(config), agent, tasks, corruptions, seeds, osworld_files)
     benchmark = replace(benchmark, in_process=in_process, agent_memory=agent_memory or 0.0)
     benchmark = on_machines(benchmark, vm, machines, vm_options, reset_command)
-    benchmark = _only_playable(benchmark, unplayable)
+    benchmark = only_playable(benchmark, unplayable, echo)
     check_agents(benchmark)
     models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
     prepare(benchmark.agents, models, None if dry_run else out)
@@ -355,46 +338,6 @@ def _room(benchmark: "Bench") -> int:
     return default_desktops()
 
 
-def _only_playable(benchmark: "Bench", unplayable: str) -> "Bench":
-    """Return the benchmark without the tasks of a family that cannot be played; each is listed.
-
-    Raises:
-        ConfigError: The run is to be refused because of them, or none is left.
-    """
-    from ..tasks import TASKS, find_family
-
-    family = find_family(benchmark.tasks)
-    if family is None:
-        return benchmark
-    classes = [TASKS.get(name) for name in benchmark.tasks]
-    reasons = family.find_unplayable(classes, benchmark.files, benchmark.machines)
-    playable = tuple(name for name in benchmark.tasks if name not in reasons)
-    count = f"{len(reasons)} of {len(benchmark.tasks)} tasks can't be played"
-    if reasons and (unplayable == "refuse" or not playable):
-        lines = [f"{name}: {reason}" for name, reason in reasons.items()]
-        remedy = "leave them out (--unplayable skip), or count them as 0 (--unplayable zero)"
-        raise ConfigError([*lines, f"{count}; {remedy}"])
-    for name, reason in reasons.items():
-        echo(f"not played: {name}: {reason}")
-    if not reasons:
-        return benchmark
-    counted_as = "count 0" if unplayable == "zero" else "are left out"
-    echo(f"{count} and {counted_as}")
-    return replace(
-        benchmark,
-        tasks=playable,
-        unplayable={
-            name: {
-                "reason": reason,
-                "apps": list(TASKS.get(name).apps),
-                "infeasible": bool(TASKS.get(name).infeasible),
-            }
-            for name, reason in reasons.items()
-        },
-        unplayable_score=0.0 if unplayable == "zero" else None,
-    )
-
-
 def _check_here(benchmark: "Bench", engine: str, episodes: int) -> None:
     """Check that the run's episodes can be played here; nodes of Ray check themselves.
 
@@ -402,6 +345,7 @@ def _check_here(benchmark: "Bench", engine: str, episodes: int) -> None:
         ParameterError: Tasks of a family are to be played on a cluster.
     """
     from ..tasks import find_family
+    from .playable import check_machines
     from .pools import LOCAL
     from .providers import check_installed
 
@@ -415,8 +359,7 @@ def _check_here(benchmark: "Bench", engine: str, episodes: int) -> None:
             f"{family.title}'s tasks are played from this machine; leave out --engine {engine},"
             " and name the machines with --vm"
         )
-    if benchmark.machines is not None:
-        family.check_machines(benchmark.machines, episodes)
+    check_machines(benchmark, episodes)
 
 
 @contextlib.contextmanager

@@ -1,4 +1,4 @@
-"""The options of commands that play OSWorld's tasks on machines of the user."""
+"""The options of commands that play OSWorld's tasks, on machines of the user or on desktops."""
 
 from collections.abc import Callable
 from typing import Any
@@ -34,7 +34,28 @@ _OPTIONS = (
         metavar="COMMAND",
         help="Makes a machine at an address pristine; it gets the address as AGENTHIJACK_VM.",
     ),
+    click.option(
+        "--osworld-files",
+        type=click.Path(exists=True, file_okay=False),
+        metavar="CACHE",
+        help="Files of OSWorld's tasks, as hijack osworld prefetch fetches them.",
+    ),
+    click.option(
+        "--unplayable",
+        type=click.Choice(("refuse", "skip", "zero")),
+        default="refuse",
+        show_default=True,
+        help="Tasks of OSWorld that can't be played: refuse to run, leave them out, or count 0.",
+    ),
 )
+MORE = (
+    "machines",
+    "osworld_files",
+    "reset_command",
+    "unplayable",
+    "vm",
+    "vm_options",
+)  # their names, for the second part of a command's help
 
 
 def machine_options(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -286,17 +286,18 @@ def live_episodes(setup: WorkerSetup) -> Generator[LiveEpisodes]:
 
 
 @contextmanager
-def open_stage(bench: Bench, folder: Path) -> Generator[TaskStage]:
+def open_stage(bench: Bench, folder: Path | None) -> Generator[TaskStage]:
     """Start a desktop in this process, and yield it with the tasks of a benchmark.
 
     Args:
         bench: The benchmark.
-        folder: The folder of the run, which the desktop must not see.
+        folder: The folder of the run, which the desktop must not see; `None` for none.
     """
     from ..embedded.runtime import hidden_folders
     from ..environment import SmallTasks
 
-    hidden_folders.hide(folder)
+    if folder is not None:
+        hidden_folders.hide(folder)
     family = find_family(bench.tasks)
     if family is not None:
         with family.open_stage(bench.size, bench.files, _machine(bench)) as stage:

@@ -89,6 +89,8 @@ def check(settings: MachineSettings, episodes: int, folder: Path = venv.DEFAULT)
     providers = [name for name in settings.vm if not is_address(name)]
     if not settings.vm:
         raise ParameterError("--vm http://HOST:PORT or --vm PROVIDER: say which machines to use")
+    for name in addresses:
+        read_address(name)
     if len(set(settings.vm)) < len(settings.vm):
         raise ParameterError(f"--vm names a machine twice: {', '.join(settings.vm)}")
     if settings.count > 1 and not providers:
@@ -147,14 +149,16 @@ def read_address(text: str) -> Address:
     )
     try:
         parts = urlsplit(text)
-        ports = {PORTS[key]: int(value) for key, value in parse_qsl(parts.query, True, True)}
+        ports = {key: int(value) for key, value in parse_qsl(parts.query, True, True)}
         port = parts.port or 5000
-    except (ValueError, KeyError):
+    except ValueError:
         raise problem from None
     is_plain = parts.scheme == "http" and not parts.path.strip("/") and "@" not in parts.netloc
-    if not parts.hostname or not is_plain or not all(0 < n < 2**16 for n in ports.values()):
+    has_ports = ports.keys() <= PORTS.keys() and all(0 < n < 2**16 for n in ports.values())
+    if not (parts.hostname and is_plain and has_ports):
         raise problem
-    return Address(parts.hostname, port, used=True, **ports)
+    address = Address(parts.hostname, port, used=True)
+    return replace(address, **{PORTS[key]: number for key, number in ports.items()})
 
 
 class ResetByCommand:

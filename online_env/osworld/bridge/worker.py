@@ -135,7 +135,8 @@ class Worker:
         """
         if method not in CONTROLLER:
             raise ValueError(f"controller call {method!r} is not one of {', '.join(CONTROLLER)}")
-        self.used = True
+        # Only code can change the machine, and a revert takes a provider up to minutes.
+        self.used = self.used or method == "execute_python_command"
         return _portable(getattr(self.env.controller, method)(*arguments))
 
 
