@@ -178,7 +178,7 @@ def _obstacles(
     """Yield what keeps a task from being played."""
     needs = list_needs(task, check)
     if PACKAGES in needs:
-        yield f"{needs[PACKAGES]} (hijack osworld setup --tier mid)"
+        yield f"{needs[PACKAGES]} (hijack osworld setup --tier mid or full)"
     if machines is None or files is not None:
         absent = [
             file.path

@@ -169,7 +169,7 @@ def serve(
     extras.require("hijack serve", "serve", MODULES)
     _check_openenv()
     from ..bench.config import load_bench, on_machines, override
-    from ..bench.playable import only_playable
+    from ..bench.playable import check_machines, only_playable
     from ..bench.workers import default_desktops
     from . import server
 
@@ -197,6 +197,7 @@ def serve(
         log=out,
     )
     if dry_run:
+        check_machines(bench, server.ENDLESS)
         for name in options.draws().tasks:
             echo(name)
         return
