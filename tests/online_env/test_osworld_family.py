@@ -255,7 +255,7 @@ sys.exit(any(name.startswith("online_env.osworld") for name in sys.modules))
 
 
 def test_only_the_table_of_families_names_the_package() -> None:
-    """And the public names, of which one is a stage of OSWorld."""
+    """And the registry of providers, and the public names, of which one is a stage of OSWorld."""
     package = Path(online_env.__file__).parent
     pattern = re.compile(r"online_env[./]osworld\b|from \.\.+osworld\b|\"\.osworld\b")
     naming = {
@@ -264,4 +264,4 @@ def test_only_the_table_of_families_names_the_package() -> None:
         if "osworld" not in path.relative_to(package).parts[:1]
         and pattern.search(path.read_text(encoding="utf-8"))
     }
-    assert naming == {"__init__.py", "tasks/families.py"}
+    assert naming == {"__init__.py", "bench/providers.py", "tasks/families.py"}
