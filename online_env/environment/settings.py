@@ -26,7 +26,8 @@ class EvalSettings:
         log: The folder of the run; an episode is written to `log/episodes/<its id>/`. `None`
             writes nothing.
         agent: The agent's name, for the record.
-        password: The password of the desktop's user.
+        password: The password of the desktop's user; by default that which the desktop has as
+            `password`, or else `"password"`.
 
     Raises:
         ParameterError: `max_steps` is not an integer of at least 1.
@@ -39,7 +40,7 @@ class EvalSettings:
     allow_code: bool = False
     log: Path | str | None = None
     agent: str = "agent"
-    password: str = "password"
+    password: str | None = None
 
     def __post_init__(self) -> None:
         steps: object = self.max_steps
@@ -64,4 +65,4 @@ class EvalOptions(TypedDict, total=False):
     allow_code: bool
     log: Path | str | None
     agent: str
-    password: str
+    password: str | None

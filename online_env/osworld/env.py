@@ -8,10 +8,13 @@ import select
 import signal
 import subprocess
 import time
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, cast
+
+from hijack_data.errors import HijackWarning
 
 from ..errors import DesktopTimeoutError
 from .errors import EvaluatorError, OsworldError, TaskRefusedError
@@ -240,6 +243,13 @@ class OsworldEnv:
         try:
             self._process.wait(wait_s)
         except subprocess.TimeoutExpired:
+            if wait_s == TIMEOUTS_S["release"]:
+                warnings.warn(
+                    f"OSWorld's process did not end its machine within {wait_s:.0f} s and was"
+                    " killed: look whether the machine still runs",
+                    HijackWarning,
+                    stacklevel=2,
+                )
             os.killpg(self._process.pid, signal.SIGKILL)
             self._process.wait()
 

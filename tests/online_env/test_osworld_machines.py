@@ -23,6 +23,7 @@ from support.osworld_guests import SIZE, fake_guests, scripted_venv
 
 HIJACK = [sys.executable, "-m", "hijack_data.cli"]
 REVERT = "curl -sf -X POST -d '' \"$AGENTHIJACK_VM/revert\""
+DOCKER = MachineSettings(vm=("docker",), options={"client_password": "of the guest"})
 INFEASIBLE = {"func": "infeasible"}
 
 
@@ -66,7 +67,7 @@ def script(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Pat
 
 def docker(osworld: Path, monkeypatch, tmp_path: Path):
     monkeypatch.setattr(machines, "FOLDER", tmp_path / "machines")
-    return machines.machine((SIZE[1], SIZE[0]), MachineSettings(vm=("docker",)), osworld)
+    return machines.machine((SIZE[1], SIZE[0]), DOCKER, osworld)
 
 
 def events(path: Path) -> list[str]:
@@ -83,6 +84,7 @@ def test_a_provider_reverts_between_episodes_and_ends_its_machine(
             stage = MachineTasks(desktop, None)
             assert stage.reset(task, 0).infeasible
             assert stage.reset(task, 0).infeasible
+            assert stage.desktop.password == "of the guest"  # effects call sudo with it
             assert stage.evaluate(["FAIL"]).score == 1.0
             # Without a snapshot, OSWorld's provider says nothing.
             script(guest.address, lacks=("snapshot",))
