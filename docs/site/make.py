@@ -70,6 +70,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "local_internet",
         "bring_your_own_vm",
         "osworld",
+        "osworld_vm",
         "recordings",
     ),
     "Project": (

@@ -31,6 +31,7 @@ from ..errors import CostLimitError
 from ..report.outcome import exit_code
 from ..report.terminal import show
 from ..results import costs, records
+from .machine_options import MORE, machine_options
 from .progress import ProgressDisplay
 
 if TYPE_CHECKING:
@@ -46,12 +47,12 @@ if TYPE_CHECKING:
 @click.command(
     cls=BriefCommand,
     more=(
+        *MORE,
         "agent_memory",
         "engine",
         "environment_errors",
         "in_process",
         "max_cost",
-        "osworld_files",
         "prompts",
         "ray_address",
         "replay",
@@ -90,12 +91,7 @@ if TYPE_CHECKING:
     type=click.Choice(("before_setup", "after_setup")),
     help="Cut the network before or after the task's pages are opened, instead of CONFIG's.",
 )
-@click.option(
-    "--osworld-files",
-    type=click.Path(exists=True, file_okay=False),
-    metavar="CACHE",
-    help="Files of OSWorld's tasks, as hijack osworld prefetch fetches them.",
-)
+@machine_options
 @click.option(
     "--engine",
     type=click.Choice(("local", "ray")),
@@ -141,6 +137,11 @@ def bench(
     recovery: "Recovery | None",
     environment_errors: "ErrorOrder | None",
     osworld_files: str | None,
+    vm: tuple[str, ...],
+    machines: int,
+    vm_options: tuple[str, ...],
+    reset_command: str,
+    unplayable: str,
     engine: str,
     ray_address: str | None,
     resume: bool,
@@ -156,12 +157,16 @@ def bench(
 
     Such as: hijack bench embedded_small --out runs/small
     """
-    from .config import load_bench, override  # loads the web sites, which a report does not need
+    from .config import (
+        load_bench,
+        on_machines,
+        override,
+    )  # loads the web sites, which a report does not need
     from .estimates import estimate, history_near
     from .jobs import jobs
     from .models import ModelOptions, check_agents, prepare
+    from .playable import only_playable
     from .pools import open_pool
-    from .workers import default_desktops
 
     benchmark = override(
         load_bench(config),
@@ -176,6 +181,8 @@ def bench(
     benchmark = replace(benchmark, in_process=in_process, agent_memory=agent_memory or 0.0)
     if benchmark.text_boxes:
         extras.require("text_boxes", "ocr", ("rapidocr", "onnxruntime"))
+    benchmark = on_machines(benchmark, vm, machines, vm_options, reset_command)
+    benchmark = only_playable(benchmark, unplayable, echo)
     check_agents(benchmark)
     models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
     prepare(benchmark.agents, models, None if dry_run else out)
@@ -187,7 +194,8 @@ def bench(
         if not remaining:
             echo(f"{out}: all {len(planned_jobs)} episodes are there")
             return
-        at_once = min(desktops or default_desktops(), len(remaining))
+        _check_here(benchmark, engine, len(remaining))
+        at_once = min(desktops or _room(benchmark), len(remaining))
         for job in remaining:
             echo(str(job))
         expected = estimate(benchmark, remaining, at_once, history_near(out))
@@ -197,10 +205,10 @@ def bench(
         raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
     if sign is not None:
         seal.check_key(sign)
-    _check_here(benchmark, engine)
+    _check_here(benchmark, engine, len(planned_jobs))
     setup = _setup(benchmark, out, models)
     with (
-        open_pool(engine, setup, len(planned_jobs), desktops, ray_address) as pool,
+        open_pool(engine, setup, len(planned_jobs), desktops, ray_address, _notice) as pool,
         _begin_run(benchmark, planned_jobs, out, resume, pool.desktops),
     ):
         code = _run(benchmark, planned_jobs, out, pool, models)
@@ -246,7 +254,7 @@ def _begin_run(
         benchmark.to_data(),
         [job.id for job in planned_jobs],
         goes_on=resume,
-        notice=lambda text: echo(f"hijack: {text}", err=True),
+        notice=_notice,
         desktops=desktops,
     )
 
@@ -343,30 +351,41 @@ def _budget(out: Path, limit: float | None) -> costs.Budget | None:
     return costs.Budget(limit, records.read(out).records)
 
 
-def _check_here(benchmark: "Bench", engine: str) -> None:
-    """Check that the run's tasks can be played on this machine; nodes of Ray check themselves.
+def _notice(text: str) -> None:
+    echo(f"hijack: {text}", err=True)
+
+
+def _room(benchmark: "Bench") -> int:
+    """Return how many episodes can be played side by side."""
+    from .workers import default_desktops
+
+    if benchmark.machines is not None:
+        return len(benchmark.machines.each())
+    return default_desktops()
+
+
+def _check_here(benchmark: "Bench", engine: str, episodes: int) -> None:
+    """Check that the run's episodes can be played here; nodes of Ray check themselves.
 
     Raises:
-        ParameterError: Tasks of a family are to be played elsewhere than on embedded desktops here.
+        ParameterError: Tasks of a family are to be played on a cluster.
     """
-    from ..tasks import TASKS, find_family
+    from ..tasks import find_family
+    from .playable import check_machines
     from .pools import LOCAL
-    from .providers import EMBEDDED, check_installed
+    from .providers import check_installed
 
     family = find_family(benchmark.tasks)
     if family is None:
         if engine == LOCAL:
             check_installed(benchmark.provider, benchmark.tasks)
         return
-    if engine != LOCAL or benchmark.provider != EMBEDDED:
+    if engine != LOCAL:
         raise ParameterError(
-            f"{family.title}'s tasks are played on the embedded desktops of this machine; leave out"
-            f" {'--engine ' + engine if engine != LOCAL else 'provider: ' + benchmark.provider}"
+            f"{family.title}'s tasks are played from this machine; leave out --engine {engine},"
+            " and name the machines with --vm"
         )
-    classes = [TASKS.get(name) for name in benchmark.tasks]
-    family.check_runnable(
-        classes, Path(benchmark.osworld_files) if benchmark.osworld_files else None
-    )
+    check_machines(benchmark, episodes)
 
 
 @contextlib.contextmanager

@@ -5,7 +5,7 @@ All its mistakes are reported at once, each with file, line and fix.
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias, cast
 
@@ -39,7 +39,8 @@ from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
 from ..environment.settings import ERROR_ORDERS, POLICIES, ErrorOrder, EvalSettings, Recovery
 from ..tasks import TASKS, Task, families, task_sets
-from .providers import EMBEDDED, PROVIDERS
+from ..tasks.machines import MachineSettings
+from .providers import EMBEDDED, OSWORLD, PROVIDERS
 
 AnyRegistry: TypeAlias = Registry[Any]
 Planners: TypeAlias = dict[str, Planner | None]
@@ -86,6 +87,9 @@ class Bench:
         source: the file, for messages.
         provider: name of the desktop's provider, in `providers.PROVIDERS`.
         osworld_files: OSWorld's file cache, for tasks of OSWorld; "" if none needs files.
+        machines: machines of the user for tasks of OSWorld; `None` for embedded desktops.
+        unplayable: tasks that are not played, each with `reason`, `apps` and `infeasible`.
+        unplayable_score: what an episode of such a task counts: 0.0, or `None` for nothing.
         size: `(height, width)` of the desktop in pixels.
         agents: names in `agents.AGENTS`.
         tasks: names in `online_env.tasks`.
@@ -106,6 +110,9 @@ class Bench:
     source: str = ""
     provider: str = EMBEDDED
     osworld_files: str = ""
+    machines: MachineSettings | None = None
+    unplayable: Mapping[str, Mapping[str, Any]] = field(default_factory=dict[str, Any])
+    unplayable_score: float | None = None
     size: Size = (1080, 1920)
     agents: tuple[str, ...] = ("oracle",)
     tasks: tuple[str, ...] = ()
@@ -142,6 +149,11 @@ class Bench:
         """The corruptions by label; all of them if the file names none."""
         return all_planners() if self.corruptions is None else self.corruptions
 
+    @property
+    def files(self) -> Path | None:
+        """The folder of `osworld_files`."""
+        return Path(self.osworld_files) if self.osworld_files else None
+
     def to_data(self) -> dict[str, Any]:
         """Return the resolved configuration as JSON data.
 
@@ -168,6 +180,11 @@ class Bench:
             data["text_boxes"] = True
         if self.osworld_files:
             data["osworld_files"] = self.osworld_files
+        if self.machines is not None:
+            data["desktop"] |= self.machines.to_data()
+        if self.unplayable:
+            data["unplayable"] = dict(self.unplayable)
+            data["unplayable_score"] = self.unplayable_score
         if self.in_process:
             data["in_process"] = True
         if self.agent_memory:
@@ -287,6 +304,38 @@ def override(
     if seeds is not None:
         bench = replace(bench, seeds=tuple(range(seeds)))
     return bench
+
+
+def on_machines(
+    bench: Bench, vm: tuple[str, ...], count: int, options: tuple[str, ...], reset_command: str
+) -> Bench:
+    """Return the benchmark on machines of the user; unchanged if none is named.
+
+    Args:
+        bench: The benchmark, whose tasks are those of a family.
+        vm: Addresses of running machines and names of providers.
+        count: How many machines each provider starts.
+        options: Arguments for the providers, such as `region=us-east-1`.
+        reset_command: The command that makes a running machine pristine.
+
+    Raises:
+        ParameterError: The machines and the tasks or options don't go together.
+    """
+    if not vm:
+        if bench.provider == OSWORLD:
+            raise ParameterError(f"{bench.source}: desktop.provider: {OSWORLD} needs --vm")
+        if options or reset_command or count > 1:
+            raise ParameterError("--machines, --vm-option and --reset-command need --vm")
+        return bench
+    family = families.shared_family({name: TASKS.get(name) for name in bench.tasks})
+    if family is None:
+        raise ParameterError(
+            "--vm plays OSWorld's tasks: name their folder, --tasks evaluation_examples"
+        )
+    settings = MachineSettings(
+        vm=vm, count=count, options=family.read_options(options), reset_command=reset_command
+    )
+    return replace(bench, provider=OSWORLD, machines=settings)
 
 
 def _planners(bench: Bench, text: str) -> Planners:

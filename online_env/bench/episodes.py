@@ -138,6 +138,16 @@ class LiveEpisodes:
             if isinstance(agent, AgentThread):
                 agent.close()
 
+    def desktop_works(self) -> bool:
+        """Return whether the desktop can play another episode, after one that failed."""
+        if getattr(self._stage, "was_not_reverted", False):
+            return False
+        try:
+            self._stage.desktop.screenshot()
+        except DesktopError:
+            return False
+        return True
+
     def _make_agent(self, name: str, own_process: bool) -> RunningAgent:
         """Return an agent with a new object: in its process, or in a thread of this one.
 

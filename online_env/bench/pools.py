@@ -3,6 +3,7 @@
 Results do not depend on the engine; the runner's process writes the journal.
 """
 
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Protocol
 
@@ -10,6 +11,7 @@ from hijack_data.errors import ParameterError, UnknownNameError, suggest
 
 from ..results.records import ResultRecord
 from .jobs import Job
+from .machine_pool import MachinePool
 from .workers import LocalPool, WorkerSetup, default_desktops
 
 LOCAL = "local"
@@ -47,6 +49,7 @@ def open_pool(
     episodes: int,
     desktops: int | None = None,
     ray_address: str | None = None,
+    notice: Callable[[str], object] = lambda _: None,
 ) -> AbstractContextManager[EpisodePool]:
     """Return the pool of desktops of a run.
 
@@ -57,6 +60,7 @@ def open_pool(
         desktops: The most of them. By default as many as fit on this machine, or on the nodes of a
             cluster.
         ray_address: A running cluster; see `pipelines.engines.ray_connection.session`.
+        notice: Called with lines for the user.
 
     Raises:
         UnknownNameError: There is no such engine.
@@ -71,4 +75,6 @@ def open_pool(
         return RayPool(setup, min(desktops or room, episodes), ray_address)
     if ray_address is not None:
         raise ParameterError(f"--ray-address {ray_address} is for --engine ray, not for {engine!r}")
+    if setup.bench.machines is not None:
+        return MachinePool(setup, min(desktops or MAX_DESKTOPS, episodes), notice)
     return LocalPool(setup, min(desktops or default_desktops(), episodes))

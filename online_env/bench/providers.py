@@ -18,8 +18,9 @@ from ..tasks.task_apps import APPS
 
 # Called with the size (height, width) in pixels; the desktop exists inside the context. Its `reset`
 # restores the pristine state. A desktop with a `record["sites"]` has a local internet.
-DesktopProvider: TypeAlias = Callable[[Size], AbstractContextManager[Desktop]]
+DesktopProvider: TypeAlias = Callable[..., AbstractContextManager[Desktop]]
 EMBEDDED = "embedded"
+OSWORLD = "osworld"  # machines of the user; called with their settings, too
 MAX_STARTS = 3  # tries to start a desktop
 
 
@@ -52,7 +53,10 @@ def _problems(provider: Any, _: str) -> Iterator[str]:
 PROVIDERS = Registry[DesktopProvider](
     "desktop provider",
     "providers",
-    builtin={EMBEDDED: "online_env.bench.providers:embedded"},
+    builtin={
+        EMBEDDED: "online_env.bench.providers:embedded",
+        OSWORLD: "online_env.osworld.machines:machine",
+    },
     problems=_problems,
 )
 register = PROVIDERS.register

@@ -25,6 +25,7 @@ from hijack_data.loading import find_loaded_file, load_reference
 from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
+from ..desktops.protocol import Desktop
 from ..environment.stage import TaskStage
 from ..results.origin import available_memory, usable_cores
 from ..results.records import ResultRecord
@@ -33,11 +34,12 @@ from .config import Bench, is_from_data
 from .episodes import LiveEpisodes, lost_record
 from .jobs import Job
 from .models import ModelOptions, prepare
-from .providers import PROVIDERS
+from .providers import EMBEDDED, PROVIDERS
 
 CORES_PER_DESKTOP = 1  # cores that a desktop needs
 BYTES_PER_DESKTOP = 1536 * 2**20  # for a desktop, its standby and an office program
 SHUTDOWN_TIMEOUT_S = 20.0  # seconds for a process to end its desktop
+MACHINE_SHUTDOWN_TIMEOUT_S = 200.0  # the same, for a machine that OSWorld's provider started
 
 
 class ForeignEntry(NamedTuple):
@@ -124,7 +126,7 @@ class LocalPool:
         self._setup = setup
         self._serve = serve or serve_episodes
         self._local = threading.local()
-        self._workers: list[_Worker] = []
+        self._workers: list[Worker] = []
 
     def __enter__(self) -> "LocalPool":
         return self
@@ -147,9 +149,9 @@ class LocalPool:
         If the process ends over it, the record is an error of the machine's, which is tried again.
         Errors that refuse the episode are raised here as they were there.
         """
-        worker: _Worker | None = getattr(self._local, "worker", None)
+        worker: Worker | None = getattr(self._local, "worker", None)
         if worker is None or not worker.alive:
-            worker = _Worker(self._setup, self._serve)
+            worker = Worker(self._setup, self._serve)
             self._local.worker = worker
             self._workers.append(worker)
         # A monotonic clock, so that setting the time does not change durations.
@@ -163,8 +165,13 @@ class LocalPool:
             return lost_record(job, attempt, problem, start=start)
 
 
-class _Worker:
-    """One process and the connection to it."""
+class Worker:
+    """One process and the connection to it.
+
+    Args:
+        setup: What the process needs.
+        serve: The function that it runs.
+    """
 
     def __init__(
         self, setup: WorkerSetup, serve: Callable[[Connection, WorkerSetup], None]
@@ -172,6 +179,9 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self._connection, child_end = context.Pipe()
         self._busy = False
+        self._shutdown_timeout = SHUTDOWN_TIMEOUT_S
+        if setup.bench.machines is not None:
+            self._shutdown_timeout = MACHINE_SHUTDOWN_TIMEOUT_S
         self._process: SpawnProcess = context.Process(
             target=serve, args=(child_end, setup), name="episodes"
         )
@@ -196,14 +206,24 @@ class _Worker:
             EOFError: The process died.
             OSError: The process died while it was written to.
         """
+        self.wait_until_ready()
         self._busy = True
-        if not self._ready:
-            self._receive()
-            self._ready = True
         self._connection.send((job, attempt))
         record = self._receive()
         self._busy = False
         return record
+
+    def wait_until_ready(self) -> None:
+        """Wait until the process has its desktop.
+
+        Raises:
+            EOFError: The process died.
+        """
+        if not self._ready:
+            self._busy = True
+            self._receive()
+            self._ready = True
+            self._busy = False
 
     def _receive(self) -> ResultRecord:
         record, raised = self._connection.recv()
@@ -217,13 +237,17 @@ class _Worker:
             self._process.terminate()
         else:
             self._connection.close()
-        self._process.join(SHUTDOWN_TIMEOUT_S)
+        self._process.join(self._shutdown_timeout)
         if self._process.is_alive():
             self._process.kill()
             self._process.join()
 
 
-def serve_episodes(connection: Connection, setup: WorkerSetup) -> None:
+def serve_episodes(
+    connection: Connection,
+    setup: WorkerSetup,
+    answer_all: Callable[[Connection, LiveEpisodes], None] | None = None,
+) -> None:
     """Play the episodes that come over a connection, on a desktop of this process."""
     from ..embedded.runtime import kernel
 
@@ -232,17 +256,21 @@ def serve_episodes(connection: Connection, setup: WorkerSetup) -> None:
     if runner is not None and not runner.is_alive():
         return  # the runner was killed while this process started
     try:
-        _serve(connection, setup)
+        _serve(connection, setup, answer_all or answer_calls)
     except Exception as error:  # noqa: BLE001  (the runner is to raise it)
         with contextlib.suppress(OSError):  # the runner is gone
             connection.send((None, picklable_error(error)))
 
 
-def _serve(connection: Connection, setup: WorkerSetup) -> None:
+def _serve(
+    connection: Connection,
+    setup: WorkerSetup,
+    answer_all: Callable[[Connection, LiveEpisodes], None],
+) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the runner handles Ctrl-C and ends this process
     signal.signal(signal.SIGTERM, _leave)
     with live_episodes(setup) as episodes:
-        answer_calls(connection, episodes)
+        answer_all(connection, episodes)
 
 
 @contextmanager
@@ -258,25 +286,32 @@ def live_episodes(setup: WorkerSetup) -> Generator[LiveEpisodes]:
 
 
 @contextmanager
-def open_stage(bench: Bench, folder: Path) -> Generator[TaskStage]:
+def open_stage(bench: Bench, folder: Path | None) -> Generator[TaskStage]:
     """Start a desktop in this process, and yield it with the tasks of a benchmark.
 
     Args:
         bench: The benchmark.
-        folder: The folder of the run, which the desktop must not see.
+        folder: The folder of the run, which the desktop must not see; `None` for none.
     """
     from ..embedded.runtime import hidden_folders
     from ..environment import SmallTasks
 
-    hidden_folders.hide(folder)
+    if folder is not None:
+        hidden_folders.hide(folder)
     family = find_family(bench.tasks)
     if family is not None:
-        files = Path(bench.osworld_files) if bench.osworld_files else None
-        with family.open_stage(bench.size, files) as stage:
+        with family.open_stage(bench.size, bench.files, _machine(bench)) as stage:
             yield stage
         return
     with PROVIDERS.get(bench.provider)(bench.size) as desktop:
         yield SmallTasks(desktop)
+
+
+def _machine(bench: Bench) -> AbstractContextManager[Desktop] | None:
+    """Return what starts the machine of a family's tasks; `None` for an embedded desktop."""
+    if bench.machines is not None:
+        return PROVIDERS.get(bench.provider)(bench.size, bench.machines)
+    return None if bench.provider == EMBEDDED else PROVIDERS.get(bench.provider)(bench.size)
 
 
 def answer_calls(connection: Connection, episode: Callable[[Job, int], ResultRecord]) -> None:

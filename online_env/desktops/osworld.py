@@ -88,6 +88,9 @@ class OsworldDesktop:
         password: of the guest's user, for sudo; with `None` only a sudo that does not ask is tried.
         capabilities: capabilities of the guest in addition to those that are detected.
 
+    Attributes:
+        machine_name: how the user calls the machine, for records; "" if it has no name.
+
     Raises:
         MissingCapabilityError: `env` lacks one of the methods.
     """
@@ -117,6 +120,7 @@ class OsworldDesktop:
             self._told.add("accessibility")
         self._found: frozenset[Capability] | None = None
         self._size: Size | None = None
+        self.machine_name = ""
 
     @property
     def capabilities(self) -> frozenset[Capability]:

@@ -21,6 +21,7 @@ from hijack_data.types import Size
 
 from ..desktops.protocol import RunResult
 from ..effects import find
+from ..effects.base import PASSWORD
 from ..errors import DesktopError, DesktopTimeoutError, GuestError
 from .live_effects import EpisodeEffects
 from .log import EpisodeLog, free_attempt
@@ -69,7 +70,8 @@ class Episode:
         self._request = request
         unknown = Setting(task_label(request.task), "")
         self._counts = EpisodeCounts(unknown, request.attempt or 0)
-        self._effects = EpisodeEffects(stage.desktop, settings.password)
+        password = settings.password or getattr(stage.desktop, "password", None) or PASSWORD
+        self._effects = EpisodeEffects(stage.desktop, password)
         self._observer: Observer | None = None
         self._log: EpisodeLog | None = None
         self._acted = False  # whether the agent's code ran

@@ -187,4 +187,6 @@ def _about(desktop: Desktop, settle: Settle) -> EpisodeRecord:
         size = [width, height]
     except DesktopError:
         pass
-    return {"provider": type(desktop).__name__.lstrip("_"), "size": size, "settle": asdict(settle)}
+    about = {"provider": type(desktop).__name__.lstrip("_"), "size": size, "settle": asdict(settle)}
+    name = getattr(desktop, "machine_name", "")
+    return {**about, "machine": name} if name else about

@@ -34,7 +34,8 @@ class EvalSettings:
         log: The folder of the run; an episode is written to `log/episodes/<its id>/`. `None`
             writes nothing.
         agent: The agent's name, for the record.
-        password: The password of the desktop's user.
+        password: The password of the desktop's user; by default that which the desktop has as
+            `password`, or else `"password"`.
         text_boxes: Whether the lines of text on the screen, read by OCR, count as elements that
             pop-ups and marks keep free, as in the code of the paper's authors. Reading takes one
             to two seconds a step. A touch chooses among elements of the tree in any case.
@@ -52,7 +53,7 @@ class EvalSettings:
     allow_code: bool = False
     log: Path | str | None = None
     agent: str = "agent"
-    password: str = "password"
+    password: str | None = None
     text_boxes: bool = False
 
     def __post_init__(self) -> None:
@@ -84,5 +85,5 @@ class EvalOptions(TypedDict, total=False):
     allow_code: bool
     log: Path | str | None
     agent: str
-    password: str
+    password: str | None
     text_boxes: bool

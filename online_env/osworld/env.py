@@ -8,10 +8,13 @@ import select
 import signal
 import subprocess
 import time
+import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, cast
+
+from hijack_data.errors import HijackWarning
 
 from ..errors import DesktopTimeoutError
 from .errors import EvaluatorError, OsworldError, TaskRefusedError
@@ -29,19 +32,23 @@ from agenthijack_bridge.worker import main
 main()
 """
 TIMEOUTS_S = {
-    "start": 120.0,
+    "start": 120.0,  # with a machine that runs; OSWorld's own providers get START_MACHINE_S
     "check": 60.0,
+    "check_provider": 60.0,
+    "release": 180.0,
     "reset": 900.0,
     "step": 300.0,
     "evaluate": 600.0,
     "controller": 200.0,
 }
+# A provider may first download its machine's image, about 12 to 20 GB.
+START_MACHINE_S = 3 * 3600.0
 LOG_TAIL_BYTES = 2000
 
 
 @dataclass(frozen=True)
 class Address:
-    """Where a guest listens, and the token of its server (empty: none)."""
+    """Where a guest listens, the token of its server (empty: none), and whether it is pristine."""
 
     host: str
     port: int = 5000
@@ -49,6 +56,7 @@ class Address:
     vnc_port: int = 8006
     vlc_port: int = 8080
     token: str = ""
+    used: bool = False
 
 
 @dataclass(frozen=True)
@@ -60,12 +68,20 @@ class OSWorldSettings:
         screen: (width, height) in pixels, as in OSWorld.
         tree: Whether observations have the accessibility tree.
         password: The password of the guest's user.
+        provider: One of OSWorld's own providers, which starts, reverts and ends the machine; empty
+            if the machine runs already.
+        options: More arguments of `DesktopEnv`, for a provider.
+        folder: The working directory, where OSWorld's providers keep images and the list of their
+            machines; `cache` by default.
     """
 
     cache: Path
     screen: tuple[int, int] = (1920, 1080)
     tree: bool = False
     password: str = "password"
+    provider: str = ""
+    options: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    folder: Path | None = None
 
 
 class Controller:
@@ -99,7 +115,8 @@ class OsworldEnv:
     Args:
         python: The interpreter of OSWorld's environment (`venv.find_python`).
         fresh: Returns the address of a pristine guest; called once now and once for every reset
-            but the first.
+            but the first (for the first, too, if the address says that the guest was used).
+            `None` if a provider of OSWorld's makes the guest, or if there is none, to check tasks.
         settings: How the environment is made.
         log: The file for what OSWorld logs and prints.
 
@@ -108,9 +125,15 @@ class OsworldEnv:
     """
 
     def __init__(
-        self, python: Path, fresh: Callable[[], Address], settings: OSWorldSettings, log: Path
+        self,
+        python: Path,
+        fresh: Callable[[], Address] | None,
+        settings: OSWorldSettings,
+        log: Path,
     ) -> None:
         self._fresh = fresh
+        self._owns_machine = bool(settings.provider)
+        self.cache = settings.cache
         self._log = log
         self.warnings: list[str] = []
         self.action_history: list[Any] = []
@@ -119,13 +142,15 @@ class OsworldEnv:
         environment = dict(os.environ)
         for name in ("PYTHONPATH", "PYTHONHOME"):
             environment.pop(name, None)
-        settings.cache.mkdir(parents=True, exist_ok=True)
+        folder = settings.folder or settings.cache
+        for place in (settings.cache, folder):
+            place.mkdir(parents=True, exist_ok=True)
         try:
             with log.open("ab") as errors:
                 self._process: subprocess.Popen[bytes] = subprocess.Popen(
                     [str(python), "-I", "-c", _LOADER, str(BRIDGE)],
                     env=environment,
-                    cwd=settings.cache,
+                    cwd=folder,
                     stdin=subprocess.PIPE,
                     stdout=subprocess.PIPE,
                     stderr=errors,
@@ -140,7 +165,9 @@ class OsworldEnv:
         self._calls = 0
         try:
             start = {
-                "address": asdict(fresh()),
+                "address": None if fresh is None else asdict(fresh()),
+                "provider": settings.provider,
+                "options": dict(settings.options),
                 "cache": str(settings.cache.resolve()),
                 "screen": settings.screen,
                 "tree": settings.tree,
@@ -154,6 +181,10 @@ class OsworldEnv:
     def check(self, task: Mapping[str, Any]) -> list[str]:
         """Return why a task cannot be evaluated here; nothing if it can. No desktop is touched."""
         return self.call("check", dict(task))
+
+    def check_provider(self, name: str) -> str:
+        """Return why one of OSWorld's own providers can't be used here; empty if it can."""
+        return self.call("check_provider", name)
 
     def reset(
         self, task_config: Mapping[str, Any] | None = None, *, keep: bool = False, **_: Any
@@ -206,14 +237,25 @@ class OsworldEnv:
         return self.call("evaluate")
 
     def close(self) -> None:
-        """End the process; the desktop is not touched."""
+        """End the process; a machine that OSWorld's provider started is ended, others are not."""
+        wait_s = 2.0
+        if self._owns_machine:
+            self._owns_machine = False
+            wait_s = TIMEOUTS_S["release"]  # the process ends its machine when its input is closed
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
                 with contextlib.suppress(OSError):
                     pipe.close()
         try:
-            self._process.wait(2)
+            self._process.wait(wait_s)
         except subprocess.TimeoutExpired:
+            if wait_s == TIMEOUTS_S["release"]:
+                warnings.warn(
+                    f"OSWorld's process did not end its machine within {wait_s:.0f} s and was"
+                    " killed: look whether the machine still runs",
+                    HijackWarning,
+                    stacklevel=2,
+                )
             os.killpg(self._process.pid, signal.SIGKILL)
             self._process.wait()
 
@@ -226,9 +268,12 @@ class OsworldEnv:
         self._calls += 1
         number = self._calls
         self._send({"call": name, "number": number, "arguments": arguments})
-        deadline = time.monotonic() + TIMEOUTS_S[name]
+        limit = TIMEOUTS_S[name]
+        if name == "start" and self._owns_machine:
+            limit = START_MACHINE_S
+        deadline = time.monotonic() + limit
         while True:
-            answer = self._receive(name, deadline)
+            answer = self._receive(name, deadline, limit)
             if answer.get("ask") == "revert":
                 self._send({"answer": self._pristine()})
                 continue
@@ -243,6 +288,8 @@ class OsworldEnv:
 
     def _pristine(self) -> dict[str, Any]:
         try:
+            if self._fresh is None:
+                raise OsworldError("OSWorld asked for another desktop, and there is none")
             return asdict(self._fresh())
         except BaseException:
             self.close()  # the process waits for an answer that will not come
@@ -256,14 +303,14 @@ class OsworldEnv:
         except (OSError, ValueError):
             raise self._ended() from None
 
-    def _receive(self, name: str, deadline: float) -> dict[str, Any]:
+    def _receive(self, name: str, deadline: float, limit: float) -> dict[str, Any]:
         stream = cast(Any, self._process.stdout)
         while b"\n" not in self._buffer:
             seconds_left = deadline - time.monotonic()
             if seconds_left <= 0 or not select.select([stream], [], [], seconds_left)[0]:
                 self.close()
                 raise DesktopTimeoutError(
-                    f"OSWorld's {name} took over {TIMEOUTS_S[name]:.0f} s; see {self._log}"
+                    f"OSWorld's {name} took over {limit:.0f} s; see {self._log}"
                 )
             block = os.read(stream.fileno(), 1 << 20)
             if not block:

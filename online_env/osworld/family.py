@@ -11,6 +11,7 @@ from typing import Any
 from hijack_data.types import Size
 
 from ..tasks.base import Task
+from ..tasks.machines import MachineSettings
 from .tasks import load
 
 
@@ -32,17 +33,34 @@ class OsworldFamily:
         """
         return [str(task.path) for task in load(Path(folder))]
 
-    def check_runnable(self, tasks: Iterable[type[Task]], files: Path | None) -> None:
-        """Check that OSWorld's evaluators and files for some tasks are here."""
-        from .file_tasks import OsworldFileTask, check_runnable
+    def read_options(self, texts: tuple[str, ...]) -> dict[str, str | bool]:
+        """Return the arguments of `DesktopEnv` that texts such as `region=us-east-1` name."""
+        from .machines import read_options
 
-        check_runnable([task.file for task in tasks if issubclass(task, OsworldFileTask)], files)
+        return read_options(texts)
 
-    def open_stage(self, size: Size, files: Path | None) -> AbstractContextManager[Any]:
-        """Start OSWorld's environment on an embedded desktop, with a cache of its own."""
+    def check_machines(self, machines: MachineSettings, episodes: int) -> None:
+        """Check that machines of the user can be used; none is started or changed."""
+        from .machines import check
+
+        check(machines, episodes)
+
+    def find_unplayable(
+        self, tasks: Iterable[type[Task]], files: Path | None, machines: MachineSettings | None
+    ) -> dict[str, str]:
+        """Return why tasks cannot be played, by name; those that can are left out."""
+        from .file_tasks import OsworldFileTask, find_unplayable
+
+        listed = [task.file for task in tasks if issubclass(task, OsworldFileTask)]
+        return find_unplayable(listed, files, machines)
+
+    def open_stage(
+        self, size: Size, files: Path | None, machine: AbstractContextManager[Any] | None = None
+    ) -> AbstractContextManager[Any]:
+        """Start OSWorld's environment, on an embedded desktop if there is no machine."""
         from .file_tasks import osworld_stage
 
-        return osworld_stage(size, files)
+        return osworld_stage(size, files, machine)
 
 
 FAMILY = OsworldFamily()

@@ -1,4 +1,4 @@
-"""Tasks of OSWorld in a benchmark: judged by OSWorld's evaluators, on embedded desktops.
+"""Tasks of OSWorld in a benchmark: judged by OSWorld's evaluators, on desktops and machines.
 
 `--tasks evaluation_examples/examples/os/e0df059f-....json` names one task by its file, and a folder
 of them all in it.
@@ -10,27 +10,35 @@ import shutil
 import tempfile
 import time
 from collections.abc import Generator, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
-from hijack_data.errors import ConfigError, ParameterTypeError, some_of
+from hijack_data.errors import ParameterError, ParameterTypeError
 from hijack_data.file_io import read_regular
 from hijack_data.types import Size
 
 from .. import tasks
+from ..desktops.osworld import OsworldDesktop, OsworldLike
+from ..desktops.protocol import Desktop
 from ..environment.stage import Setting, TaskHolder
 from ..errors import DesktopError, MissingPackageError
 from ..tasks.base import Task
 from ..tasks.hand import Hand
 from ..tasks.machine import Machine
+from ..tasks.machines import MachineSettings
 from . import history, venv
 from .cache_files import list_cache_files
-from .env import OsworldEnv
 from .player import Player
-from .run import checker, embedded_env
+from .run import EmbeddedEnv, checker, embedded_env
 from .solutions import SOLUTIONS
 from .stage import OsworldStage
+from .task_needs import FILES, PACKAGES, REMEDIES, RUNS_HERE, PackageCheck, list_needs, read_tested
 from .tasks import OsworldTask, load_file
+
+# In the guest: a file that says that an episode has used the machine. It outlives a restart.
+EPISODE_MARK = "/var/tmp/agenthijack-episode"
+MARK_EPISODE = 'if [ -e "$1" ]; then echo used; else touch "$1" && echo marked; fi'
 
 
 class OsworldFileTask(Task):
@@ -129,52 +137,69 @@ def task_class(path: str) -> type[OsworldFileTask]:
     return type("OsworldFileTask", (OsworldFileTask,), body)
 
 
-def check_runnable(
-    listed: Iterable[OsworldTask], files: Path | None, folder: Path = venv.DEFAULT
-) -> None:
-    """Check that OSWorld's evaluators and files for some tasks are here.
+def find_unplayable(
+    listed: Iterable[OsworldTask],
+    files: Path | None,
+    machines: MachineSettings | None = None,
+    folder: Path = venv.DEFAULT,
+) -> dict[str, str]:
+    """Return why tasks cannot be played, by id; those that can are left out.
 
     Args:
         listed: The tasks.
-        files: OSWorld's file cache, as `hijack osworld prefetch` fills it.
+        files: OSWorld's file cache, as `hijack osworld prefetch` fills it. On the machines of a
+            user OSWorld downloads what it needs itself if this is `None`.
+        machines: The machines of a user; `None` for embedded desktops.
         folder: OSWorld's Python environment.
 
     Raises:
-        MissingPackageError: The environment is not there, or lacks packages.
-        ConfigError: Files are missing.
+        MissingPackageError: The environment is not there.
+        ConfigError: An address or a name in a task is bad.
     """
-    listed = tuple(listed)
     with checker(folder) as check:
         if check is None:
             raise MissingPackageError(
                 f"{folder}: OSWorld's Python environment is not there: hijack osworld setup"
             )
-        refused = {task.id: check(task.config) for task in listed}
-    lacking = {task: reasons[0] for task, reasons in refused.items() if reasons}
-    if lacking:
-        raise MissingPackageError(
-            f"{len(lacking)} tasks cannot be evaluated here ({some_of(_lines(lacking), 3)}): hijack"
-            " osworld setup --tier mid, or leave them out with --tasks"
-        )
-    absent = {
-        task.id: file.path
-        for task in listed
-        for file in list_cache_files(task)
-        if not history.is_made(task) and not (files is not None and (files / file.path).is_file())
-    }
-    if absent:
-        raise ConfigError(
-            [
-                f"{len(absent)} tasks need files that are not in"
-                f" {files or 'a cache'} ({some_of(_lines(absent), 3)}):"
-                " hijack osworld prefetch TASKS --out CACHE on a connected machine, then"
-                " --osworld-files CACHE"
-            ]
-        )
+        tested = read_tested() if machines is None else {}
+        reasons = {
+            task.id: "; ".join(_obstacles(task, files, machines, check, tested)) for task in listed
+        }
+    return {task: text for task, text in reasons.items() if text}
 
 
-def _lines(reasons: Mapping[str, str]) -> list[str]:
-    return [f"{task[:8]}: {reason}" for task, reason in reasons.items()]
+def _obstacles(
+    task: OsworldTask,
+    files: Path | None,
+    machines: MachineSettings | None,
+    check: PackageCheck,
+    tested: Mapping[str, str],
+) -> Iterator[str]:
+    """Yield what keeps a task from being played."""
+    needs = list_needs(task, check)
+    if PACKAGES in needs:
+        yield f"{needs[PACKAGES]} (hijack osworld setup --tier mid or full)"
+    if machines is None or files is not None:
+        absent = [
+            file.path
+            for file in list_cache_files(task)
+            if not history.is_made(task)
+            and not (files is not None and (files / file.path).is_file())
+        ]
+        if absent:
+            yield (
+                f"{len(absent)} files are not in {files or 'a cache'}, such as {absent[0]}"
+                f" ({REMEDIES[FILES]}, then --osworld-files CACHE)"
+            )
+    if machines is not None:
+        if "account" in needs:
+            yield f"it needs an account: {needs['account']}"
+        if task.config.get("proxy") and not machines.options.get("enable_proxy"):
+            yield "its sites need OSWorld's proxy (--vm-option enable_proxy=true)"
+    elif tested.get(task.id) != RUNS_HERE:
+        for kind in ("program", "web", "account"):
+            if kind in needs:
+                yield f"{needs[kind]}: not on an embedded desktop (play it with --vm)"
 
 
 class OsworldTasks(TaskHolder, OsworldStage):
@@ -186,8 +211,10 @@ class OsworldTasks(TaskHolder, OsworldStage):
         cache: The cache of `env`. What an evaluator left there for an earlier episode is removed.
     """
 
-    def __init__(self, env: OsworldEnv, files: Path | None, cache: Path) -> None:
-        super().__init__(env)
+    def __init__(
+        self, env: OsworldLike, files: Path | None, cache: Path, password: str | None = "password"
+    ) -> None:
+        super().__init__(env, password)
         self._osworld = env
         self._files = files
         self._cache = cache
@@ -230,7 +257,61 @@ class OsworldTasks(TaskHolder, OsworldStage):
         fetched = None if self._files is None else self._files / task.id
         if fetched is not None and fetched.is_dir():
             shutil.copytree(fetched, cached)
-        history.provide(self._osworld, [task], self._cache)
+        if isinstance(self._osworld, EmbeddedEnv):  # elsewhere OSWorld downloads that file
+            history.provide(self._osworld, [task], self._cache)
+
+
+class MachineTasks(OsworldTasks):
+    """OSWorld's tasks on a machine of the user, whose reverting is proved.
+
+    Args:
+        desktop: The machine, over an environment with OSWorld's interface and its `cache`.
+        files: OSWorld's file cache, which is only read; `None` if no task needs files.
+
+    Attributes:
+        was_not_reverted: Whether the last reset left the machine as the episode before it.
+    """
+
+    def __init__(self, desktop: OsworldDesktop, files: Path | None) -> None:
+        super().__init__(desktop.env, files, cast(Any, desktop.env).cache, desktop.password)
+        self._desktop.machine_name = desktop.machine_name
+        self.was_not_reverted = False
+
+    def reset(self, task: Any, seed: int) -> Setting:
+        """Set up a task on a machine that no episode has used since it was reverted.
+
+        Raises:
+            DesktopError: The machine was not reverted, or a step of the setup failed.
+        """
+        try:
+            setting = super().reset(task, seed)
+        except DesktopError:
+            with contextlib.suppress(DesktopError):  # the first error is the one to raise
+                self._mark_episode()
+            raise
+        # OSWorld's providers do not look at the outcome of a revert: without the snapshot, vmrun
+        # fails and the machine goes on as the last episode left it.
+        self.was_not_reverted = self._mark_episode() == "used"
+        if self.was_not_reverted:
+            raise DesktopError(
+                f"{self._desktop.machine_name} was not reverted: {EPISODE_MARK}, which the last"
+                " episode left there, still exists; is its snapshot missing"
+                " (--vm-option snapshot_name=NAME), or does --reset-command keep the disk?"
+            )
+        return setting
+
+    def _mark_episode(self) -> str:
+        """Leave the mark of an episode; return `marked`, or `used` if it was there.
+
+        Raises:
+            DesktopError: It cannot be written.
+        """
+        done = self._desktop.execute(["sh", "-c", MARK_EPISODE, "sh", EPISODE_MARK])
+        if not done.ok or not done.output.strip():
+            raise DesktopError(
+                f"{EPISODE_MARK} can't be written in the guest: {done.error.strip()[-200:]}"
+            )
+        return done.output.strip()
 
 
 def _find(task: object, seed: int) -> OsworldFileTask:
@@ -241,13 +322,28 @@ def _find(task: object, seed: int) -> OsworldFileTask:
 
 
 @contextlib.contextmanager
-def osworld_stage(size: Size, files: Path | None) -> Generator[OsworldTasks]:
-    """Yield OSWorld's environment on an embedded desktop, with a cache of its own.
+def osworld_stage(
+    size: Size, files: Path | None, machine: AbstractContextManager[Desktop] | None = None
+) -> Generator[OsworldTasks]:
+    """Yield OSWorld's environment with its tasks.
 
     Args:
         size: `(height, width)` of the screen in pixels.
         files: OSWorld's file cache, which is only read.
+        machine: Yields the machine, over OSWorld's environment; an embedded desktop by default.
+
+    Raises:
+        ParameterError: The machine is a desktop without OSWorld's environment.
     """
+    if machine is not None:
+        with machine as desktop:
+            if not isinstance(desktop, OsworldDesktop):
+                raise ParameterError(
+                    "desktop.provider: OSWorld's tasks need a provider that yields an"
+                    f" OsworldDesktop, and this one yields {type(desktop).__name__}"
+                )
+            yield MachineTasks(desktop, files)
+        return
     with tempfile.TemporaryDirectory(prefix="agenthijack-osworld-") as scratch:
         cache = Path(scratch)
         with embedded_env(cache=cache, size=size) as env:

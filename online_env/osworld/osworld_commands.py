@@ -137,13 +137,27 @@ def prefetch(
     show_default=True,
     help="How many packages.",
 )
+@click.option(
+    "--provider",
+    "providers",
+    multiple=True,
+    type=click.Choice(tuple(venv.PROVIDER_PACKAGES)),
+    help="Also the packages of this provider of machines; may be repeated.",
+)
+@click.option(
+    "--osworld",
+    "checkout",
+    metavar="DIR",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="A checkout of OSWorld, instead of its release on PyPI.",
+)
 @_venv_option("Where.")
-def setup(tier: str, folder: Path) -> None:
+def setup(tier: str, providers: tuple[str, ...], checkout: Path | None, folder: Path) -> None:
     """Make the Python environment that OSWorld runs in.
 
     A second call finds it and installs nothing.
     """
-    report = venv.make(folder, tier)
+    report = venv.make(folder, tier, providers=providers, osworld=checkout)
     echo(
         f"{report.folder}: {report.tier}, {report.megabytes:.0f} MB"
         + ("" if report.fresh else " (was there)")

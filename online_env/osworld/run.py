@@ -123,9 +123,7 @@ def checker(folder: Path = venv.DEFAULT) -> Iterator[PackageCheck | None]:
         return
     with tempfile.TemporaryDirectory() as scratch:
         settings = OSWorldSettings(Path(scratch, "cache"))
-        nowhere = Address("127.0.0.1")  # it is never called
-        log = Path(scratch, LOG)
-        env = OsworldEnv(venv.find_python(folder), lambda: nowhere, settings, log)
+        env = OsworldEnv(venv.find_python(folder), None, settings, Path(scratch, LOG))
         with contextlib.closing(env):
             yield env.check
 

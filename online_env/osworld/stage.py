@@ -53,7 +53,9 @@ class OsworldStage:
         self._late_files = late_files
         self._infeasible = False
         self._cut_network: Callable[[], object] | None = None
-        self._desktop = _EmbeddedGuest(env, password, capabilities)
+        # An environment on an embedded desktop has its network namespace.
+        guest = _EmbeddedGuest if hasattr(env, "namespace") else OsworldDesktop
+        self._desktop = guest(env, password, capabilities)
         self.setup_errors: list[str] = []
 
     @property

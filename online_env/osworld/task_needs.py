@@ -78,16 +78,26 @@ def list_all_needs(tasks: TaskSet, check: PackageCheck | None = None) -> list[Ta
         check: Returns why the content of a task cannot be evaluated, as `OsworldEnv.check`;
             `None` leaves packages out.
     """
-    data: dict[str, Any] = json.loads(TESTED.read_text(encoding="utf-8"))
-    tested: dict[str, str] = {}
-    if data["revision"] == str(tasks.revision):
-        tested = {row["id"]: row["status"] for row in data["tasks"]}
+    tested = read_tested(str(tasks.revision))
     return [
         TaskNeeds(
             task.id, task.domain, task.feasible, list_needs(task, check), tested.get(task.id, "")
         )
         for task in tasks
     ]
+
+
+def read_tested(revision: str | None = None) -> dict[str, str]:
+    """Return the status of each task in the self-test that comes with the library, by id.
+
+    Args:
+        revision: The revision of the tasks; if another one was tested, nothing is returned. `None`
+            for that which was tested.
+    """
+    data: dict[str, Any] = json.loads(TESTED.read_text(encoding="utf-8"))
+    if revision not in (None, data["revision"]):
+        return {}
+    return {row["id"]: row["status"] for row in data["tasks"]}
 
 
 def list_needs(task: OsworldTask, check: PackageCheck | None = None) -> dict[str, str]:

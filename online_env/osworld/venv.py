@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +14,16 @@ from .errors import OsworldError
 
 HERE = Path(__file__).resolve().parent
 PACKAGE = "desktop-env==1.0.2"
-TIERS = ("tiny", "lean", "mid")
+TIERS = ("tiny", "lean", "mid", "full")
+# What OSWorld's own providers import, at any version: none of it touches scores.
+PROVIDER_PACKAGES = {
+    "docker": ("docker", "filelock", "psutil"),
+    "vmware": ("filelock", "psutil"),
+    "virtualbox": ("filelock", "psutil"),
+    "aws": ("boto3", "python-dotenv"),
+    "azure": ("azure-identity", "azure-mgmt-compute", "azure-mgmt-network", "boto3", "psutil"),
+    "daytona": ("daytona",),
+}
 _DATA = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share")
 DEFAULT = _DATA / "agenthijack" / "osworld"
 STAMP = "agenthijack.json"
@@ -59,7 +69,13 @@ def installed_tier(folder: Path) -> str | None:
         return None
 
 
-def make(folder: Path = DEFAULT, tier: str = "tiny", python: str = sys.executable) -> VenvReport:
+def make(
+    folder: Path = DEFAULT,
+    tier: str = "tiny",
+    python: str = sys.executable,
+    providers: Iterable[str] = (),
+    osworld: Path | None = None,
+) -> VenvReport:
     """Make the environment, or bring it to `tier`; a second call finds it and installs nothing.
 
     `desktop-env` goes in without its own pins (they conflict with NumPy 2 and bring 7 GB), then the
@@ -69,18 +85,26 @@ def make(folder: Path = DEFAULT, tier: str = "tiny", python: str = sys.executabl
         folder: Where.
         tier: One of `TIERS`.
         python: The interpreter that it is made with.
+        providers: Names in `PROVIDER_PACKAGES`, whose packages are installed as well.
+        osworld: A checkout of OSWorld, whose `desktop_env` replaces the one from PyPI: it may have
+            providers that a release lacks.
 
     Raises:
         OsworldError: pip fails, or the folder cannot be written.
     """
     requirements = _requirements(tier)
-    if installed_tier(folder) == tier:
+    if installed_tier(folder) == tier and not providers and osworld is None:
         return VenvReport(folder, tier, size_mb(folder), False)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         # Written last, so that an interrupted install does not count as complete.
         (folder / STAMP).unlink(missing_ok=True)
         _install(folder, tier, python)
+        extra = [package for name in providers for package in PROVIDER_PACKAGES[name]]
+        if extra:
+            _pip(folder, *dict.fromkeys(extra))
+        if osworld is not None:
+            _pip(folder, "--no-deps", "--force-reinstall", str(osworld))
         record = json.dumps({"tier": tier, "requirements": requirements})
         (folder / STAMP).write_text(f"{record}\n", encoding="utf-8")
     except OSError as error:
@@ -93,10 +117,14 @@ def make(folder: Path = DEFAULT, tier: str = "tiny", python: str = sys.executabl
 def _install(folder: Path, tier: str, python: str) -> None:
     if not (folder / "bin" / "python").exists():
         _call([python, "-m", "venv", str(folder)])
+    _pip(folder, "--no-deps", PACKAGE)
+    _pip(folder, "-r", str(HERE / f"requirements-{tier}.txt"))
+
+
+def _pip(folder: Path, *words: str) -> None:
     interpreter = str(folder / "bin" / "python")
-    pip = [interpreter, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    _call([*pip, "--no-deps", PACKAGE])
-    _call([*pip, "-r", str(HERE / f"requirements-{tier}.txt")])
+    command = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    _call([interpreter, *command, *words])
 
 
 def size_mb(folder: Path) -> float:

@@ -17,6 +17,7 @@ from .identity import run_identity
 from .model import ReportError, RunReport, from_data
 from .notes import fraction_note, pairing_note, recovery_note, report_notes
 from .summaries import summarise_agents
+from .unplayable import counted_records, unplayable_note
 
 
 def load_report(path: Path, reference: str = "") -> RunReport:
@@ -77,7 +78,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
     if not run.records:
         raise ReportError(f"{run.folder}: holds no episodes yet; {_how_to_go_on(run)}")
     identity = run_identity(run)
-    groups = scores.group_records(run.records)
+    groups = scores.group_records(counted_records(run))
     cells = compute_cells(run, groups)
     agents = list(dict.fromkeys(cell.agent for cell in cells))
     if reference and reference not in agents:
@@ -96,6 +97,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
         reference=reference,
     )
     notes = (
+        *unplayable_note(run),
         *recovery_note(run),
         *fraction_note(run),
         *pairing_note(run, groups),

@@ -9,6 +9,7 @@ from ..results.reading import ResultRecord, Run
 from . import usage
 from .identity import agent_names, corruptions_by_label
 from .model import Cell
+from .unplayable import counted_records
 
 CEILING = "recovering"  # the agent that acts like a careful user
 
@@ -42,7 +43,7 @@ def compute_cells(run: Run, groups: scores.GroupedRecords) -> list[Cell]:
 def feasible_and_not(run: Run) -> tuple[list[Cell], list[Cell]]:
     """Return the cells of feasible and of infeasible tasks; no cells if all tasks are feasible."""
     partition: tuple[list[ResultRecord], list[ResultRecord]] = [], []
-    for record in run.records:
+    for record in counted_records(run):
         partition[bool(record.get("infeasible"))].append(record)
     feasible, infeasible = partition
     if not infeasible:

@@ -12,6 +12,7 @@ from . import formatting
 from .identity import run_identity
 from .model import ReportError, RunIdentity
 from .notes import partial_note
+from .unplayable import counted_records
 
 PACKAGE = "agenthijack"
 # Fields of a configuration in which two compared runs may differ.
@@ -90,8 +91,8 @@ def compare(before: Run, after: Run, pairs: Mapping[str, str] | None = None) -> 
     for run in (before, after):
         if not run.records:
             raise ReportError(f"{run.folder}: holds no episodes yet, so there is nothing to pair")
-    scores_before = scores.group_records(before.records).scored
-    scores_after = scores.group_records(after.records).scored
+    scores_before = scores.group_records(counted_records(before)).scored
+    scores_after = scores.group_records(counted_records(after)).scored
     agent_pairs = _match_agents(before, after, _agents(before), _agents(after), pairs)
     rows = [
         row for names in agent_pairs.items() for row in _rows(names, scores_before, scores_after)

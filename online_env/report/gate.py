@@ -22,6 +22,7 @@ from ..results import scores
 from ..results.reading import Run
 from . import junit
 from .named_scores import REFERENCE_AGENTS
+from .unplayable import counted_records
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 OPTION = "--fail-under"
@@ -168,7 +169,7 @@ class ReleaseGate:
 
     def verdicts(self, run: Run) -> list[GateVerdict]:
         """Judge the gates on the episodes of a run so far."""
-        groups = scores.group_records(run.records)
+        groups = scores.group_records(counted_records(run))
         table = scores.rows_by_group(groups, self.agents, self.labels)
         return [_judge(gate, table, groups.scored, self.labels) for gate in self.gates]
 

@@ -217,7 +217,13 @@ def count_unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, s
     """
     acting = {name for name in corruption_names() if find_corruption(name).effects}
     waiting = {label for label, name in corruptions.items() if name in acting}
-    scored = [r for r in records if r["status"] == "ok" and r["corruption"] in waiting]
+    scored = [
+        record
+        for record in records
+        if record["status"] == "ok"
+        and record["corruption"] in waiting
+        and not record.get("unplayable")
+    ]
     return sum(not record.get("effects") for record in scored)
 
 

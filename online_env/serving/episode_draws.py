@@ -18,7 +18,6 @@ from hijack_data.planner import Planner
 from hijack_data.rng import Stream
 
 from ..environment.runner import checked_seed
-from ..tasks import task_sets
 from .errors import HeldOutTaskError
 
 MAX_COUNTED_GROUPS = 10_000  # number of groups whose rollouts are counted
@@ -187,8 +186,12 @@ class EpisodeDraws:
 
 
 def sides(tasks: Iterable[str]) -> dict[str, tuple[str, ...]]:
-    """Return tasks by their side of the split; tasks of your own count as training."""
-    held_out = set(task_sets.members(HELD_OUT))
+    """Return tasks by their side of the split; tasks of your own count as training.
+
+    The suite's tasks and OSWorld's are split.
+    """
+    split = importlib.import_module("pipelines.train.split")  # as the sampler, an exception
+    held_out = {*split.members(f"suite/{HELD_OUT}"), *split.members(f"osworld/{HELD_OUT}")}
     names = tuple(tasks)
     return {
         TRAINING: tuple(name for name in names if name not in held_out),

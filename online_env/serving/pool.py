@@ -4,19 +4,16 @@ A session that finds no free desktop waits in a queue. The queue is short, and w
 so that a client learns that the server is busy instead of running into its own time-out.
 """
 
-import contextlib
 import logging
 import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from ..desktops.protocol import Desktop
-from ..environment import SmallTasks
 from ..environment.stage import Stage
 from ..errors import DesktopError
 from .errors import ServerBusyError
@@ -247,10 +244,3 @@ class DesktopPool:
                 self._closing.wait(RESTART_INTERVAL_S)
         with self._changed:
             self._starting.remove(threading.current_thread())
-
-
-@contextlib.contextmanager
-def stage_on(context: AbstractContextManager[Desktop]) -> Iterator[SmallTasks]:
-    """The tasks of the suite on a desktop, as long as that is there."""
-    with context as desktop:
-        yield SmallTasks(desktop)

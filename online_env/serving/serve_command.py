@@ -20,6 +20,8 @@ from hijack_data.cli.options import (
 )
 from hijack_data.cli.terminal import echo
 
+from ..bench.machine_options import MORE, machine_options
+
 MODULES = ("openenv", "prometheus_client", "uvicorn", "gymnasium")
 OPENENV = "0.10"
 
@@ -27,6 +29,7 @@ OPENENV = "0.10"
 @click.command(
     cls=BriefCommand,
     more=(
+        *MORE,
         "clean",
         "evaluation",
         "lease",
@@ -48,6 +51,7 @@ OPENENV = "0.10"
     help="Tasks or a set, instead of those of CONFIG: suite, core, write_note, my_task.py:MyTask.",
 )
 @conditions_option
+@machine_options
 @click.option(
     "--evaluation",
     is_flag=True,
@@ -136,6 +140,12 @@ def serve(
     desktops: int | None,
     tasks: str | None,
     corruptions: str | None,
+    vm: tuple[str, ...],
+    machines: int,
+    vm_options: tuple[str, ...],
+    reset_command: str,
+    osworld_files: str | None,
+    unplayable: str,
     evaluation: bool,
     per: str,
     clean: float | None,
@@ -158,15 +168,21 @@ def serve(
     """
     extras.require("hijack serve", "serve", MODULES)
     _check_openenv()
-    from ..bench.config import load_bench, override
+    from ..bench.config import load_bench, on_machines, override
+    from ..bench.playable import check_machines, only_playable
     from ..bench.workers import default_desktops
     from . import server
 
     token = server.read_token(token_file)
-    bench = override(load_bench(config), task=tasks, corruption=corruptions)
+    bench = override(
+        load_bench(config), task=tasks, corruption=corruptions, osworld_files=osworld_files
+    )
+    bench = on_machines(bench, vm, machines, vm_options, reset_command)
+    bench = only_playable(bench, unplayable, lambda text: echo(text, err=True))
+    own_machines = 0 if bench.machines is None else len(bench.machines.each())
     options = server.ServeOptions(
         bench=server.override_limits(bench, max_steps, size),
-        desktops=desktops or default_desktops(),
+        desktops=desktops or own_machines or default_desktops(),
         host=host,
         port=port,
         token=token,
@@ -181,6 +197,7 @@ def serve(
         log=out,
     )
     if dry_run:
+        check_machines(bench, server.ENDLESS)
         for name in options.draws().tasks:
             echo(name)
         return

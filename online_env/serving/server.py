@@ -1,30 +1,36 @@
 """Starts a server from its options, and ends it with all its desktops."""
 
+import contextlib
 import ctypes
 import os
 import re
 import signal
 import socket
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any, NoReturn
 
 from hijack_data.errors import ParameterError
 from hijack_data.types import Size
 
 from ..bench.config import Bench
-from ..bench.providers import PROVIDERS, check_installed
-from ..embedded.runtime import hidden_folders
+from ..bench.playable import check_machines
+from ..bench.providers import check_installed
+from ..bench.workers import open_stage
 from ..environment.script import Script
+from ..environment.stage import Stage
 from ..tasks import find_family
+from ..tasks.machines import MachineSettings
 from .episode_draws import HELD_OUT, TRAINING, EpisodeDraws, sides
 from .errors import HeldOutTaskError
-from .pool import DesktopPool, stage_on
+from .pool import DesktopPool, StageMaker
 from .service import DesktopService
 
 TOKEN = "AGENTHIJACK_SERVE_TOKEN"
+ENDLESS = 2**31  # episodes: a server does not know how many it will play
 MIN_TOKEN_CHARS = 16  # least characters of a token
 MAX_MESSAGE_BYTES = 2**20  # most bytes of a message from a client
 PING_INTERVAL_S = 20.0  # seconds between two pings
@@ -124,24 +130,46 @@ def make_service(options: ServeOptions) -> DesktopService:
     """
     bench = options.bench
     draws = options.draws()
-    family = find_family(draws.tasks)
-    if family is not None:
-        raise ParameterError(
-            f"--tasks: {family.title}'s tasks can be played by hijack bench, not served"
-        )
-    check_installed(bench.provider, draws.tasks)
-    if options.log is not None:
-        hidden_folders.hide(options.log)
-    provider = PROVIDERS.get(bench.provider)
+    if find_family(draws.tasks) is None:
+        check_installed(bench.provider, draws.tasks)
+    check_machines(bench, episodes=ENDLESS)
     desktops = options.desktops
     pool = DesktopPool(
-        lambda: stage_on(provider(bench.size)),
+        stage_maker(bench, options.log),
         count=desktops,
         line=2 * desktops if options.line is None else options.line,
         wait_timeout=options.wait_timeout,
     )
     settings = bench.settings("client", options.log)
     return DesktopService(pool, draws, settings, lease=options.lease)
+
+
+def stage_maker(bench: Bench, log: Path | None) -> StageMaker:
+    """Return what starts one desktop of a server.
+
+    Machines of the user are started in turn; one that failed comes last, so that a machine which
+    stands by is used before it is tried again.
+
+    Args:
+        bench: The benchmark.
+        log: The folder for the episodes, which the desktops must not see.
+    """
+    if bench.machines is None:
+        return lambda: open_stage(bench, log)
+    waiting: SimpleQueue[MachineSettings] = SimpleQueue()
+    for settings in bench.machines.each():
+        waiting.put(settings)
+
+    @contextlib.contextmanager
+    def next_machine() -> Generator[Stage]:
+        settings = waiting.get()
+        try:
+            with open_stage(replace(bench, machines=settings), log) as stage:
+                yield stage
+        finally:
+            waiting.put(settings)
+
+    return next_machine
 
 
 def check_desktops(service: DesktopService) -> None:

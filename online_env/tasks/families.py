@@ -15,6 +15,7 @@ from hijack_data.errors import ParameterError, some_of
 from hijack_data.types import Size
 
 from .base import Task
+from .machines import MachineSettings
 
 
 class TaskFamily(Protocol):
@@ -30,21 +31,43 @@ class TaskFamily(Protocol):
         """Return the files of all tasks in a folder; `ConfigError` if there are none."""
         ...
 
-    def check_runnable(self, tasks: Iterable[type[Task]], files: Path | None) -> None:
-        """Raise a `HijackError` that says what tasks lack on this machine.
+    def read_options(self, texts: tuple[str, ...]) -> dict[str, str | bool]:
+        """Return the arguments for providers of machines in texts such as `region=us-east-1`.
+
+        A text that names none is a `ParameterError`.
+        """
+        ...
+
+    def check_machines(self, machines: MachineSettings, episodes: int) -> None:
+        """Raise a `HijackError` if machines of the user can't be used; none is started or changed.
+
+        Args:
+            machines: The machines.
+            episodes: How many episodes are played.
+        """
+        ...
+
+    def find_unplayable(
+        self, tasks: Iterable[type[Task]], files: Path | None, machines: MachineSettings | None
+    ) -> dict[str, str]:
+        """Return why tasks cannot be played, by name; those that can are left out.
 
         Args:
             tasks: The tasks.
             files: The folder of files that tasks need; `None` for none.
+            machines: The machines of the user; `None` for embedded desktops.
         """
         ...
 
-    def open_stage(self, size: Size, files: Path | None) -> AbstractContextManager[Any]:
+    def open_stage(
+        self, size: Size, files: Path | None, machine: AbstractContextManager[Any] | None = None
+    ) -> AbstractContextManager[Any]:
         """Start a desktop, and return it with the family's tasks: an `environment.stage.TaskStage`.
 
         Args:
             size: `(height, width)` of the screen in pixels.
             files: The folder of files that tasks need; `None` for none.
+            machine: Yields the desktop; `None` for an embedded one.
         """
         ...
 

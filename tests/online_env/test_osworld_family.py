@@ -18,9 +18,10 @@ from online_env.bench.config import Bench, load_bench, override
 from online_env.bench.workers import load_references, references
 from online_env.errors import DesktopError, MissingPackageError
 from online_env.osworld.cache_files import list_cache_files
-from online_env.osworld.file_tasks import OsworldFileTask, check_runnable, task_class
+from online_env.osworld.file_tasks import OsworldFileTask, find_unplayable, task_class
 from online_env.osworld.tasks import OsworldTask
 from online_env.tasks.hand import GiveUpError
+from online_env.tasks.machines import MachineSettings
 
 from support import needs
 
@@ -191,27 +192,32 @@ def test_the_oracle_has_scripts_for_some(folder: Path) -> None:
 def test_a_missing_environment_is_named_with_its_remedy(folder: Path, tmp_path: Path) -> None:
     listed = task_files(bench_of(str(folder)).tasks)
     with pytest.raises(MissingPackageError, match="hijack osworld setup"):
-        check_runnable(listed, None, tmp_path / "none")
+        find_unplayable(listed, None, folder=tmp_path / "none")
 
 
 def test_missing_files_are_named_before_a_run(folder: Path, tmp_path: Path, osworld_venv) -> None:
     files = [{"url": "https://a.test/x.txt", "path": "/home/user/x.txt"}]
     path = put(folder, "t-three", config=[{"type": "download", "parameters": {"files": files}}])
     listed = task_files(bench_of(str(path)).tasks)
-    with pytest.raises(ConfigError, match="1 tasks need files that are not in a cache"):
-        check_runnable(listed, None, osworld_venv)
+    reasons = find_unplayable(listed, None, folder=osworld_venv)
+    assert "1 files are not in a cache, such as t-three/" in reasons["t-three"]
+    # OSWorld downloads them on machines that have the internet, unless the user has a cache.
+    on_machines = MachineSettings(vm=("docker",))
+    assert find_unplayable(listed, None, on_machines, osworld_venv) == {}
     cache = tmp_path / "cache"
+    cache.mkdir()
+    assert "t-three" in find_unplayable(listed, cache, on_machines, osworld_venv)
     ((place,),) = [[file.path for file in list_cache_files(listed[0])]]
     (cache / place).parent.mkdir(parents=True)
     (cache / place).write_text("x")
-    check_runnable(listed, cache, osworld_venv)
+    assert find_unplayable(listed, cache, folder=osworld_venv) == {}
 
 
 def test_missing_packages_are_named_before_a_run(folder: Path, osworld_venv) -> None:
     unknown = put(folder, "t-three", evaluator={"func": "no_such_metric"})
     listed = task_files(bench_of(str(unknown)).tasks)
-    with pytest.raises(MissingPackageError, match="t-three: no metric no_such_metric"):
-        check_runnable(listed, None, osworld_venv)
+    reasons = find_unplayable(listed, None, folder=osworld_venv)
+    assert "no metric no_such_metric" in reasons["t-three"]
 
 
 @pytest.mark.parametrize(
@@ -225,6 +231,7 @@ def test_the_command_refuses_what_it_cannot_play(
     words: list[str], problem: str, folder: Path, tmp_path: Path
 ) -> None:
     file = folder / "examples" / "os" / "t-one.json"
+    needs.osworld_at_default()
     given = ["--tasks", str(file), *(word.format(file=file) for word in words)]
     done = CliRunner().invoke(
         hijack, ["bench", "embedded_small", *given, "--out", str(tmp_path / "run")]
@@ -248,7 +255,7 @@ sys.exit(any(name.startswith("online_env.osworld") for name in sys.modules))
 
 
 def test_only_the_table_of_families_names_the_package() -> None:
-    """And the public names, of which one is a stage of OSWorld."""
+    """And the registry of providers, and the public names, of which one is a stage of OSWorld."""
     package = Path(online_env.__file__).parent
     pattern = re.compile(r"online_env[./]osworld\b|from \.\.+osworld\b|\"\.osworld\b")
     naming = {
@@ -257,4 +264,4 @@ def test_only_the_table_of_families_names_the_package() -> None:
         if "osworld" not in path.relative_to(package).parts[:1]
         and pattern.search(path.read_text(encoding="utf-8"))
     }
-    assert naming == {"__init__.py", "tasks/families.py"}
+    assert naming == {"__init__.py", "bench/providers.py", "tasks/families.py"}

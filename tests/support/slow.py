@@ -49,6 +49,7 @@ SLOW = frozenset(
         "online_env/test_image_container.py",
         "online_env/test_inspect.py",
         "online_env/test_inspect_sessions.py",
+        "online_env/test_osworld_machines.py",
         "online_env/test_pixel.py",
         "online_env/test_recording_stage.py",
         "online_env/test_report_build.py",

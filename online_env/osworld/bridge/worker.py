@@ -1,9 +1,11 @@
 """Serve `desktop_env.DesktopEnv` to the controlling process: one call a line, one answer a line."""
 
 import base64
+import contextlib
 import importlib
 import logging
 import os
+import pkgutil
 import sys
 import tempfile
 from typing import Any
@@ -13,6 +15,8 @@ from .channel import Channel, Message
 from .outcome import OutcomeHandler
 from .provider import Manager, Provider, send_tokens
 
+PROVIDERS = "desktop_env.providers"
+CALLS = ("start", "check", "check_provider", "reset", "step", "evaluate", "controller")
 # What the controlling process may call on the guest's controller.
 CONTROLLER = ("get_screenshot", "get_accessibility_tree", "get_file", "execute_python_command")
 
@@ -20,9 +24,12 @@ CONTROLLER = ("get_screenshot", "get_accessibility_tree", "get_file", "execute_p
 class Worker:
     """One `DesktopEnv` on one guest at a time."""
 
+    env: Any = None
+
     def __init__(self, channel: Channel) -> None:
         self.channel = channel
         self.used = False
+        self.owns_machine = False
         self.absent = frozenset[str]()
         self.added: list[str] = []
 
@@ -31,6 +38,8 @@ class Worker:
 
         `settings`: `address` (host, ports, token), `cache` (folder), `screen` ([width, height]),
         `tree` (whether observations hold the accessibility tree), `password` (of the guest's user).
+        Instead of `address`, `provider` names one of OSWorld's own providers, and `options` are
+        more arguments of `DesktopEnv`. With neither, nothing but `check` can be called.
         """
         with tempfile.NamedTemporaryFile("w", suffix=".json") as proxies:
             proxies.write("[]")
@@ -45,26 +54,59 @@ class Worker:
             module.SetupController,
         )
         self.added = additions.add_missing(self.metrics, self.getters)
-        provider = Provider(settings["address"], lambda: self.channel.ask("revert"))
-        module.create_vm_manager_and_provider = lambda *_, **__: (Manager(), provider)
-        send_tokens()
-        # Of the names that DesktopEnv accepts, "docker" is the one whose machine is clean at first.
-        self.env = module.DesktopEnv(
-            provider_name="docker",
-            path_to_vm="agenthijack",
-            os_type="Ubuntu",
-            action_space="pyautogui",
-            headless=True,
-            cache_dir=settings["cache"],
-            screen_size=tuple(settings["screen"]),
-            require_a11y_tree=bool(settings["tree"]),
-            client_password=settings["password"],
-        )
+        arguments: Message = {
+            "os_type": "Ubuntu",
+            "action_space": "pyautogui",
+            "headless": True,
+            "cache_dir": settings["cache"],
+            "screen_size": tuple(settings["screen"]),
+            "require_a11y_tree": bool(settings["tree"]),
+            "client_password": settings["password"],
+        }
+        if settings.get("provider"):
+            arguments |= {"provider_name": settings["provider"], **settings["options"]}
+            self.env = module.DesktopEnv(**arguments)
+            self.owns_machine = True
+            self.used = self.env.is_environment_used
+        elif settings.get("address"):
+            address = settings["address"]
+            provider = Provider(address, lambda: self.channel.ask("revert"))
+            module.create_vm_manager_and_provider = lambda *_, **__: (Manager(), provider)
+            send_tokens()
+            # Of the names that DesktopEnv accepts, "docker" is one whose machine is clean at first.
+            arguments |= {"provider_name": "docker", "path_to_vm": "agenthijack"}
+            self.env = module.DesktopEnv(**arguments)
+            self.used = bool(address.get("used"))
         return {
             "absent": sorted(self.absent),
             "added": self.added,
             "python": sys.version.split()[0],
         }
+
+    def check_provider(self, name: str) -> str:
+        """Why one of OSWorld's own providers can't be used here; empty where it can.
+
+        No machine is started. Providers check their packages and settings when they are made.
+        """
+        names = sorted(
+            part.name
+            for part in pkgutil.iter_modules(importlib.import_module(PROVIDERS).__path__)
+            if part.ispkg
+        )
+        if name not in names:
+            return f"this desktop_env has no provider {name!r}, only: {', '.join(names)}"
+        try:
+            with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
+                importlib.import_module(PROVIDERS).create_vm_manager_and_provider(name, None)
+        except Exception as error:  # noqa: BLE001  (they raise what they like)
+            return f"{type(error).__name__}: {error}"
+        return ""
+
+    def release(self) -> None:
+        """End the machine that one of OSWorld's own providers started, however the call ends."""
+        if self.owns_machine and self.env is not None:
+            self.owns_machine = False
+            self.env.close()
 
     def check(self, task: Message) -> list[str]:
         """Why the task can't be evaluated in this environment; empty where it can."""
@@ -96,7 +138,8 @@ class Worker:
         """
         if method not in CONTROLLER:
             raise ValueError(f"controller call {method!r} is not one of {', '.join(CONTROLLER)}")
-        self.used = True
+        # Only code can change the machine, and a revert takes a provider up to minutes.
+        self.used = self.used or method == "execute_python_command"
         return _portable(getattr(self.env.controller, method)(*arguments))
 
 
@@ -117,11 +160,11 @@ def main() -> None:
         format="%(asctime)s %(levelname)s %(name)s %(message)s",
     )
     worker = Worker(channel)
-    calls = {
-        name: getattr(worker, name)
-        for name in ("start", "check", "reset", "step", "evaluate", "controller")
-    }
-    while (request := channel.receive()) is not None:
-        with OutcomeHandler() as outcome:
-            outcome.value = calls[request["call"]](*request.get("arguments", []))
-        channel.send({**outcome.message(), "number": request["number"]})
+    calls = {name: getattr(worker, name) for name in CALLS}
+    try:
+        while (request := channel.receive()) is not None:
+            with OutcomeHandler() as outcome:
+                outcome.value = calls[request["call"]](*request.get("arguments", []))
+            channel.send({**outcome.message(), "number": request["number"]})
+    finally:  # also where the controlling process was killed: a machine may cost money
+        worker.release()

@@ -71,6 +71,8 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "episode_timeout": FREE,
         "osworld_files": FREE,
         "text_boxes": FREE,
+        "unplayable": FREE,
+        "unplayable_score": FREE,
         "code": FREE,
     },
     SESSIONS: {
@@ -123,7 +125,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "lines": DERIVED,
         "chain": DERIVED,
     },
-    DESKTOP: {"provider": LIBRARY, "size": COPIED, "settle": LIBRARY},
+    DESKTOP: {"provider": LIBRARY, "size": COPIED, "settle": LIBRARY, "machine": FREE},
     RECOVERY: {
         "policy": COPIED,
         "requests": DERIVED,

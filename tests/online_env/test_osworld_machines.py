@@ -1,0 +1,256 @@
+"""OSWorld's tasks on machines of the user: every documented failure, failover, and refusals."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from hijack_data.cli import hijack
+from hijack_data.errors import ConfigError, ParameterError
+from online_env import tasks
+from online_env.errors import DesktopError
+from online_env.osworld import machines
+from online_env.osworld.file_tasks import MachineTasks
+from online_env.tasks.machines import MachineSettings
+
+from support import needs
+from support.osworld_guests import SIZE, fake_guests, scripted_venv
+
+HIJACK = [sys.executable, "-m", "hijack_data.cli"]
+REVERT = "curl -sf -X POST -d '' \"$AGENTHIJACK_VM/revert\""
+DOCKER = MachineSettings(vm=("docker",), options={"client_password": "of the guest"})
+INFEASIBLE = {"func": "infeasible"}
+
+
+@pytest.fixture(scope="module")
+def osworld(tmp_path_factory) -> Path:
+    data = tmp_path_factory.mktemp("data")
+    (data / "agenthijack").mkdir()
+    return scripted_venv(needs.osworld(), data / "agenthijack" / "osworld")
+
+
+@pytest.fixture(autouse=True)
+def own_registry(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tasks.TASKS, "entries", dict(tasks.TASKS.entries))
+
+
+def task_file(folder: Path, name: str, **more: Any) -> Path:
+    content = {
+        "id": name,
+        "instruction": "x",
+        "related_apps": ["os"],
+        "config": [],
+        "evaluator": INFEASIBLE,
+        **more,
+    }
+    path = folder / "examples" / "os" / f"{name}.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(content))
+    return path
+
+
+@pytest.fixture
+def script(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
+    def write(guest: str, fails: tuple[str, ...] = (), lacks: tuple[str, ...] = ()) -> Path:
+        path = tmp_path / "script.json"
+        path.write_text(json.dumps({"guest": guest, "fails": fails, "lacks": lacks}))
+        monkeypatch.setenv("SCRIPTED_PROVIDER", str(path))
+        return path
+
+    return write
+
+
+def docker(osworld: Path, monkeypatch, tmp_path: Path):
+    monkeypatch.setattr(machines, "FOLDER", tmp_path / "machines")
+    return machines.machine((SIZE[1], SIZE[0]), DOCKER, osworld)
+
+
+def events(path: Path) -> list[str]:
+    return Path(f"{path}.log").read_text().split()
+
+
+def test_a_provider_reverts_between_episodes_and_ends_its_machine(
+    osworld, script, tmp_path, monkeypatch
+) -> None:
+    task = tasks.TASKS.get(tasks.TASKS.find(str(task_file(tmp_path, "t-one"))))(0)
+    with fake_guests(tmp_path, None) as (guest,):
+        path = script(guest.address)
+        with docker(osworld, monkeypatch, tmp_path) as desktop:
+            stage = MachineTasks(desktop, None)
+            assert stage.reset(task, 0).infeasible
+            assert stage.reset(task, 0).infeasible
+            assert stage.desktop.password == "of the guest"  # effects call sudo with it
+            assert stage.evaluate(["FAIL"]).score == 1.0
+            # Without a snapshot, OSWorld's provider says nothing.
+            script(guest.address, lacks=("snapshot",))
+            with pytest.raises(DesktopError, match="docker was not reverted"):
+                stage.reset(task, 0)
+            assert stage.was_not_reverted
+            script(guest.address, fails=("revert",))
+            with pytest.raises(DesktopError, match="RuntimeError: revert failed as in the script"):
+                stage.reset(task, 0)
+            broken = task_file(
+                tmp_path, "t-broken", evaluator={"func": "exact_match", "result": {"type": "rule"}}
+            )
+            script(guest.address)
+            stage._late_files = 0.0
+            stage.reset(tasks.TASKS.get(tasks.TASKS.find(str(broken)))(0), 0)
+            with pytest.raises(DesktopError, match="evaluate raised"):
+                stage.evaluate(["DONE"])
+        assert events(path)[-1] == "stop"
+        assert events(path).count("revert") == 4
+
+
+def test_a_machine_that_does_not_start_is_named(osworld, script, tmp_path, monkeypatch) -> None:
+    script("127.0.0.1:9", fails=("start",))
+    with (
+        pytest.raises(DesktopError, match="RuntimeError: start failed as in the script"),
+        docker(osworld, monkeypatch, tmp_path),
+    ):
+        pass
+    path = script("127.0.0.1:9")  # starts, but nothing answers there
+    with (
+        pytest.raises(DesktopError, match="the guest gave no screenshot"),
+        docker(osworld, monkeypatch, tmp_path),
+    ):
+        pass
+    assert events(path)[-1] == "stop"
+
+
+def test_another_screen_than_the_benchmarks_is_refused(
+    osworld, script, tmp_path, monkeypatch
+) -> None:
+    monkeypatch.setattr(machines, "FOLDER", tmp_path / "machines")
+    with fake_guests(tmp_path, None) as (guest,):
+        script(guest.address)
+        with (
+            pytest.raises(DesktopError, match="has 320x240 pixels, and the benchmark 1920x1080"),
+            machines.machine((1080, 1920), MachineSettings(vm=("docker",)), osworld),
+        ):
+            pass
+
+
+def bench(
+    osworld: Path, folder: Path, vms: list[str], *words: str
+) -> subprocess.CompletedProcess[str]:
+    config = folder / "bench.yaml"
+    config.write_text(f"desktop: {{provider: osworld, size: {list(SIZE)}}}\nmax_steps: 3\n")
+    named = [word for vm in vms for word in ("--vm", vm)]
+    return subprocess.run(
+        [
+            *(*HIJACK, "bench", str(config), *named, *words, "--tasks", str(folder)),
+            *("--agent", "fail", "--corruptions", "clean,resolution"),
+            *("--out", str(folder / "run")),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+        env={**__import__("os").environ, "XDG_DATA_HOME": str(osworld.parents[1])},
+    )
+
+
+def test_an_episode_goes_on_elsewhere_when_its_machine_dies(osworld, tmp_path) -> None:
+    """One machine dies before its first episode, and one in the middle of it."""
+    shelf = tmp_path / "tasks"
+    for number in range(3):
+        task_file(shelf, f"t-{number}")
+    with fake_guests(tmp_path, 2, 5, None) as guests:
+        vms = [f"http://{guest.address}" for guest in guests]
+        done = bench(osworld, shelf, vms, "--reset-command", REVERT)
+    assert f"{vms[0]} is taken out: it does not start: the guest gave no" in done.stderr
+    assert "(2 machines left)" in done.stderr
+    lines = (shelf / "run" / "records.jsonl").read_text().splitlines()
+    records = [json.loads(line) for line in lines]
+    (lost,) = [record for record in records if record["desktop"]["machine"] == vms[1]]
+    assert (lost["status"], lost["score"], lost["attempt"]) == ("invalid", None, 0)
+    ended = {(r["task"], r["corruption"]): r for r in records}  # the last attempt counts
+    assert len(ended) == 6
+    assert {r["score"] for r in ended.values()} == {1.0}
+    assert {r["desktop"]["machine"] for r in ended.values()} == {vms[2]}
+    assert ended[lost["task"], lost["corruption"]]["attempt"] == 1
+
+
+def test_a_run_without_a_machine_left_says_why(osworld, tmp_path) -> None:
+    shelf = tmp_path / "tasks"
+    task_file(shelf, "t-0")
+    task_file(shelf, "t-1")
+    with fake_guests(tmp_path, None) as (guest,):
+        # The command succeeds, and reverts nothing.
+        done = bench(osworld, shelf, [f"http://{guest.address}"], "--reset-command", "true")
+    assert done.returncode == 2
+    assert "no machine is left to play on" in done.stderr, done.stderr[-3000:]
+    assert "was not reverted" in done.stderr
+    records = [
+        json.loads(line) for line in (shelf / "run" / "records.jsonl").read_text().splitlines()
+    ]
+    assert [record["score"] for record in records] == [1.0, None, None]
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["--vm", "http://127.0.0.1:9"], "leave traces on it. Give --reset-command"),
+        (["--vm", "ftp://127.0.0.1:9"], "an address is like http://10.0.0.5:5000"),
+        (["--vm", "http://127.0.0.1:9?web=1"], "an address is like http://10.0.0.5:5000"),
+        (["--vm", "dokcer"], "no such provider; did you mean 'docker'"),
+        (["--vm", "vmware", "--vm", "vmware"], "names a machine twice"),
+        (["--vm", "vmware", "--reset-command", "x"], "providers revert themselves"),
+        (["--vm", "vmware", "--vm-option", "snapshot=x"], "did you mean 'snapshot_name'"),
+        (
+            ["--vm", "vmware", "--machines", "2", "--vm-option", "path_to_vm=/x"],
+            "names one machine",
+        ),
+        (["--vm", "http://127.0.0.1:9", "--machines", "2"], "repeat --vm"),
+        (["--reset-command", "x"], "osworld needs --vm"),
+    ],
+)
+def test_a_dry_run_refuses_what_the_run_would(
+    words: list[str], problem: str, tmp_path, osworld, monkeypatch
+) -> None:
+    from online_env.osworld import family
+
+    task_file(tmp_path, "t-one")
+    monkeypatch.setattr(
+        family.OsworldFamily, "find_unplayable", lambda *_: {}
+    )  # OSWorld's environment is not in its default folder
+    arguments = ["bench", "osworld", "--tasks", str(tmp_path), *words]
+    dry = CliRunner().invoke(hijack, [*arguments, "--dry-run"])
+    assert isinstance(dry.exception, ParameterError | ConfigError | LookupError), dry.output
+    assert problem in str(dry.exception)
+    run = CliRunner().invoke(hijack, [*arguments, "--out", str(tmp_path / "run")])
+    assert str(run.exception) == str(dry.exception)
+    assert not (tmp_path / "run").exists()
+
+
+def test_tasks_that_cannot_be_played_are_listed_and_counted(osworld, tmp_path) -> None:
+    task_file(tmp_path / "tasks", "t-good")
+    task_file(tmp_path / "tasks", "t-proxy", proxy=True)
+    account = {"type": "googledrive", "parameters": {}}
+    task_file(tmp_path / "tasks", "t-drive", config=[account])
+    shelf = tmp_path / "tasks"
+    with fake_guests(tmp_path, None) as (guest,):
+        vms = [f"http://{guest.address}"]
+        words = ("--reset-command", REVERT)
+        refused = bench(osworld, shelf, vms, *words, "--dry-run")
+        assert refused.returncode == 2
+        assert "t-drive: it needs an account" in refused.stderr
+        assert "t-proxy: its sites need OSWorld's proxy" in refused.stderr
+        assert "2 of 3 tasks can't be played" in refused.stderr
+        done = bench(osworld, shelf, vms, *words, "--unplayable", "zero")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert "2 of 3 tasks could not be played and count 0 in every condition" in done.stdout
+    report = subprocess.run(
+        [*HIJACK, "report", str(shelf / "run"), "--format", "json"],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    cells = json.loads(report.stdout)["cells"]
+    assert [(cell["n"], round(cell["success"], 3)) for cell in cells] == [(3, 0.333)] * 2
