@@ -116,7 +116,7 @@ class Touch(LiveEffect):
 def _look(guest: Guest, without_app: bool) -> _View:
     state = guest.x("state")
     frame = guest.desktop.screenshot()
-    found = live_elements(guest.desktop.accessibility(), guest.desktop.size)
+    found = live_elements(guest.desktop.accessibility(), guest.desktop.size, state["windows"])
     elements = [e for e in found if _can_be_clicked(e, state, without_app)]
     return _View(state, frame, elements)
 
