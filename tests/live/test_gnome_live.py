@@ -60,9 +60,38 @@ LACKS = {
 
 
 @pytest.fixture(scope="module")
-def desktop() -> Iterator[Any]:
+def gnome() -> None:
+    """Skips where there is no GNOME."""
     if gnome_machine.lack():
         pytest.skip(gnome_machine.lack())
+
+
+def test_a_task_is_played_under_all_nine_and_verified(gnome: None, tmp_path: Path) -> None:
+    support = Path(gnome_machine.__file__).parent
+    config = tmp_path / "gnome.yaml"
+    config.write_text(
+        f"desktop: {{provider: '{support}/gnome_machine.py:gnome', size: [1920, 1080]}}\n"
+        f"agents: [oracle]\ntasks: ['{support}/gnome_task.py:RenameInTerminal']\n"
+        "corruptions: all\nseeds: [0]\nmax_steps: 20\nrecovery: none\nretries: 1\n"
+    )
+    run = tmp_path / "run"
+    hijack = [sys.executable, "-m", "hijack_data.cli"]
+    for words in (["bench", config, "--desktops", 1, "--out", run], ["verify", run]):
+        done = subprocess.run(
+            [*hijack, *map(str, words)], capture_output=True, text=True, timeout=500, check=False
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+    records = [json.loads(line) for line in (run / "records.jsonl").read_text().splitlines()]
+    assert len(records) == 10
+    assert {record["status"] for record in records} == {"ok"}
+    scores = {record["corruption"]: record["score"] for record in records}
+    assert scores["clean"] == 1.0
+    assert scores["verification"] == 0.0, "an oracle types into the lock screen"
+
+
+@pytest.fixture(scope="module")
+def desktop(gnome: None) -> Iterator[Any]:
+    """One machine for what follows; the run above has machines of its own, one at a time."""
     with gnome_machine.gnome() as desktop:
         desktop.launch(["gnome-terminal"])
         until(lambda: "user@" in desktop.execute("wmctrl -l").output, "a terminal")
@@ -118,26 +147,3 @@ def test_what_the_machine_lacks_is_refused_with_the_remedy(desktop: Any, lack: s
             perform(Effect(kind, {}), poorer)
     finally:
         assert desktop.execute(give_back).ok
-
-
-def test_a_task_is_played_under_all_nine_and_verified(desktop: Any, tmp_path: Path) -> None:
-    support = Path(gnome_machine.__file__).parent
-    config = tmp_path / "gnome.yaml"
-    config.write_text(
-        f"desktop: {{provider: '{support}/gnome_machine.py:gnome', size: [1920, 1080]}}\n"
-        f"agents: [oracle]\ntasks: ['{support}/gnome_task.py:RenameInTerminal']\n"
-        "corruptions: all\nseeds: [0]\nmax_steps: 20\nrecovery: none\nretries: 1\n"
-    )
-    run = tmp_path / "run"
-    hijack = [sys.executable, "-m", "hijack_data.cli"]
-    for words in (["bench", config, "--desktops", 1, "--out", run], ["verify", run]):
-        done = subprocess.run(
-            [*hijack, *map(str, words)], capture_output=True, text=True, timeout=500, check=False
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
-    records = [json.loads(line) for line in (run / "records.jsonl").read_text().splitlines()]
-    assert len(records) == 10
-    assert {record["status"] for record in records} == {"ok"}
-    scores = {record["corruption"]: record["score"] for record in records}
-    assert scores["clean"] == 1.0
-    assert scores["verification"] == 0.0, "an oracle types into the lock screen"
