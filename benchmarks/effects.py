@@ -43,7 +43,7 @@ def desktop_with_windows() -> Iterator[Any]:
             yield desktop
         return
     sys.path.append(str(Path(__file__).parents[1] / "tests"))
-    from support.gnome_machine import gnome
+    from support.gnome_machine import gnome  # pyright: ignore[reportMissingImports]
 
     start = time.perf_counter()
     with gnome() as desktop:

@@ -88,8 +88,8 @@ def lacks(desktop: Desktop, missing: Iterable[Capability]) -> str:
     capabilities = ", ".join(sorted(desktop.capabilities)) or "nothing"
     text = f"which this desktop lacks (available: {capabilities})"
     names = list(missing)
+    remedies = [f"for {name}, {REMEDIES[name]}" for name in names if name in REMEDIES]
     flags = [FLAGS[name] for name in names if name in FLAGS]
     if flags and getattr(desktop, "is_container", False):
-        return f"{text}; start its container with {' '.join(flags)}"
-    remedies = [f"for {name}, {REMEDIES[name]}" for name in names if name in REMEDIES]
+        remedies.append(f"start its container with {' '.join(flags)}")
     return "; ".join([text, *remedies])

@@ -43,7 +43,7 @@ echo 'nameserver 10.231.78.1' >"$root/etc/resolv.conf.new"
 mv "$root/etc/resolv.conf.new" "$root/etc/resolv.conf"
 echo 5a7d1e0c5b8f4c2e9d3a0f1b2c4d5e6f >"$root/etc/machine-id"
 : >"$root/etc/fstab"
-rm -f "$root/usr/sbin/policy-rc.d"
+rm -f "$root/usr/sbin/policy-rc.d" "$root/.dockerenv"
 
 system=$root/etc/systemd/system
 for unit in console-getty.service systemd-networkd.service systemd-resolved.service systemd-timesyncd.service \
