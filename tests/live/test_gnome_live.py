@@ -32,6 +32,13 @@ EFFECTS = {
     "firewall": {},
     "lock": {},
 }
+PLAYED = {
+    "multi_apps": "launch_app",
+    "accidental_touch": "touch",
+    "app_minimization": "minimise",
+    "network_error": "firewall",
+    "verification": "lock",
+}
 # What takes a capability away from the machine, and what the refusal then says.
 SUDO = "echo password | sudo -S -p '' "
 LOCKDOWN = "gsettings set org.gnome.desktop.lockdown disable-lock-screen"
@@ -84,8 +91,16 @@ def test_a_task_is_played_under_all_nine_and_verified(gnome: None, tmp_path: Pat
     records = [json.loads(line) for line in (run / "records.jsonl").read_text().splitlines()]
     assert len(records) == 10
     assert {record["status"] for record in records} == {"ok"}
+    effects = {
+        record["corruption"]: [effect["record"] for effect in record["effects"]]
+        for record in records
+    }
+    assert {label: effect[0]["effect"] for label, effect in effects.items() if effect} == PLAYED
+    for (effect,) in filter(None, effects.values()):
+        assert effect["probes"][0]["ok"]
+        assert effect["undone"][-1]["ok"]
     scores = {record["corruption"]: record["score"] for record in records}
-    assert scores["clean"] == 1.0
+    assert scores["clean"] == scores["marks"] == 1.0
     assert scores["verification"] == 0.0, "an oracle types into the lock screen"
 
 

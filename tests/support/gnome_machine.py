@@ -53,6 +53,7 @@ TOOLS = "/usr/local/lib/desktop"
 LINK = "ahgnome"
 HOST, GUEST, SITES = "10.231.77.1", "10.231.77.2", "10.231.78.1"
 ADDRESS = f"http://{GUEST}:5000"
+DIES_WITH_US = ("setpriv", "--pdeathsig", "KILL")
 BOOT_TIMEOUT_S = 120.0  # s
 # GNOME Shell begins with its overview, which OSWorld's machine does not show.
 READY = """
@@ -129,7 +130,7 @@ class GnomeMachine:
             exec unshare --mount --pid --net --uts --ipc --cgroup --fork --kill-child sh "$@"
         """
         self._process = subprocess.Popen(
-            ["unshare", "--mount", "sh", "-ec", enter, "sh", self._groups, *words],
+            [*DIES_WITH_US, "unshare", "--mount", "sh", "-ec", enter, "sh", self._groups, *words],
             start_new_session=True,
         )
         self._connect(self._process.pid)
@@ -173,9 +174,9 @@ class GnomeMachine:
         state = self._work.with_name("sites")
         shutil.rmtree(state, ignore_errors=True)
         state.mkdir()
-        command = [sys.executable, "-m", "online_env.embedded.sites", "--address", SITES]
+        command = [*DIES_WITH_US, sys.executable, "-m", "online_env.embedded.sites"]
         self._sites = subprocess.Popen(
-            [*command, "--state", str(state)],
+            [*command, "--address", SITES, "--state", str(state)],
             cwd=REPO,
             start_new_session=True,
             stdout=subprocess.DEVNULL,

@@ -42,6 +42,7 @@ class RenameInTerminal(Task):
             yield f"{new} is not the report"
 
     def oracle(self, hand):
-        """Types the command into the terminal."""
+        """Types commands into the terminal, a line a step."""
         hand.click_on("terminal", app="gnome-terminal")
-        hand.type(f"cd ~/Documents && mv {self.values.old} {self.values.new}; clear\n")
+        for line in ("cd ~/Documents", "ls", f"mv {self.values.old} {self.values.new}", "clear"):
+            hand.type(f"{line}\n")
