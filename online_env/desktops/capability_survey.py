@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 
 from ..errors import DesktopTimeoutError
-from .lockers import LOCKERS
+from .lockers import LOCKERS, REMEDY, SESSION_BUS
 from .protocol import Capability, Desktop, RunResult
 
 TIMEOUT = 20.0
@@ -22,23 +22,32 @@ else sudo -n sh -c "$try"; fi >/dev/null 2>&1 && echo firewall
 # system's.
 _XLIB = "import site, sys; sys.path.append(site.getusersitepackages()); import Xlib"
 _WINDOWS = (
-    f"command -v wmctrl >/dev/null 2>&1 && (cd / && /usr/bin/python3 -I -c {shlex.quote(_XLIB)}) "
-    "2>/dev/null && echo windows\n"
+    f"wmctrl -m >/dev/null 2>&1 && (cd / && /usr/bin/python3 -I -c {shlex.quote(_XLIB)}) "
+    "2>/dev/null && ! pgrep -x Xwayland >/dev/null && echo windows\n"
 )
 # A locker that is installed but not running reports neither state; in a new session it does so
 # after a moment.
 _LOCK = "\n".join(
-    f"command -v {one.name} >/dev/null 2>&1 && for i in {'1 2 3 4 5 6' if one.window else '1'}; do "
+    f"command -v {one.name} >/dev/null 2>&1 && {one.able} && "
+    f"for i in {'1 2 3 4 5 6' if one.window else '1'}; do "
     f"said=$(timeout 3 {one.query} 2>/dev/null); [ $? = {HANGS} ] && break; case $said in "
     f"*{shlex.quote(one.on)}*|*{shlex.quote(one.off)}*) echo lock; break;; esac; sleep 0.3; done"
     for one in LOCKERS
 )
-_SCRIPT = f"export LC_ALL=C\n{_LOCK}\n{_WINDOWS}{_FIREWALL}true\n"
+_SCRIPT = f"export LC_ALL=C\n{SESSION_BUS}\n{_LOCK}\n{_WINDOWS}{_FIREWALL}true\n"
 
 
 # The options with which to start a container for capabilities that Docker and Podman omit by
 # default.
 FLAGS: dict[Capability, str] = {"firewall": "--cap-add NET_ADMIN"}
+REMEDIES: dict[Capability, str] = {
+    "firewall": "sudo must take the password that the desktop was given, and nft or iptables must"
+    " be installed there (apt-get install iptables)",
+    "lock": REMEDY,
+    "windows": "a window manager must run on X11, not Wayland, with wmctrl and python3-xlib"
+    " (apt-get install wmctrl python3-xlib)",
+    "accessibility": "its environment must offer get_accessibility_tree",
+}
 _MARKS = ("/.dockerenv", "/run/.containerenv")
 
 
@@ -78,7 +87,9 @@ def lacks(desktop: Desktop, missing: Iterable[Capability]) -> str:
     """
     capabilities = ", ".join(sorted(desktop.capabilities)) or "nothing"
     text = f"which this desktop lacks (available: {capabilities})"
-    flags = [FLAGS[name] for name in missing if name in FLAGS]
+    names = list(missing)
+    remedies = [f"for {name}, {REMEDIES[name]}" for name in names if name in REMEDIES]
+    flags = [FLAGS[name] for name in names if name in FLAGS]
     if flags and getattr(desktop, "is_container", False):
-        text += f"; start its container with {' '.join(flags)}"
-    return text
+        remedies.append(f"start its container with {' '.join(flags)}")
+    return "; ".join([text, *remedies])

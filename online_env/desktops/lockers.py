@@ -8,6 +8,30 @@ _GNOME = (
 )
 
 
+# GNOME Shell locks only where GDM can check the password, and where no policy forbids it; otherwise
+# its answer to the request is the same, and nothing happens.
+_GDM = (
+    "timeout 3 gdbus call --system --dest org.gnome.DisplayManager --object-path"
+    " /org/gnome/DisplayManager/Manager --method org.freedesktop.DBus.Properties.Get"
+    " org.gnome.DisplayManager.Manager Version"
+)
+_GNOME_CAN_LOCK = (
+    f"{_GDM} >/dev/null 2>&1 && "
+    '[ "$(gsettings get org.gnome.desktop.lockdown disable-lock-screen 2>/dev/null)" != true ]'
+)
+# OSWorld's server is a service of the system, to which nobody gave the address of the session's
+# bus; without it gdbus may start a bus of its own, where a locker answers that locks nothing.
+SESSION_BUS = (
+    'bus=${XDG_RUNTIME_DIR:-/run/user/$(id -u)}/bus; [ -n "$DBUS_SESSION_BUS_ADDRESS" ] || '
+    '[ ! -S "$bus" ] || export DBUS_SESSION_BUS_ADDRESS="unix:path=$bus"'
+)
+REMEDY = (
+    "one of these lockers must run there and answer: mate-screensaver, xfce4-screensaver,"
+    " cinnamon-screensaver, GNOME Shell (gdm3 must run, and gsettings set"
+    " org.gnome.desktop.lockdown disable-lock-screen false), or logind where it gives LockedHint"
+)
+
+
 @dataclass(frozen=True)
 class Locker:
     """One locker, by shell commands.
@@ -21,6 +45,7 @@ class Locker:
         force: unlocks it without the password.
         window: whether the locker's own X window covers the screen (false if the compositor itself
             locks).
+        able: a command that succeeds where the locker can lock.
     """
 
     name: str
@@ -30,6 +55,7 @@ class Locker:
     lock: str
     force: str
     window: bool = True
+    able: str = "true"
 
 
 def _family(command: str) -> Locker:
@@ -52,6 +78,7 @@ LOCKERS: tuple[Locker, ...] = (
         f"{_GNOME}.Lock",
         f"{_GNOME}.SetActive false",
         False,
+        _GNOME_CAN_LOCK,
     ),
     Locker(
         "loginctl",

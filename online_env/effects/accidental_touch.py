@@ -130,7 +130,7 @@ class Touch(LiveEffect):
 def _look(guest: Guest, without_app: bool) -> _View:
     state = guest.x("state")
     frame = guest.desktop.screenshot()
-    found = live_elements(guest.desktop.accessibility(), guest.desktop.size)
+    found = live_elements(guest.desktop.accessibility(), guest.desktop.size, state["windows"])
     elements = [element for element in found if _is_reachable(element, state)]
     launchers: list[Element] = []
     panel_elements = [e for e in elements if _is_part_of_panel(e, state)] if without_app else []

@@ -1,6 +1,6 @@
 """The interactive elements on the screen, from the accessibility tree, with their applications."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import groupby
 from typing import Any
@@ -35,6 +35,10 @@ LAUNCHERS = frozenset(
 )
 _ACTIONS = "/ns/action}"
 _ENABLED = "/ns/state}enabled"
+_PLACE = "/ns/component}screencoord"
+_ORIGIN = "(0, 0)"
+_TOP_LEVEL_DEPTH = 3  # root, application, window
+_ORIGIN_PIXELS = 8  # pixels within which a window is at the corner of the screen
 
 
 @dataclass(frozen=True)
@@ -56,11 +60,17 @@ class Element:
         return {**asdict(self), "box": list(self.box)}
 
 
-def live_elements(xml: str, size: Size) -> list[Element]:
+def live_elements(xml: str, size: Size, windows: Sequence[Mapping[str, Any]] = ()) -> list[Element]:
     """Return the interactive elements of a tree, in its order; `size` is (H, W).
 
     If an application reports which of its elements are enabled or have actions, all others are left
-    out.
+    out. So are the elements of the windows whose places are not those of the screen: GTK 4 counts
+    from the corner of the window.
+
+    Args:
+        xml: the tree.
+        size: of the screen.
+        windows: the windows of the X server, from the output of `xtool state`.
 
     Raises:
         DesktopError: the text is not an accessibility tree.
@@ -68,6 +78,8 @@ def live_elements(xml: str, size: Size) -> list[Element]:
     elements: list[Element] = []
     try:
         nodes = nodes_from_tree(xml.encode("utf-8", "replace"))[1:]
+        elsewhere = {node.index for node in nodes if _is_placed_elsewhere(node, windows)}
+        nodes = [node for node in nodes if _top_level(node).index not in elsewhere]
         for _, group in groupby(nodes, key=lambda node: node.application_index):
             elements += _read_elements(list(group), size)
     except ElementsError as error:
@@ -75,6 +87,24 @@ def live_elements(xml: str, size: Size) -> list[Element]:
             f"the accessibility tree of the desktop cannot be read: {error}"
         ) from None
     return elements
+
+
+def _is_placed_elsewhere(node: AccessibleNode, windows: Sequence[Mapping[str, Any]]) -> bool:
+    """Return whether a node is a window that claims the corner of the screen and is not there."""
+    if node.depth != _TOP_LEVEL_DEPTH:
+        return False
+    if not any(key.endswith(_PLACE) and at == _ORIGIN for key, at in node.attributes.items()):
+        return False
+    corners = [
+        box[:2] for w in windows if w["title"] == node.name for box in (w["frame"], w["box"])
+    ]
+    return bool(corners) and not any(max(map(abs, at)) <= _ORIGIN_PIXELS for at in corners)
+
+
+def _top_level(node: AccessibleNode) -> AccessibleNode:
+    while node.depth > _TOP_LEVEL_DEPTH and node.parent is not None:
+        node = node.parent
+    return node
 
 
 def _read_elements(nodes: list[AccessibleNode], size: Size) -> list[Element]:

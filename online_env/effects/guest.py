@@ -135,8 +135,9 @@ class Guest:
         )
         if result.ok:
             try:
-                return cast("dict[str, Any]", json.loads(result.output))
-            except ValueError:
+                # python-xlib may print warnings before it
+                return cast("dict[str, Any]", json.loads(result.output.splitlines()[-1]))
+            except (ValueError, IndexError):
                 raise DesktopError(
                     f"{name} {operation} printed {result.output!r:.200} in the guest, not JSON"
                 ) from None

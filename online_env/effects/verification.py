@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..desktops.lockers import BY_NAME, LOCKERS, Locker
+from ..desktops.lockers import BY_NAME, LOCKERS, REMEDY, SESSION_BUS, Locker
 from ..desktops.protocol import Capability
 from ..errors import MissingCapabilityError
 from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
@@ -24,16 +24,16 @@ SHELL_TIMEOUT_S = 10 * LOCK_TIMEOUT_S  # s for a shell that waits: each of its l
 MIN_COLOURS = 16  # colours: fewer are a blank screen
 POLL_S = 0.02
 # The words that lockers answer with, and no folder of the user's before the system's.
-_CLEAN = f"export LC_ALL=C PATH={SYSTEM_PATH}"
+_CLEAN = f"export LC_ALL=C PATH={SYSTEM_PATH}; {SESSION_BUS}"
 # A shell waits, not we: each question over the wire would cost more than the answer.
 _AWAIT = (
     "for i in $(seq {times}); do {query} 2>/dev/null | grep -qF '{word}' && exit 0; sleep {tick};"
     " done; exit 1"
 )
-# One line for each that is installed: its program, and what it answers.
+# One line for each that is installed and able to lock: its program, and what it answers.
 _ASK_ALL = f"{_CLEAN}\n" + "\n".join(
-    f"command -v {locker.name} >/dev/null 2>&1 && echo {locker.name} $(timeout 3 {locker.query}"
-    " 2>&1)"
+    f"command -v {locker.name} >/dev/null 2>&1 && {locker.able} && "
+    f"echo {locker.name} $(timeout 3 {locker.query} 2>&1)"
     for locker in LOCKERS
 )
 
@@ -139,15 +139,14 @@ class LockSession(LiveEffect):
             if time.monotonic() > end or not answers:
                 break
             time.sleep(0.1)
-        lockers = f"one of these must run there: {', '.join(BY_NAME)}"
         if answers:  # the guest has what it needs, and it does not work now
             silent = ", ".join(answers)
             raise EffectError(
                 f"the guest cannot lock its session: {silent} is installed, but no locker answers;"
-                f" {lockers}"
+                f" {REMEDY}"
             )
         raise MissingCapabilityError(
-            f"the guest cannot lock its session: it has no locker; {lockers}"
+            f"the guest cannot lock its session: it has no locker; {REMEDY}"
         )
 
     def _left(self, guest: Guest, locker: Locker, by: str) -> Undone:

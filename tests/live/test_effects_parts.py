@@ -492,6 +492,22 @@ def test_a_launcher_bears_the_name_of_an_application(app, role, name, launches):
     assert launches_application(element, applications, {"terminal"}) == launches
 
 
+@pytest.mark.parametrize(
+    ("frame", "box", "names"),
+    [
+        ([60, 32, 150, 92], [38, 9, 172, 115], []),  # GTK 4 counts from the corner of its window
+        ([0, 0, 90, 60], [-22, -23, 112, 83], ["Go"]),  # its window is in that corner
+    ],
+)
+def test_elements_whose_places_are_not_those_of_the_screen_are_left_out(frame, box, names):
+    place = 'cp:screencoord="(0, 0)" cp:size="(90, 60)"'
+    files = f'<frame name="Documents" {place}>{node("push-button", "Go", 10)}</frame>'
+    xml = tree(f'<application name="org.gnome.Nautilus">{files}</application>')
+    windows = [{**window("org.gnome.Nautilus", "normal", frame), "box": box, "title": "Documents"}]
+    assert [element.name for element in live_elements(xml, (100, 200), windows)] == names
+    assert [element.name for element in live_elements(xml, (100, 200))] == ["Go"]
+
+
 @pytest.mark.parametrize("bad", ["", "<a", "no xml", "<a><b></a>"])
 def test_trees_that_are_none_are_refused(bad):
     with pytest.raises(DesktopError, match="cannot be read"):

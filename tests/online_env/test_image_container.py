@@ -285,7 +285,9 @@ def test_the_flag_that_grants_it_is_named_in_a_container():
     assert lacks(Guest(), ["firewall"]).endswith("start its container with --cap-add NET_ADMIN")
     assert "container" not in lacks(Guest(), ["lock"])
     Guest.is_container = False
-    assert lacks(Guest(), ["firewall"]) == "which this desktop lacks (available: files)"
+    why = lacks(Guest(), ["firewall", "lock"])
+    assert why.startswith("which this desktop lacks (available: files); for firewall, sudo must")
+    assert "for lock, one of these lockers must run" in why
     for code in (0, 1):
         found = RunResult("success", returncode=code)
         assert is_container(lambda argv, time, found=found: found) is (code == 0)

@@ -190,6 +190,8 @@ def _surface(screen: Screen, top: Any) -> Surface | None:
         if not screen.is_drawn(top):
             return None
         client = screen.client(top, depth=1)
+        if client is not None and screen.is_iconic(client):
+            return None
         window = top if client is None else client
         return Surface(
             frame=_box(screen, top),

@@ -13,7 +13,7 @@ from Xlib import display as xdisplay
 from Xlib.protocol import event
 
 USER = 2  # EWMH source indication: a person's tool, which the window manager obeys
-ICONIC = 3  # ICCCM, WM_CHANGE_STATE
+ICONIC = 3  # ICCCM, WM_CHANGE_STATE and WM_STATE
 STATIC = 10  # the place asked for is that of the window's content, not of its frame
 ALL_GIVEN = 0b1111 << 8  # _NET_MOVERESIZE_WINDOW: x, y, width and height are all given
 MAXIMISED = ("_NET_WM_STATE_MAXIMIZED_HORZ", "_NET_WM_STATE_MAXIMIZED_VERT")
@@ -97,7 +97,14 @@ class Screen:
 
     def is_mapped(self, window: Any) -> bool:
         """Return whether a window is on the screen (not minimised)."""
-        return window.get_attributes().map_state == X.IsViewable
+        return window.get_attributes().map_state == X.IsViewable and not self.is_iconic(window)
+
+    def is_iconic(self, window: Any) -> bool:
+        """Return whether the window manager says that it has minimised a window.
+
+        GNOME Shell keeps minimised windows mapped, for their pictures in its overview.
+        """
+        return self.number(window, "WM_STATE") == ICONIC
 
     def is_drawn(self, window: Any) -> bool:
         """Whether a window is on the screen and can be seen; a window for input only cannot."""

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from Xlib import X
+from Xlib import X, Xutil
 from Xlib.ext import xtest
 
 from .ewmh import FULL_SCREEN, GONE, MAXIMISED, POLL_S, Screen, poll_until
@@ -15,8 +15,10 @@ from .ewmh import describe as describe_window
 FIXED = ("desktop", "dock")  # window types that are part of the desktop itself
 PAINT = 0x7B797D  # a colour that no application paints its windows with
 PAINT_BYTES = PAINT.to_bytes(3, "little")
+MIN_SIZE = slice(5, 7)  # of the numbers of WM_NORMAL_HINTS
 SAMPLES = 6  # a window is looked at where this many parts of its width and height meet
 PLACE_TIMEOUT_S = 3.0  # s for a window to get to its place
+LIST_TIMEOUT_S = 2.0  # s for a window that has closed to leave the window manager's list
 KEY_TIMEOUT_S = 0.2  # s in which a button would have changed
 CLOSE_PAUSE = 0.4  # s between two requests to close
 STABLE_POLLS = (
@@ -35,7 +37,6 @@ def describe(screen: Screen, number: int) -> _Facts | None:
         window = screen.window(number)
         left, top, right, bottom = screen.margins(window)
         x1, y1, x2, y2 = facts["box"]
-        hints = window.get_wm_normal_hints()
         states = [
             screen.display.get_atom_name(state) for state in screen.numbers(window, "_NET_WM_STATE")
         ]
@@ -43,20 +44,42 @@ def describe(screen: Screen, number: int) -> _Facts | None:
             **facts,
             "for": screen.number(window, "WM_TRANSIENT_FOR"),
             "frame": [x1 - left, y1 - top, x2 + right, y2 + bottom],
-            "least": [hints.min_width, hints.min_height] if hints else [0, 0],
+            "least": _smallest_size(screen, window),
             "states": [state.replace("_NET_WM_STATE_", "").lower() for state in states],
         }
     except GONE:
         return None
 
 
+def _smallest_size(screen: Screen, window: Any) -> list[int]:
+    """Return the smallest width and height that a window allows; 0, 0 if it does not say."""
+    # python-xlib's own reader of these hints fails in the release that OSWorld's server asks for.
+    hints = screen.numbers(window, "WM_NORMAL_HINTS")
+    has_size = len(hints) > MIN_SIZE.stop - 1 and hints[0] & Xutil.PMinSize
+    return hints[MIN_SIZE] if has_size else [0, 0]
+
+
 def listed(screen: Screen) -> list[_Facts]:
-    """Return the managed windows, bottom to top."""
-    numbers = screen.numbers(screen.root, "_NET_CLIENT_LIST_STACKING")
-    if not numbers:
-        numbers = screen.numbers(screen.root, "_NET_CLIENT_LIST")
+    """Return the managed windows, bottom to top.
+
+    Raises:
+        RuntimeError: The window manager lists windows, and python-xlib can describe none.
+    """
+    numbers = _managed(screen)
     windows = [describe(screen, number) for number in numbers]
-    return [window for window in windows if window is not None]
+    present = [window for window in windows if window is not None]
+    if (
+        numbers
+        and not present
+        and not poll_until(lambda: _managed(screen) != numbers, LIST_TIMEOUT_S)
+    ):
+        raise RuntimeError("the windows of this display cannot be read with this python-xlib")
+    return present
+
+
+def _managed(screen: Screen) -> list[int]:
+    numbers = screen.numbers(screen.root, "_NET_CLIENT_LIST_STACKING")
+    return numbers or screen.numbers(screen.root, "_NET_CLIENT_LIST")
 
 
 def visible(screen: Screen) -> list[int]:
@@ -209,7 +232,9 @@ def _painted(window: Any) -> bool:
                 x = size.width * i // SAMPLES
                 y = size.height * j // SAMPLES
                 pixel = window.get_image(x, y, 1, 1, X.ZPixmap, 0xFFFFFF).data
-                painted += bytes(pixel)[:3] == PAINT_BYTES
+                # Old releases of python-xlib decode what happens to be UTF-8.
+                data = pixel.encode() if isinstance(pixel, str) else bytes(pixel)
+                painted += data[:3] == PAINT_BYTES
     except GONE:
         return False
     return 2 * painted > len(parts) ** 2
