@@ -325,16 +325,17 @@ def _check_here(benchmark: "Bench", engine: str) -> None:
     """
     from ..tasks import TASKS, find_family
     from .pools import LOCAL
-    from .providers import EMBEDDED, check_installed
+    from .providers import check_installed
 
     family = find_family(benchmark.tasks)
     if family is None:
         if engine == LOCAL:
             check_installed(benchmark.provider, benchmark.tasks)
         return
-    if engine != LOCAL or benchmark.provider != EMBEDDED:
+    if engine != LOCAL or benchmark.provider != family.provider:
         raise ParameterError(
-            f"{family.title}'s tasks are played on the embedded desktops of this machine; leave out"
+            f"{family.title}'s tasks are played on this machine, by desktop: {{provider:"
+            f" {family.provider}}}; leave out"
             f" {'--engine ' + engine if engine != LOCAL else 'provider: ' + benchmark.provider}"
         )
     classes = [TASKS.get(name) for name in benchmark.tasks]

@@ -19,6 +19,7 @@ from ..agents.base import Agent, Privileged
 from ..agents.references import is_user_code, reference_to
 from ..agents.registry import AGENTS, make
 from ..environment import CorruptedEnv, EvalSettings
+from ..environment.settle import Settle
 from ..environment.stage import TaskStage
 from ..errors import DesktopError, MissingCapabilityError
 from ..results.records import ResultRecord
@@ -112,7 +113,11 @@ class LiveEpisodes:
         bench = self._bench
         begin(job.agent, episode_slug(*job.key[1:3], job.seed, job.agent, attempt))
         settings = EvalSettings(
-            max_steps=bench.max_steps, recovery=bench.recovery, log=self._folder, agent=job.agent
+            max_steps=bench.max_steps,
+            recovery=bench.recovery,
+            log=self._folder,
+            agent=job.agent,
+            settle=getattr(self._stage.desktop, "settle", Settle()),
         )
         env = CorruptedEnv(self._stage, settings=settings)
         planner = bench.planners[job.corruption]

@@ -52,7 +52,10 @@ def _problems(provider: Any, _: str) -> Iterator[str]:
 PROVIDERS = Registry[DesktopProvider](
     "desktop provider",
     "providers",
-    builtin={EMBEDDED: "online_env.bench.providers:embedded"},
+    builtin={
+        EMBEDDED: "online_env.bench.providers:embedded",
+        "browser": "online_env.browser.desktop:browser",
+    },
     problems=_problems,
 )
 register = PROVIDERS.register
