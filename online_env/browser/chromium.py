@@ -52,7 +52,8 @@ _FLAGS = (
     "--disable-sync",
     "--disable-backgrounding-occluded-windows",
     "--disable-renderer-backgrounding",
-    "--disable-features=Translate,MediaRouter,OptimizationHints,InterestFeedContentSuggestions",
+    # Local network access: else a probe from Chromium's error page is refused for where it comes from.
+    "--disable-features=Translate,MediaRouter,OptimizationHints,LocalNetworkAccessChecks",
     "--font-render-hinting=none",
     "--force-color-profile=srgb",
     "--hide-scrollbars=false",

@@ -8,13 +8,13 @@ SHOW = "agenthijackShow"  # the function of a cover page that brings another pag
 SIGN_IN = "agenthijack-sign-in"  # the id of the form of the wall
 
 _STYLE = """
-body { margin: 0; font: 14px "DejaVu Sans", Arial, sans-serif; height: 100vh; overflow: hidden;
+body { margin: 0; font: 13px Arial, sans-serif; height: 100vh; overflow: hidden;
   display: flex; flex-direction: column; background: #2d4a63; color: #222 }
 button { font: inherit; cursor: pointer }
-#window { flex: 1; background: #fff; display: flex; flex-direction: column }
-#window h1 { margin: 0; padding: 4px 8px; font-size: 14px; background: #dcdcdc; display: flex;
+#window { flex: 1; min-height: 0; overflow: hidden; background: #fff; display: flex; flex-direction: column }
+#window h1 { margin: 0; padding: 4px 8px; font-size: 13px; background: #dcdcdc; display: flex;
   justify-content: space-between }
-#window p { margin: 8px 12px; line-height: 1.5 }
+#window p { margin: 6px 12px }
 #desk { flex: 1 }
 #panel { background: #1b1b1b; padding: 4px; display: flex; gap: 4px }
 #panel button { background: #444; color: #fff; border: 0; padding: 4px 10px; max-width: 45%;

@@ -4,6 +4,7 @@ The plans are those of desktops; only what they mean here differs, and docs/brow
 probes ask Chromium, or look at a page from an isolated world that its code cannot reach.
 """
 
+import json
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, ClassVar, cast
@@ -22,6 +23,11 @@ from .desktop import BrowserDesktop, BrowserPage
 MAX_OFFSET_PIXELS = 8  # by which an element may be away from the plan's box
 MAX_CLICKS = 5
 NOTES = "Notes"  # the title of the application that stands for another one
+_FETCH = (
+    "fetch(%s, {mode: 'no-cors', cache: 'no-store', signal: AbortSignal.timeout(3000)})"
+    ".then(() => '', error => String(error))"
+)
+_ERROR_CODE = "document.querySelector('.error-code')?.textContent || 'error page'"
 _HIDDEN = "document.visibilityState === 'hidden'"
 _WALL = f"!!document.querySelector('form#{SIGN_IN} input[type=password]')"
 # Counts, in our own world, the clicks that the browser itself delivered, and where the last was.
@@ -185,42 +191,46 @@ class Offline(LiveEffect):
         browser = _browser(guest)
         page = browser.front
         url = str(browser.evaluate("location.href", page))
-        record: EffectRecord = {"url": url, "before": _reach(browser, page, url), "reloaded": False}
+        record: EffectRecord = {
+            "url": url,
+            "page": page.target,
+            "before": _reach(browser, page, url),
+            "reloaded": not browser.acted,
+        }
         browser.set_offline(True)
-        if not browser.acted:
-            record["reloaded"] = True
+        if record["reloaded"]:
             browser.reload(page)
         return record
 
     def probe(self, guest: Guest, record: EffectRecord) -> Probe:
-        """Ask Chromium for the address once more, and for the page that it shows in its place."""
+        """Ask for the address once more, from the page that shows now."""
         browser = _browser(guest)
-        page = browser.front
-        frame = browser.call("Page.getFrameTree", page)["frameTree"]["frame"]
+        page = _page(browser, record["page"]) or browser.front
+        now = _reach(browser, page, record["url"])
         facts: EffectRecord = {
             "before": record["before"],
-            "now": _reach(browser, page, record["url"]),
-            "offline": browser.is_offline,
-            "error_page_for": frame.get("unreachableUrl", ""),
+            "now": now,
+            "on_line": browser.examine("navigator.onLine", page),
         }
         problem = ""
         if not record["before"]["ok"]:
             problem = f"{record['url']} did not answer before: {record['before']['error']}"
-        elif not browser.is_offline or facts["now"]["ok"]:
+        elif now["ok"] or facts["on_line"]:
             problem = f"{record['url']} can be reached"
-        elif record["reloaded"] and not facts["error_page_for"]:
-            problem = "the page was loaded in spite of it"
+        elif record["reloaded"] and not now["error_page"]:
+            problem = "the page of the task shows in spite of it"
         return Probe(not problem, facts, problem)
 
     def undo(self, guest: Guest, record: EffectRecord) -> Undone:
-        """Switch the network on; the site must answer. Who looks at the error page reloads it."""
+        """Switch the network on; the site must answer, and an error page gives way to it."""
         browser = _browser(guest)
         browser.set_offline(False)
         if not record.get("before", {}).get("ok"):
-            return Undone(True, {"offline": False})
-        now = _reach(browser, browser.front, record["url"])
+            return Undone(True, {"on_line": True})
+        page = _page(browser, record["page"]) or browser.front
+        now = _reach(browser, page, record["url"])
         problem = "" if now["ok"] else f"{record['url']} is out of reach: {now['error']}"
-        return Undone(now["ok"], {"offline": False, "now": now}, problem)
+        return Undone(now["ok"], {"on_line": True, "now": now}, problem)
 
     def can_be_lifted(self, guest: Guest) -> bool:
         """Return False: nothing that a page or an agent can click changes it."""
@@ -288,19 +298,26 @@ def _page(browser: BrowserDesktop, target: object) -> BrowserPage | None:
 
 
 def _reach(browser: BrowserDesktop, page: BrowserPage, url: str) -> EffectRecord:
-    """Return whether Chromium's network reaches an address now, and its error."""
+    """Return whether a page reaches an address now, and its error.
+
+    An error page is loaded again, as a user would. From another page, our own world asks, which
+    may ask what the page may not; it does not read the answer.
+    """
     if not url.startswith("http"):
-        return {"ok": False, "error": "it is of no site"}
-    resource = browser.call(
-        "Network.loadNetworkResource",
-        page,
-        frameId=page.target,
-        url=url,
-        options={"disableCache": True, "includeCredentials": False},
-    )["resource"]
-    if "stream" in resource:
-        browser.call("IO.close", page, handle=resource["stream"])
-    return {"ok": bool(resource["success"]), "error": str(resource.get("netErrorName", ""))}
+        return {"ok": False, "error": "it is of no site", "error_page": False}
+    if _failed_url(browser, page):
+        browser.reload(page)
+        failed = bool(_failed_url(browser, page))
+        error = str(browser.evaluate(_ERROR_CODE, page)) if failed else ""
+        return {"ok": not failed, "error": error, "error_page": failed}
+    error = str(browser.examine(_FETCH % json.dumps(url), page))
+    return {"ok": not error, "error": error, "error_page": False}
+
+
+def _failed_url(browser: BrowserDesktop, page: BrowserPage) -> str:
+    """Return the address that a page could not load and shows an error for; "" if it loaded."""
+    frame = browser.call("Page.getFrameTree", page)["frameTree"]["frame"]
+    return str(frame.get("unreachableUrl", ""))
 
 
 def _clicks(browser: BrowserDesktop, page: BrowserPage) -> bool:

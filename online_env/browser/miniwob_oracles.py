@@ -66,7 +66,7 @@ class ShownPage:
 
     def quoted(self) -> list[str]:
         """Return the words that the instruction has in quotation marks."""
-        return _QUOTED.findall(self.query)
+        return [words.strip() for words in _QUOTED.findall(self.query)]
 
     def click(self, node: AccessibleNode) -> None:
         """Click in the middle of an element."""
