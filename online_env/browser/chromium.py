@@ -52,7 +52,7 @@ _FLAGS = (
     "--disable-sync",
     "--disable-backgrounding-occluded-windows",
     "--disable-renderer-backgrounding",
-    # Local network access: else a probe from Chromium's error page is refused for where it comes from.
+    # Sites of this machine are like others.
     "--disable-features=Translate,MediaRouter,OptimizationHints,LocalNetworkAccessChecks",
     "--font-render-hinting=none",
     "--force-color-profile=srgb",

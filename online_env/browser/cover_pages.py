@@ -11,7 +11,8 @@ _STYLE = """
 body { margin: 0; font: 13px Arial, sans-serif; height: 100vh; overflow: hidden;
   display: flex; flex-direction: column; background: #2d4a63; color: #222 }
 button { font: inherit; cursor: pointer }
-#window { flex: 1; min-height: 0; overflow: hidden; background: #fff; display: flex; flex-direction: column }
+#window { flex: 1; min-height: 0; overflow: hidden; background: #fff; display: flex;
+  flex-direction: column }
 #window h1 { margin: 0; padding: 4px 8px; font-size: 13px; background: #dcdcdc; display: flex;
   justify-content: space-between }
 #window p { margin: 6px 12px }

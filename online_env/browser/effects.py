@@ -18,7 +18,7 @@ from ..effects.base import EffectError, EffectRecord, LiveEffect, Probe, Undone
 from ..effects.elements import Element, live_elements
 from ..effects.guest import Guest
 from .cover_pages import SIGN_IN
-from .desktop import BrowserDesktop, BrowserPage
+from .session import BrowserPage, BrowserSession
 
 MAX_OFFSET_PIXELS = 8  # by which an element may be away from the plan's box
 MAX_CLICKS = 5
@@ -35,13 +35,13 @@ _WATCH = """(() => { const seen = globalThis.clicks = []; addEventListener('clic
 if (event.isTrusted) seen.push([event.clientX, event.clientY]); }, true); })()"""
 
 
-def _browser(guest: Guest) -> BrowserDesktop:
+def _browser(guest: Guest) -> BrowserSession:
     """Return the browser.
 
     Raises:
         EffectError: The desktop is another one.
     """
-    if not isinstance(guest.desktop, BrowserDesktop):
+    if not isinstance(guest.desktop, BrowserSession):
         raise EffectError(f"this effect needs a browser, not a {type(guest.desktop).__name__}")
     return guest.desktop
 
@@ -132,7 +132,7 @@ class ClickElement(LiveEffect):
         stream = guest.stream or Stream(0, "touch-v1")
         elements = [
             element
-            for element in live_elements(browser.accessibility(), browser.size)
+            for element in live_elements(guest.desktop.accessibility(), browser.size)
             if "submit" not in element.name.lower()
         ]
         record: EffectRecord = {"attempts": [], "clicked": None}
@@ -190,10 +190,11 @@ class Offline(LiveEffect):
         """Check that the site answers, then close the network."""
         browser = _browser(guest)
         page = browser.front
-        url = str(browser.evaluate("location.href", page))
+        url = _failed_url(browser, page) or str(browser.evaluate("location.href", page))
         record: EffectRecord = {
             "url": url,
             "page": page.target,
+            "already": browser.is_offline,
             "before": _reach(browser, page, url),
             "reloaded": not browser.acted,
         }
@@ -213,7 +214,7 @@ class Offline(LiveEffect):
             "on_line": browser.examine("navigator.onLine", page),
         }
         problem = ""
-        if not record["before"]["ok"]:
+        if not record["before"]["ok"] and not record["already"]:
             problem = f"{record['url']} did not answer before: {record['before']['error']}"
         elif now["ok"] or facts["on_line"]:
             problem = f"{record['url']} can be reached"
@@ -225,7 +226,7 @@ class Offline(LiveEffect):
         """Switch the network on; the site must answer, and an error page gives way to it."""
         browser = _browser(guest)
         browser.set_offline(False)
-        if not record.get("before", {}).get("ok"):
+        if "url" not in record:
             return Undone(True, {"on_line": True})
         page = _page(browser, record["page"]) or browser.front
         now = _reach(browser, page, record["url"])
@@ -293,11 +294,11 @@ BROWSER_EFFECTS: Mapping[str, LiveEffect] = MappingProxyType(
 )
 
 
-def _page(browser: BrowserDesktop, target: object) -> BrowserPage | None:
+def _page(browser: BrowserSession, target: object) -> BrowserPage | None:
     return next((page for page in browser.pages if page.target == target), None)
 
 
-def _reach(browser: BrowserDesktop, page: BrowserPage, url: str) -> EffectRecord:
+def _reach(browser: BrowserSession, page: BrowserPage, url: str) -> EffectRecord:
     """Return whether a page reaches an address now, and its error.
 
     An error page is loaded again, as a user would. From another page, our own world asks, which
@@ -314,13 +315,13 @@ def _reach(browser: BrowserDesktop, page: BrowserPage, url: str) -> EffectRecord
     return {"ok": not error, "error": error, "error_page": False}
 
 
-def _failed_url(browser: BrowserDesktop, page: BrowserPage) -> str:
+def _failed_url(browser: BrowserSession, page: BrowserPage) -> str:
     """Return the address that a page could not load and shows an error for; "" if it loaded."""
     frame = browser.call("Page.getFrameTree", page)["frameTree"]["frame"]
     return str(frame.get("unreachableUrl", ""))
 
 
-def _clicks(browser: BrowserDesktop, page: BrowserPage) -> bool:
+def _clicks(browser: BrowserSession, page: BrowserPage) -> bool:
     """Return whether the page got a click since it is watched; a page that changed did."""
     seen = browser.examine("globalThis.clicks", page)
     return seen is None or len(cast("Sequence[object]", seen)) > 0

@@ -251,7 +251,9 @@ class InputDevices:
         if self._modifiers - {"shift"}:
             text = ""
         kind = "keyDown" if text else "rawKeyDown"
-        self._send("Input.dispatchKeyEvent", type=kind, **fields, **({"text": text} if text else {}))
+        self._send(
+            "Input.dispatchKeyEvent", type=kind, **fields, **({"text": text} if text else {})
+        )
         return True
 
     def _key_up(self, name: str) -> None:
@@ -279,7 +281,10 @@ class InputDevices:
                 key = key.upper()
             dom_key = text = key
             if base.isascii() and base.isalnum():
-                code, number = f"{'Digit' if base.isdigit() else 'Key'}{base.upper()}", ord(base.upper())
+                code, number = (
+                    f"{'Digit' if base.isdigit() else 'Key'}{base.upper()}",
+                    ord(base.upper()),
+                )
             else:
                 code, number = _PUNCTUATION.get(base, ("", 0))
             key = base
@@ -295,7 +300,11 @@ class InputDevices:
 
 
 def _pair(values: dict[str, Any], first: str, second: str) -> tuple[Any, Any]:
-    """Return the two coordinates of a call, of which the first may be a pair."""
+    """Return the two coordinates of a call, of which the first may be a pair.
+
+    Raises:
+        ActionError: One of them is no number.
+    """
     x, y = values.get(first), values.get(second)
     if isinstance(x, tuple):
         x, y = cast("tuple[Any, Any]", (*x, None, None)[:2])
@@ -314,7 +323,11 @@ def _number(call: PyautoguiCall, bound: Any, name: str, default: float) -> float
 
 
 def _texts(value: object) -> Iterator[str]:
-    """Yield the names of keys, of one text or a sequence of texts."""
+    """Yield the names of keys, of one text or a sequence of texts.
+
+    Raises:
+        ActionError: One of them is no text.
+    """
     names = value if isinstance(value, tuple) else (value,)
     for name in cast("tuple[object, ...]", names):
         if not isinstance(name, str):

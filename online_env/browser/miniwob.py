@@ -20,8 +20,8 @@ from hijack_data.file_io import read_regular
 from hijack_data.types import Size
 
 from .. import tasks
-from ..errors import DesktopError, DesktopTimeoutError
 from ..environment.stage import Setting, TaskHolder
+from ..errors import DesktopError, DesktopTimeoutError
 from ..tasks.base import FAIL, Task, Verdict
 from ..tasks.hand import Hand
 from ..tasks.machine import Machine

@@ -28,7 +28,9 @@ class ShownPage:
     def __init__(self, hand: Hand) -> None:
         self._hand = hand
 
-    def nodes(self, tag: str = "", name: str | None = None, **attributes: str) -> list[AccessibleNode]:
+    def nodes(
+        self, tag: str = "", name: str | None = None, **attributes: str
+    ) -> list[AccessibleNode]:
         """Return the visible elements, in document order.
 
         Args:

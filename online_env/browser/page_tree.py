@@ -37,7 +37,9 @@ _ROLES = {
     "StaticText": "static",
     "text": "static",
 }
-_PASSIVE = frozenset({"generic", "none", "static", "paragraph", "image", "label-text", "static-cell"})
+_PASSIVE = frozenset(
+    {"generic", "none", "static", "paragraph", "image", "label-text", "static-cell"}
+)
 _WORD = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 

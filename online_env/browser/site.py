@@ -7,7 +7,7 @@ from typing import Any
 
 
 class _Handler(SimpleHTTPRequestHandler):
-    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002  (the base's name)
+    def log_message(self, format: str, *args: Any) -> None:
         """Print nothing."""
 
     def end_headers(self) -> None:
