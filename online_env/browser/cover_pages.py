@@ -4,7 +4,8 @@ import base64
 from collections.abc import Mapping
 from html import escape
 
-SHOW = "agenthijackShow"  # the function of a cover page that brings another page to the front
+# The function of a cover page that brings another page to the front; without one, it closes it.
+SHOW = "agenthijackShow"
 SIGN_IN = "agenthijack-sign-in"  # the id of the form of the wall
 
 _STYLE = """
@@ -54,7 +55,7 @@ def cover_page(windows: Mapping[str, str], app: str = "") -> str:
     content = '<div id="desk"></div>'
     if app:
         lines = "".join(f"<p>{escape(line)}</p>" for line in _NOTES)
-        close = '<button aria-label="Close" onclick="window.close()">&times;</button>'
+        close = f'<button aria-label="Close" onclick="{SHOW}(\'\')">&times;</button>'
         content = f'<div id="window"><h1><span>{escape(app)}</span>{close}</h1>{lines}</div>'
     page = (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{escape(app or "Desktop")}'

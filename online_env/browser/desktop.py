@@ -23,9 +23,10 @@ from ..errors import DesktopError, MissingCapabilityError
 from .devtools import DevToolsError
 from .effects import BROWSER_EFFECTS
 from .page_tree import page_tree
-from .session import BrowserSession
+from .session import DOCUMENT_CHANGE_S, BrowserSession
 
-CLICK_SETTLE_S = 0.005  # in which a click may begin to load another page
+# Done once the page has done what the action set off, such as to begin to load another page.
+_TURN = "new Promise(done => setTimeout(done, 0))"
 
 
 class BrowserDesktop(BrowserSession):
@@ -63,7 +64,7 @@ class BrowserDesktop(BrowserSession):
         try:
             data = self.call("Page.captureScreenshot", **params)["data"]
         except DevToolsError:  # between two documents
-            time.sleep(0.1)
+            time.sleep(DOCUMENT_CHANGE_S)
             self.wait_until_loaded()
             data = self.call("Page.captureScreenshot", **params)["data"]
         picture = np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB"))
@@ -93,7 +94,7 @@ class BrowserDesktop(BrowserSession):
                 self.input.perform(call)
         except ActionError as error:
             return RunResult("error", error=str(error), returncode=1)
-        time.sleep(CLICK_SETTLE_S)
+        self.examine(_TURN)
         self.wait_until_loaded()
         self.task_is_over()
         notices, self.notices = self.notices, []

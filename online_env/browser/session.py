@@ -15,10 +15,11 @@ from hijack_data.types import Size, as_size
 from ..errors import DesktopError, MissingPackageError
 from .chromium import OLDEST, Chromium
 from .cover_pages import SHOW, cover_page, sign_in_page
-from .devtools import DevTools
+from .devtools import DevTools, DevToolsError
 from .input_devices import InputDevices
 
 LOAD_TIMEOUT_S = 15.0  # for a page to load
+DOCUMENT_CHANGE_S = 0.1  # in which another document takes the place of one
 _POLL_S = 0.005
 _WORLD = "agenthijack"  # the name of our isolated worlds, whose variables pages cannot see
 # Shortcuts of Chromium's windows and tabs, which only the browser itself could carry out.
@@ -175,10 +176,7 @@ class BrowserSession:
         Raises:
             DesktopError: It raises an error.
         """
-        result = self.call(
-            "Runtime.evaluate", page, expression=expression, returnByValue=True, awaitPromise=True
-        )
-        return _value(result, expression)
+        return self._value(expression, page or self.front, isolated=False)
 
     def examine(self, expression: str, page: BrowserPage | None = None) -> Any:
         """Return the value of an expression in our own world of a page, whose code cannot reach it.
@@ -186,19 +184,36 @@ class BrowserSession:
         Raises:
             DesktopError: It raises an error.
         """
-        page = page or self.front
-        world = self.call("Page.createIsolatedWorld", page, frameId=page.target, worldName=_WORLD)[
-            "executionContextId"
-        ]
-        result = self.call(
-            "Runtime.evaluate",
-            page,
-            expression=expression,
-            contextId=world,
-            returnByValue=True,
-            awaitPromise=True,
-        )
-        return _value(result, expression)
+        return self._value(expression, page or self.front, isolated=True)
+
+    def _value(self, expression: str, page: BrowserPage, *, isolated: bool) -> Any:
+        """Return the value of an expression; ask once more if another document took over.
+
+        Raises:
+            DesktopError: It raises an error.
+            DevToolsError: The page does not answer.
+        """
+        is_last = False
+        while True:
+            params: dict[str, Any] = {"expression": expression, "awaitPromise": True}
+            try:
+                if isolated:
+                    world = {"frameId": page.target, "worldName": _WORLD}
+                    made = self.call("Page.createIsolatedWorld", page, **world)
+                    params["contextId"] = made["executionContextId"]
+                result = self.call("Runtime.evaluate", page, returnByValue=True, **params)
+                break
+            except DevToolsError:
+                if is_last:
+                    raise
+                is_last = True
+                time.sleep(DOCUMENT_CHANGE_S)
+                self.wait_until_loaded()
+        details = result.get("exceptionDetails")
+        if details is not None:
+            reason = details.get("exception", {}).get("description") or details.get("text")
+            raise DesktopError(f"{expression:.80} failed in the page: {str(reason)[:200]}")
+        return result["result"].get("value")
 
     def open_page(self, url: str, *, is_cover: bool = False) -> BrowserPage:
         """Open a page in front of the others.
@@ -415,7 +430,11 @@ class BrowserSession:
             page.problem = "the page has crashed"
             self._devtools.fail_session(session, page.problem)
         elif method == "Runtime.bindingCalled" and params["name"] == SHOW and page.is_cover:
-            self._raise(params["payload"])
+            if params["payload"]:
+                self._raise(params["payload"])
+            else:
+                self._forget(session)
+                send("Target.closeTarget", targetId=page.target)
         elif method == "Fetch.requestPaused":
             self._answer_request(params, session)
 
@@ -490,11 +509,3 @@ _WALL_PATTERN: dict[str, Any] = {
 
 def _network(offline: bool) -> dict[str, Any]:
     return {"offline": offline, "latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
-
-
-def _value(result: Mapping[str, Any], expression: str) -> Any:
-    details = result.get("exceptionDetails")
-    if details is not None:
-        reason = details.get("exception", {}).get("description") or details.get("text")
-        raise DesktopError(f"{expression:.80} failed in the page: {str(reason)[:200]}")
-    return result["result"].get("value")

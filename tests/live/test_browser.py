@@ -147,7 +147,7 @@ def test_pages_that_open_ask_close_and_hide_elements(
     open_html: Callable[[str], BrowserDesktop],
 ) -> None:
     browser = open_html(
-        "<title>First</title><body onclick=\"alert('hi'); document.title = prompt('?') + confirm('!');"
+        "<title>First</title><body style='min-height: 100vh' onclick=\"alert('hi'); document.title = '' + prompt('?') + confirm('!');"
         " window.open('form.html')\">"
         "<div id=host></div><iframe srcdoc='<button>Framed</button>'></iframe><script>"
         "document.getElementById('host').attachShadow({mode: 'closed'}).innerHTML ="
@@ -272,13 +272,14 @@ def test_an_agent_of_a_user_is_run_reported_and_verified(
     agent.write_text(
         "class Mine:\n"
         "    def predict(self, instruction, obs):\n"
-        "        assert obs['screenshot'].shape == (720, 960, 3)\n"
+        "        assert obs['screenshot'].shape[2] == 3\n"
         "        return 'x', ['pyautogui.write(\"password\\\\n\")', 'DONE']\n"
     )
     folder = tmp_path / "run"
     command = [
         *(sys.executable, "-m", "hijack_data.cli", "bench", "miniwob_small"),
         *("--agent", f"{agent}:Mine,oracle", "--tasks", "miniwob/click-checkboxes.html"),
+        *("--corruptions", "clean,pop_ups,network_error,verification"),
         *("--desktops", "1", "--out", str(folder)),
     ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -287,7 +288,7 @@ def test_an_agent_of_a_user_is_run_reported_and_verified(
     by_corruption: dict[str, Any] = {
         record["corruption"]: record for record in records if record["agent"] == "oracle"
     }
-    assert len(records) == 20
+    assert len(records) == 8
     assert {record["status"] for record in records} == {"ok"}
     assert by_corruption["clean"]["score"] == 1.0
     assert by_corruption["network_error"]["score"] == 0.0
