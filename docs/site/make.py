@@ -76,6 +76,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "security",
         "local_internet",
         "bring_your_own_vm",
+        "browser",
         "osworld",
         "recordings",
     ),

@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 
 from hijack_data.apps import normalize_app
 from hijack_data.errors import ConfigError, ParameterTypeError, suggest
+from hijack_data.extras import remedy
 from hijack_data.file_io import read_regular
 from hijack_data.types import Size
 
@@ -133,7 +134,7 @@ def _find_page(path: str) -> Path:
         raise ConfigError([f"{path}: there is no such file"])
     spec = importlib.util.find_spec("miniwob")
     if spec is None or not spec.submodule_search_locations:
-        raise ConfigError([f"{path}: the pages are in the package miniwob: pip install miniwob"])
+        raise ConfigError([f"{path}: the pages are in the package miniwob: {remedy('browser')}"])
     folder = Path(spec.submodule_search_locations[0]) / "html" / FOLDER
     page = folder / given.name
     if not page.is_file():
