@@ -12,8 +12,12 @@ from types import ModuleType
 from typing import Any
 
 EMBEDDED_ID = "AgentHijack/Embedded-v0"
+BROWSER_ID = "AgentHijack/Browser-v0"
 _REGISTRY = "gymnasium.envs.registration"
-_MAKER = "online_env.environment.registration:make_embedded"
+_MAKERS = {
+    EMBEDDED_ID: "online_env.environment.registration:make_embedded",
+    BROWSER_ID: "online_env.browser.registration:make_browser",
+}
 
 
 def register(registration: Any) -> None:
@@ -22,10 +26,11 @@ def register(registration: Any) -> None:
     Args:
         registration: the module `gymnasium.envs.registration`.
     """
-    if EMBEDDED_ID not in registration.registry:
-        # A real desktop has clocks and blinking cursors: two runs show the same task, but not the
-        # same pixels, so it is registered as non-deterministic.
-        registration.register(EMBEDDED_ID, entry_point=_MAKER, nondeterministic=True)
+    for name, maker in _MAKERS.items():
+        if name not in registration.registry:
+            # A real desktop has clocks and blinking cursors: two runs show the same task, but not
+            # the same pixels, so it is registered as non-deterministic.
+            registration.register(name, entry_point=maker, nondeterministic=True)
 
 
 def register_with_gymnasium() -> None:

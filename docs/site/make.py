@@ -69,6 +69,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "security",
         "local_internet",
         "bring_your_own_vm",
+        "browser",
         "osworld",
         "osworld_vm",
         "recordings",

@@ -373,7 +373,7 @@ def _check_here(benchmark: "Bench", engine: str, episodes: int) -> None:
     from ..tasks import find_family
     from .playable import check_machines
     from .pools import LOCAL
-    from .providers import check_installed
+    from .providers import EMBEDDED, check_installed
 
     family = find_family(benchmark.tasks)
     if family is None:
@@ -384,6 +384,11 @@ def _check_here(benchmark: "Bench", engine: str, episodes: int) -> None:
         raise ParameterError(
             f"{family.title}'s tasks are played from this machine; leave out --engine {engine},"
             " and name the machines with --vm"
+        )
+    if benchmark.provider == EMBEDDED != family.provider:
+        raise ParameterError(
+            f"{family.title}'s tasks are played by desktop: {{provider: {family.provider}}}, and"
+            f" {benchmark.source} has {EMBEDDED}"
         )
     check_machines(benchmark, episodes)
 

@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, cast
@@ -19,6 +20,7 @@ from ..agents.base import Agent, Privileged
 from ..agents.references import is_user_code, reference_to
 from ..agents.registry import AGENTS, make
 from ..environment import CorruptedEnv
+from ..environment.settle import Settle
 from ..environment.stage import TaskStage
 from ..errors import DesktopError, MissingCapabilityError
 from ..results.records import ResultRecord
@@ -111,7 +113,9 @@ class LiveEpisodes:
         """
         bench = self._bench
         begin(job.agent, episode_slug(*job.key[1:3], job.seed, job.agent, attempt))
-        env = CorruptedEnv(self._stage, settings=bench.settings(job.agent, self._folder))
+        settle = getattr(self._stage.desktop, "settle", Settle())
+        settings = replace(bench.settings(job.agent, self._folder), settle=settle)
+        env = CorruptedEnv(self._stage, settings=settings)
         planner = bench.planners[job.corruption]
         start = time.monotonic()
         is_foreign = is_user_code(AGENTS.get(job.agent))

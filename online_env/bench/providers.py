@@ -56,6 +56,7 @@ PROVIDERS = Registry[DesktopProvider](
     builtin={
         EMBEDDED: "online_env.bench.providers:embedded",
         OSWORLD: "online_env.osworld.machines:machine",
+        "browser": "online_env.browser.desktop:browser",
     },
     problems=_problems,
 )

@@ -34,7 +34,7 @@ from .config import Bench, is_from_data
 from .episodes import LiveEpisodes, lost_record
 from .jobs import Job
 from .models import ModelOptions, prepare
-from .providers import EMBEDDED, PROVIDERS
+from .providers import PROVIDERS
 
 CORES_PER_DESKTOP = 1  # cores that a desktop needs
 BYTES_PER_DESKTOP = 1536 * 2**20  # for a desktop, its standby and an office program
@@ -300,18 +300,18 @@ def open_stage(bench: Bench, folder: Path | None) -> Generator[TaskStage]:
         hidden_folders.hide(folder)
     family = find_family(bench.tasks)
     if family is not None:
-        with family.open_stage(bench.size, bench.files, _machine(bench)) as stage:
+        with family.open_stage(bench.size, bench.files, _machine(bench, family.provider)) as stage:
             yield stage
         return
     with PROVIDERS.get(bench.provider)(bench.size) as desktop:
         yield SmallTasks(desktop)
 
 
-def _machine(bench: Bench) -> AbstractContextManager[Desktop] | None:
-    """Return what starts the machine of a family's tasks; `None` for an embedded desktop."""
+def _machine(bench: Bench, default: str) -> AbstractContextManager[Desktop] | None:
+    """Return what starts the machine of a family's tasks; `None` for its default provider."""
     if bench.machines is not None:
         return PROVIDERS.get(bench.provider)(bench.size, bench.machines)
-    return None if bench.provider == EMBEDDED else PROVIDERS.get(bench.provider)(bench.size)
+    return None if bench.provider == default else PROVIDERS.get(bench.provider)(bench.size)
 
 
 def answer_calls(connection: Connection, episode: Callable[[Job, int], ResultRecord]) -> None:

@@ -143,7 +143,7 @@ class Applied:
         self.effect = effect
         self.record = record
         self._guest = guest
-        self._live = find(effect.kind)
+        self._live = find(effect.kind, guest.desktop)
 
     def probe(self) -> Probe:
         """Probe whether the machine is in the corrupted state now, and record the result."""
@@ -211,14 +211,20 @@ def kinds() -> list[str]:
     return EFFECTS.names()
 
 
-def find(kind: str) -> LiveEffect:
+def find(kind: str, desktop: Desktop | None = None) -> LiveEffect:
     """Return the object that carries out effects of `kind`.
+
+    Args:
+        kind: the kind of the effect.
+        desktop: where; one that is no machine with windows, such as a browser, has `effects` of its
+            own by kind, with the same `needs` and `lasting`.
 
     Raises:
         UnknownNameError: no effect of this kind is registered.
         PluginError: the plug-in that should register it cannot be loaded.
     """
-    return EFFECTS.get(kind)
+    own: Mapping[str, LiveEffect] = getattr(desktop, "effects", {})
+    return own.get(kind) or EFFECTS.get(kind)
 
 
 def perform(
@@ -238,7 +244,7 @@ def perform(
         EffectError: The parameters are wrong, or the record is not JSON.
         DesktopError: The desktop does not answer.
     """
-    live = find(effect.kind)
+    live = find(effect.kind, desktop)
     guest = Guest(desktop, password, stream)
     _check(live, desktop)
     start = time.monotonic()
@@ -283,7 +289,7 @@ def undo(kind: str, desktop: Desktop, password: str = PASSWORD) -> Undone:
     Raises:
         UnknownNameError: The kind is not registered.
     """
-    return find(kind).undo(Guest(desktop, password, None), {})
+    return find(kind, desktop).undo(Guest(desktop, password, None), {})
 
 
 def _check(live: LiveEffect, desktop: Desktop) -> None:

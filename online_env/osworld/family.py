@@ -19,6 +19,7 @@ class OsworldFamily:
     """Reads, checks and plays the tasks of OSWorld."""
 
     title = "OSWorld"
+    provider = "embedded"
 
     def read_task(self, path: str) -> type[Task]:
         """Return the class of the task in a file; mistakes in it are a `ConfigError`."""

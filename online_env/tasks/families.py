@@ -22,6 +22,7 @@ class TaskFamily(Protocol):
     """How tasks of one family are read, checked and played."""
 
     title: str
+    provider: str  # the provider of the desktops on which its tasks are played
 
     def read_task(self, path: str) -> type[Task]:
         """Return the class of the task in a file; mistakes in it are a `ConfigError`."""
@@ -86,7 +87,10 @@ class FamilyEntry:
 
 
 FAMILIES: Mapping[str, FamilyEntry] = MappingProxyType(
-    {"osworld": FamilyEntry(".json", "online_env.osworld.family")}
+    {
+        "osworld": FamilyEntry(".json", "online_env.osworld.family"),
+        "miniwob": FamilyEntry(".html", "online_env.browser.miniwob"),
+    }
 )
 
 

@@ -1,0 +1,56 @@
+"""A site of this machine's that serves a folder to one browser, under a host name of its own."""
+
+import threading
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+
+class _Handler(SimpleHTTPRequestHandler):
+    def log_message(self, format: str, *args: Any) -> None:
+        """Print nothing."""
+
+    def end_headers(self) -> None:
+        """Let no browser keep a page: a page that was kept would outlive a network error."""
+        self.send_header("Cache-Control", "no-store")
+        super().end_headers()
+
+
+class FolderSite:
+    """Serves the files of a folder as `http://HOST/`, for the browser that gets `arguments`.
+
+    That browser resolves no other name, so pages reach nothing but this folder.
+
+    Args:
+        host: The name of the site.
+        folder: The folder, which may be set later.
+    """
+
+    def __init__(self, host: str, folder: Path | None = None) -> None:
+        self.folder = folder
+        self._server = ThreadingHTTPServer(("127.0.0.1", 0), self._handle)
+        self._thread = threading.Thread(
+            target=self._server.serve_forever, args=(0.05,), name="site", daemon=True
+        )
+        self._thread.start()
+        self.host = host
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """Return the arguments of the browser's command line."""
+        port = self._server.server_address[1]
+        return (f"--host-resolver-rules=MAP {self.host}:80 127.0.0.1:{port}, MAP * ~NOTFOUND",)
+
+    def url(self, path: str) -> str:
+        """Return the address of a file of the folder."""
+        return f"http://{self.host}/{path}"
+
+    def _handle(self, *request: Any) -> _Handler:
+        """Answer a request from the folder of this moment."""
+        return _Handler(*request, directory=str(self.folder or "/nonexistent"))
+
+    def close(self) -> None:
+        """End the site."""
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join()
