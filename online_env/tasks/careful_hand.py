@@ -12,7 +12,7 @@ from hijack_data.actions.agent_actions import REINIT
 from ..desktops.protocol import Desktop
 from ..errors import DesktopTimeoutError
 from .hand import BUTTONS, ENTRIES, MENU_ROLES, PAUSE, TIMEOUT_S, Hand, title_click
-from .kit.apps import PAGE_ERROR
+from .task_apps import PAGE_ERROR
 from .task_windows import (
     DIALOGS,
     LOCKER,
