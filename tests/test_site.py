@@ -199,7 +199,8 @@ def test_the_page_to_try_knows_which_pictures_are_not_there(tmp_path: Path):
     (tmp_path / there).parent.mkdir()
     (tmp_path / there).touch()
     page = corruption_pages.try_page(tmp_path)
-    choices = json.loads(re.search(r'id="choices">(.*)</script>', page)[1])
+    (data,) = re.findall(r'id="choices">(.*)</script>', page)
+    choices = json.loads(data)
     small = {file for file, *_ in pictures.wanted() if "level" in file}
     assert {file for choice in choices.values() for file in choice["missing"]} == small - {there}
     assert choices["marks"]["levels"] == [1, 2, 3, 4, 5]

@@ -71,3 +71,10 @@ if (finder) {
   finder.addEventListener("input", search);
   search();
 }
+
+// What scrolls sideways can be reached by the keyboard.
+addEventListener("load", () => {
+  for (const box of document.querySelectorAll(".md-typeset__scrollwrap, .md-typeset pre > code")) {
+    if (box.scrollWidth > box.clientWidth) box.tabIndex = 0;
+  }
+});
