@@ -59,6 +59,7 @@ class Observer:
         self._effects = effects
         self._log = log
         self._written = 0  # lines of the log
+        self._read: tuple[UInt8Array, BoxArray] | None = None  # the screen read last, and its text
 
     def look(self, step: int, *, inject: bool) -> str:
         """Take observation `step` and return why a due effect failed, or "".
@@ -130,10 +131,15 @@ class Observer:
             message = f"the accessibility tree of the desktop cannot be read: {error}"
             raise DesktopError(message) from None
         if self._settings.text_boxes and not self.script.plan(step, boxes).effects:
-            text = boxes_from_ocr(settled.frame).boxes
-            boxes = as_boxes(np.concatenate([boxes, text]))
+            boxes = as_boxes(np.concatenate([boxes, self._text_boxes(settled.frame)]))
         seconds["boxes"] = since(start)
         return settled, boxes
+
+    def _text_boxes(self, frame: UInt8Array) -> BoxArray:
+        """Return the boxes of the lines of text; a screen that did not change is not read again."""
+        if self._read is None or not np.array_equal(self._read[0], frame):
+            self._read = (frame, boxes_from_ocr(frame).boxes)
+        return self._read[1]
 
     def flush(self) -> None:
         """Write the line of the current observation, unless it is written already."""

@@ -37,8 +37,9 @@ class EvalSettings:
         password: The password of the desktop's user; by default that which the desktop has as
             `password`, or else `"password"`.
         text_boxes: Whether the lines of text on the screen, read by OCR, count as elements that
-            pop-ups and marks keep free, as in the code of the paper's authors. Reading takes one
-            to two seconds a step. A touch chooses among elements of the tree in any case.
+            pop-ups and marks keep free, as in the code of the paper's authors. Reading takes 2 to
+            4 s of processor time for each new screen. An accidental touch chooses among elements
+            of the tree in any case.
 
     Raises:
         MissingDependencyError: `text_boxes` is set, and RapidOCR is not installed.

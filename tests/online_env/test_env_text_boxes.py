@@ -10,7 +10,9 @@ pytest.importorskip("onnxruntime", reason="needs the extra [ocr]")
 
 import hijack_data as hj
 from hijack_data.drawing.text import load_font
+from hijack_data.elements import Elements
 from hijack_data.errors import ConfigError, MissingDependencyError
+from hijack_data.types import as_boxes
 from online_env.bench.config import load_bench
 from online_env.environment import EvalSettings
 
@@ -56,6 +58,23 @@ def test_a_touch_chooses_among_the_elements_of_the_tree():
         return first_plan(hj.AccidentalTouch(step=0), text_boxes)
 
     assert plan(True) == plan(False)
+
+
+def test_a_screen_that_did_not_change_is_read_once(monkeypatch):
+    reads = []
+
+    def read(picture):
+        reads.append(picture)
+        return Elements(as_boxes([LINE]), (), (), "ocr")
+
+    monkeypatch.setattr("online_env.environment.observer.boxes_from_ocr", read)
+    env, stage = make(WrittenStage(), corruption=POP_UP, text_boxes=True, reveal=True)
+    env.reset(seed=0)
+    env.step("WAIT")
+    assert len(reads) == 1
+    stage.desktop.screenshot = lambda: np.zeros((*SIZE, 3), np.uint8)
+    env.step("WAIT")
+    assert len(reads) == 2
 
 
 def test_the_key_of_a_benchmark(tmp_path, monkeypatch):
