@@ -74,7 +74,9 @@ class Observer:
         settled, boxes = self.settle(step, seconds)
         start = time.monotonic()
         plan = self.script.plan(step, boxes)
+        effect_boxes: BoxArray | None = None  # on which effects were planned, before they acted
         if inject and plan.effects:
+            effect_boxes = boxes
             problem = self._inject(plan.effects, step)
             seconds["effects"] = since(start)
             settled, boxes = self.settle(step, seconds)
@@ -95,6 +97,8 @@ class Observer:
         corrupted: UInt8Array = apply(plan, clean) if plan.ops else clean
         frames = {} if self._log is None else self._log.frames(step, clean, corrupted)
         facts = self._facts(plan, settled, boxes)
+        if effect_boxes is not None:
+            facts["effect_boxes"] = effect_boxes.tolist()
         line = {"step": step, **frames, **facts, "seconds": seconds}
         self.view = EpisodeView(seen=corrupted, plan=plan, line=line)
         seconds["corrupt"] = since(start)

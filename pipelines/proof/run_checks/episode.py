@@ -12,7 +12,7 @@ from hijack_data.plan import CLEAN, Effect, Plan
 from hijack_data.planner import Planner
 from hijack_data.runs.run_log import EPISODE, RUN, STEPS, VERSION, digest_of
 from hijack_data.runs.run_planners import dump_planner, load_planner, planner_params
-from hijack_data.types import Scene, Size
+from hijack_data.types import Scene, Size, as_boxes
 
 from ...readers import fields
 from ...readers.fields import FieldError, FieldTypeError
@@ -252,23 +252,12 @@ def _effect_problems(replay: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
         yield f"effects are not what was due: {_list_effects(expected)}"
         return
     for (step, effect), entry in zip(due_effects, entries, strict=True):
-        if _comparable_params(_record(entry).get("params")) != _comparable_params(effect.params):
+        if _record(entry).get("params") != dict(effect.params):
             yield f"{effect.kind} at step {step} has other params than its plan"
         for text in field_checks.unknown_fields(entry, field_checks.EFFECT):
             yield f"effects: {text}"
     for event, entry in zip(events, entries, strict=False):
         yield from _probe_problems(event, entry)
-
-
-def _comparable_params(params: object) -> dict[str, Any] | None:
-    """Return the parameters of an effect without the boxes of the elements, if it has any.
-
-    An effect is planned on the elements before it; the log holds those that it left.
-    """
-    if not isinstance(params, Mapping):
-        return None
-    named = cast("Mapping[str, Any]", params)
-    return {name: value for name, value in named.items() if name != "boxes"}
 
 
 def _probe_problems(event: Mapping[str, Any], entry: Mapping[str, Any]) -> Iterator[str]:
@@ -304,7 +293,10 @@ def _plans(replay: EpisodeReplay, key: ReplayInputs) -> list[Plan]:
     """Return the plans whose effects were due: before the episode, then at each step."""
     if not replay.plans:
         return []
-    plans = list(replay.plans)
+    plans = [
+        _plan_of_effects(line, plan, key)
+        for line, plan in zip(replay.lines, replay.plans, strict=False)
+    ]
     # No effect is applied before the last observation, unless the episode was ended from outside.
     if replay.record.get("ended") != "outside":
         plans.pop()
@@ -313,6 +305,21 @@ def _plans(replay: EpisodeReplay, key: ReplayInputs) -> list[Plan]:
         scene = Scene(replay.plans[0].size, apps=key.apps)
         first = key.planner.plan(scene, seed=key.seed, sample=key.sample, step=BEFORE)
     return [first, *plans]
+
+
+def _plan_of_effects(line: Mapping[str, Any], plan: Plan, key: ReplayInputs) -> Plan:
+    """Return the plan by which the effects of a step were applied: on the elements before them.
+
+    Args:
+        line: one line of the steps, with `effect_boxes` if effects were applied.
+        plan: its plan, which was made on the elements that the effects left.
+        key: what decides the plans.
+    """
+    if line.get("effect_boxes") is None:
+        return plan
+    boxes = as_boxes(fields.items(line, "effect_boxes"))
+    scene = Scene(plan.size, boxes, fields.strings(line.get("apps")))
+    return key.plan(scene, fields.step_number(line, "step"), Plan.from_data(line.get("plan")))
 
 
 def _objects(value: object) -> list[Mapping[str, Any]]:

@@ -143,6 +143,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "plan": DERIVED,
         "plan_digest": DERIVED,
         "boxes": FREE,
+        "effect_boxes": FREE,
         "apps": COPIED,
         "raw": FREE,
         "cut": FREE,
