@@ -1,8 +1,8 @@
 """Results of other benchmarks and harnesses: what a reader yields, and how a run is made of it.
 
 A reader turns one source into `EpisodeOutcome`s; `collect_run` makes a `Run` of them, which every
-report, comparison and format then takes. Tasks are the cases and seeds repeat them. What is not an outcome
-(an error of the harness, a missing result) has no score, and is never counted as 0.
+report, comparison and format then takes. Tasks are the cases and seeds repeat them. What is not an
+outcome (an error of the harness, a missing result) has no score, and is never counted as 0.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
