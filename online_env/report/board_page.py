@@ -25,7 +25,7 @@ _TITLE = "AgentHijack leaderboard"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Column:
+class BoardColumn:
     """A column of the table.
 
     Attributes:
@@ -59,25 +59,25 @@ class BoardCell:
 
 
 COLUMNS = (
-    Column(key="rank", heading="rank"),
-    Column(key="agent", heading="agent"),
-    Column(key="inputs", heading="given"),
-    Column(key="setting", heading="setting"),
-    Column(key="corrupted", heading="corrupted, %", is_number=True),
-    Column(key="clean", heading="clean, %", is_number=True),
-    Column(key="retention", heading="retention, %", is_number=True),
-    Column(key="worst", heading="worst, %", is_number=True),
-    Column(key="average", heading="paper's average, %", is_shown=False, is_number=True),
-    Column(key="steps", heading="steps", is_shown=False, is_number=True),
-    Column(key="usd", heading="USD", is_shown=False, is_number=True),
-    Column(key="tasks", heading="tasks", is_shown=False),
-    Column(key="seeds", heading="seeds", is_shown=False),
-    Column(key="actions", heading="actions", is_shown=False),
-    Column(key="desktop", heading="desktop", is_shown=False),
-    Column(key="recovery", heading="recovery", is_shown=False),
-    Column(key="version", heading="version", is_shown=False),
-    Column(key="played", heading="played", is_shown=False),
-    Column(key="run", heading="run", is_shown=False),
+    BoardColumn(key="rank", heading="rank"),
+    BoardColumn(key="agent", heading="agent"),
+    BoardColumn(key="inputs", heading="given"),
+    BoardColumn(key="setting", heading="setting"),
+    BoardColumn(key="corrupted", heading="corrupted, %", is_number=True),
+    BoardColumn(key="clean", heading="clean, %", is_number=True),
+    BoardColumn(key="retention", heading="retention, %", is_number=True),
+    BoardColumn(key="worst", heading="worst, %", is_number=True),
+    BoardColumn(key="average", heading="paper's average, %", is_shown=False, is_number=True),
+    BoardColumn(key="steps", heading="steps", is_shown=False, is_number=True),
+    BoardColumn(key="usd", heading="USD", is_shown=False, is_number=True),
+    BoardColumn(key="tasks", heading="tasks", is_shown=False),
+    BoardColumn(key="seeds", heading="seeds", is_shown=False),
+    BoardColumn(key="actions", heading="actions", is_shown=False),
+    BoardColumn(key="desktop", heading="desktop", is_shown=False),
+    BoardColumn(key="recovery", heading="recovery", is_shown=False),
+    BoardColumn(key="version", heading="version", is_shown=False),
+    BoardColumn(key="played", heading="played", is_shown=False),
+    BoardColumn(key="run", heading="run", is_shown=False),
 )
 
 
@@ -135,8 +135,8 @@ def _labels(rankings: Sequence[Ranking]) -> list[str]:
     return [*(name for name in NINE if name in labels), *(x for x in labels if x not in NINE)]
 
 
-def _label_column(label: str) -> Column:
-    return Column(
+def _label_column(label: str) -> BoardColumn:
+    return BoardColumn(
         key=f"under-{label}", heading=label.replace("_", " "), is_shown=False, is_number=True
     )
 

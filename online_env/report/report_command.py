@@ -72,29 +72,22 @@ def _output_options(command: Command) -> Command:
     "sources", nargs=-1, required=True, metavar="SOURCE...", type=click.Path(path_type=Path)
 )
 @_output_options
-@click.option(
-    "--seeds",
-    type=click.IntRange(1),
-    metavar="N",
-    help="Seeds 0 to N-1 only, such as those of a run that goes on.",
-)
+@click.option("--seeds", type=click.IntRange(1), metavar="N", help="Seeds 0 to N-1 only.")
 @click.option("--reference", metavar="AGENT", help="Agent of the run that mCE refers to.")
 @click.option("--paper", is_flag=True, help="Set the agents beside the paper's main table.")
-@click.option(
-    "--full", is_flag=True, help="Print all tables and notes, not only what fits a screen."
-)
+@click.option("--full", is_flag=True, help="Print all tables and notes.")
 @click.option(
     "--from",
     "reader",
     metavar="NAME",
     shell_complete=complete("online_env.results.outcomes:READERS"),
-    help=f"Read the results of others as {' or '.join(READERS)}; by default it is found out.",
+    help=f"Format of others: {', '.join(READERS)}.",
 )
 @click.option(
     "--columns",
     default="",
     metavar="FIELD=COLUMN,...",
-    help=f"Where the results of others have {', '.join(FIELDS)}.",
+    help=f"Where others have {', '.join(FIELDS)}.",
 )
 @click.option("--clean", metavar="NAME", help="Condition that the others are compared with.")
 @click.option("--common-tasks", is_flag=True, help="Compare over the tasks that conditions share.")

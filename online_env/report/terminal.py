@@ -155,7 +155,9 @@ def _worst_labels(report: RunReport, agent: str, count: int) -> list[str]:
 
     def delta(label: str) -> float:
         cell = report.cell(agent, label)
-        return -2.0 if label == CLEAN else (cell.delta if cell and cell.delta else 0.0)
+        if label == CLEAN:
+            return -2.0  # before every loss
+        return cell.delta if cell and cell.delta else 0.0
 
     worst = sorted(report.labels, key=delta)[: max(count, MIN_ROWS)]
     return [label for label in report.labels if label in worst]

@@ -1,8 +1,8 @@
 """Results of other benchmarks and harnesses: what a reader yields, and how a run is made of it.
 
-A reader turns one source into `Outcome`s; `collect_run` makes a `Run` of them, which every report,
-comparison and format then takes. Tasks are the cases and seeds repeat them. What is not an outcome
-(an error of the harness, a missing result) has no score, and is never counted as 0.
+A reader turns one source into `EpisodeOutcome`s; `collect_run` makes a `Run` of them, which every
+report, comparison and format then takes. Tasks are the cases and seeds repeat them. What is not an
+outcome (an error of the harness, a missing result) has no score, and is never counted as 0.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -34,7 +34,7 @@ class OutcomeError(HijackError, ValueError):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Outcome:
+class EpisodeOutcome:
     """One episode of an agent, wherever it was played.
 
     Attributes:
@@ -61,7 +61,7 @@ class OutcomeReader(Protocol):
         """Return whether a file or folder is of this format, from names alone."""
         ...
 
-    def read(self, source: Path, columns: Mapping[str, str]) -> Iterator[Outcome]:
+    def read(self, source: Path, columns: Mapping[str, str]) -> Iterator[EpisodeOutcome]:
         """Yield the outcomes of a source.
 
         Args:
@@ -152,7 +152,7 @@ def collect_run(
 
 def _read_all(
     sources: Sequence[Path], reader: str | None, columns: Mapping[str, str]
-) -> Iterator[Outcome]:
+) -> Iterator[EpisodeOutcome]:
     for source in sources:
         if not source.exists():
             raise OutcomeError(f"{source}: is not there")
@@ -191,7 +191,7 @@ def _check_task_names(names: set[str]) -> None:
 
 
 def _number_repeats(
-    outcomes: Iterable[Outcome], clean: str, conditions: dict[str, None]
+    outcomes: Iterable[EpisodeOutcome], clean: str, conditions: dict[str, None]
 ) -> Iterator[ResultRecord]:
     """Yield records; outcomes without a seed are numbered in their order, task by task.
 

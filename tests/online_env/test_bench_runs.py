@@ -261,7 +261,7 @@ def test_report_as_json_and_as_a_table(folder):
     table = hijack("report", folder)
     assert table.returncode == 0
     assert "Recovery policy none: no agent asked" in table.stdout
-    few = table.stdout.split("few")[1].split()
+    few = table.stdout.split("\n  few")[1].split()
     assert few[:4] == ["2", "50.0", "[9.5,", "90.5]"]  # Wilson's
     assert few[4:9] == ["-50.0", "[-90.5,", "+27.3]", "1.000", "50.0"]
     assert "oracle: worst under few, loses 50 points" in table.stdout
@@ -270,7 +270,7 @@ def test_report_as_json_and_as_a_table(folder):
 def test_report_tells_infeasible_tasks_apart(folder):
     records.append(folder, made(infeasible=False))
     records.append(folder, made("u", score=0.0, infeasible=True))
-    text = hijack("report", folder).stdout
+    text = hijack("report", folder, "--full").stdout
     assert "feasible tasks" in text
     assert text.split("infeasible tasks")[1].split("clean")[1].split()[:2] == ["1", "0.0"]
     assert json.loads(hijack("report", folder, "--json").stdout)[0]["n"] == 2

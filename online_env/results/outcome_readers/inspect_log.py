@@ -10,7 +10,7 @@ from hijack_data.errors import shown, some_of, suggest
 from hijack_data.plan import CLEAN
 
 from ...extra import require
-from ..outcomes import Outcome, OutcomeError
+from ..outcomes import EpisodeOutcome, OutcomeError
 
 _HEAD_BYTES = 512
 _GRADES = {"C": 1.0, "I": 0.0, "P": 0.5}  # Inspect's letters: correct, incorrect, partial
@@ -40,7 +40,7 @@ class InspectReader:
             return b'"status"' in head and b'"eval"' in head and b'"format"' not in head
         return source.suffix == ".eval"
 
-    def read(self, source: Path, columns: Mapping[str, str]) -> Iterator[Outcome]:
+    def read(self, source: Path, columns: Mapping[str, str]) -> Iterator[EpisodeOutcome]:
         """Yield the outcomes of the samples of a log, or of all logs of a folder.
 
         Args:
@@ -66,7 +66,7 @@ class InspectReader:
                 yield _outcome(path, log, sample, columns)
 
 
-def _outcome(path: Path, log: Any, sample: Any, columns: Mapping[str, str]) -> Outcome:
+def _outcome(path: Path, log: Any, sample: Any, columns: Mapping[str, str]) -> EpisodeOutcome:
     place = f"{path}: sample {sample.id}"
     score, problem = _score(sample, columns.get("score"), place)
     seed = _value(log, sample, "seed", columns, place)
@@ -76,7 +76,7 @@ def _outcome(path: Path, log: Any, sample: Any, columns: Mapping[str, str]) -> O
     if seed is None or is_repeated:
         seed = sample.epoch - 1 if seed is None else None  # both: numbered in their order
     task = _value(log, sample, "task", columns, place)
-    return Outcome(
+    return EpisodeOutcome(
         agent=str(_value(log, sample, "agent", columns, place) or log.eval.model),
         task=f"{log.eval.task}/{sample.id}" if task is None else str(task),
         condition=str(_value(log, sample, "condition", columns, place) or CLEAN),

@@ -13,7 +13,7 @@ from hijack_data.corruption import corruption_names
 from hijack_data.errors import some_of
 from hijack_data.plan import CLEAN
 
-from ..outcomes import Outcome, OutcomeError
+from ..outcomes import EpisodeOutcome, OutcomeError
 
 RESULT = "result.txt"
 _TASK_FILES = frozenset({RESULT, "traj.jsonl", "runtime.log"})  # any of these makes a task's folder
@@ -49,7 +49,7 @@ class OSWorldReader:
             (folder / RESULT).exists() for folder in _task_folders(source)
         )
 
-    def read(self, source: Path, columns: Mapping[str, str]) -> Iterator[Outcome]:
+    def read(self, source: Path, columns: Mapping[str, str]) -> Iterator[EpisodeOutcome]:
         """Yield the outcome of each task, in the order of the folders.
 
         Args:
@@ -69,7 +69,7 @@ class OSWorldReader:
                 agent += f" ({'/'.join(parts[at] for at in layout.protocol)})"
             label = CLEAN if layout.condition is None else parts[layout.condition]
             score = _read_score(folder / RESULT)
-            yield Outcome(
+            yield EpisodeOutcome(
                 agent=agent,
                 task=f"{folder.parent.name}/{folder.name}",
                 condition=_condition(label) or label,

@@ -10,7 +10,7 @@ from hijack_data.errors import shown, suggest
 from hijack_data.plan import CLEAN
 
 from ...extra import require
-from ..outcomes import FIELDS, Outcome, OutcomeError
+from ..outcomes import FIELDS, EpisodeOutcome, OutcomeError
 
 _REQUIRED = ("task", "score")
 _NO_SCORE = ("", "nan", "none", "null", "n/a", "na")
@@ -28,7 +28,7 @@ class TableReader:
         """Return whether the name of a file is that of a table."""
         return source.is_file() and source.suffix.lower() in _ROWS
 
-    def read(self, source: Path, columns: Mapping[str, str]) -> Iterator[Outcome]:
+    def read(self, source: Path, columns: Mapping[str, str]) -> Iterator[EpisodeOutcome]:
         """Yield the outcomes of a table.
 
         Args:
@@ -71,13 +71,13 @@ def _check_columns(
 
 def _outcome(
     row: Mapping[str, Any], names: Mapping[str, str], fields: set[str], place: str
-) -> Outcome:
+) -> EpisodeOutcome:
     values = {field: row.get(names[field]) for field in fields}
     task = values["task"]
     if task is None or task == "":
         raise OutcomeError(f"{place}: has no task")
     score = _score(values["score"], place)
-    return Outcome(
+    return EpisodeOutcome(
         agent=_name(values, "agent", Path(place.rpartition(": ")[0]).stem, place),
         task=str(task),
         condition=_name(values, "condition", CLEAN, place),
