@@ -23,7 +23,7 @@ else sudo -n sh -c "$try"; fi >/dev/null 2>&1 && echo firewall
 _XLIB = "import site, sys; sys.path.append(site.getusersitepackages()); import Xlib"
 _WINDOWS = (
     f"wmctrl -m >/dev/null 2>&1 && (cd / && /usr/bin/python3 -I -c {shlex.quote(_XLIB)}) "
-    "2>/dev/null && ! pgrep -x Xwayland >/dev/null && echo windows\n"
+    '2>/dev/null && ! pgrep -x -u "$(id -u)" Xwayland >/dev/null && echo windows\n'
 )
 # A locker that is installed but not running reports neither state; in a new session it does so
 # after a moment.

@@ -88,6 +88,8 @@ LOCKERS: tuple[Locker, ...] = (
         'loginctl lock-session "$XDG_SESSION_ID"',
         'loginctl unlock-session "$XDG_SESSION_ID"',
         False,
+        # It would pass the request on to the GNOME Shell that cannot lock.
+        '! pgrep -x -u "$(id -u)" gnome-shell >/dev/null',
     ),
 )
 BY_NAME = {locker.name: locker for locker in LOCKERS}

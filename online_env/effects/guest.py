@@ -24,10 +24,12 @@ from ..errors import DesktopError, MissingCapabilityError
 TOOL_TIMEOUT_S = 60.0
 # Not the session's PATH, in which a folder of the user may come first.
 SYSTEM_PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
-# Only the variables for the display are kept, and the working directory is /.
+# Only the variables for the display are kept, and the working directory is /. Old releases of
+# python-xlib fail where the file that XAUTHORITY names does not exist, though none may be needed.
 _ISOLATED = (
+    'auth=${XAUTHORITY:-$HOME/.Xauthority}; [ -r "$auth" ] || auth=/dev/null; '
     'cd / && exec /usr/bin/env -i PATH="$1" LC_ALL=C.UTF-8 HOME="$HOME" DISPLAY="$DISPLAY" '
-    'XAUTHORITY="${XAUTHORITY:-$HOME/.Xauthority}" /usr/bin/python3 -I -c "$2" "$3" "$4"'
+    'XAUTHORITY="$auth" /usr/bin/python3 -I -c "$2" "$3" "$4"'
 )
 # On some guests python-xlib is in the user's home; it comes last, so that nothing there shadows the
 # system's modules.

@@ -47,7 +47,7 @@ from online_env.effects.launchers import launches_application
 from online_env.effects.multi_apps import _misplaced
 from online_env.embedded.guest import inside
 from online_env.embedded.guest.accessibility_tree import NAMESPACES
-from online_env.embedded.guest.inside import locktool, nettool
+from online_env.embedded.guest.inside import locktool, nettool, xtool
 from online_env.errors import DesktopError, MissingCapabilityError
 
 
@@ -425,6 +425,17 @@ def test_elements_keep_what_acts():
     names = [(element.app, element.name) for element in found]
     assert names == [("Google Chrome", "Go"), ("mousepad", "body"), ("xfce4-panel", "Menu")]
     assert found[0].centre == (20, 10)
+
+
+def test_windows_that_cannot_be_read_are_an_error_and_not_none(monkeypatch):
+    """python-xlib of 2014 lacks what newer Pythons took away, and that must not look empty."""
+    screen: Any = SimpleNamespace(root=None, numbers=lambda window, name: [7])
+    monkeypatch.setattr(xtool, "describe", lambda screen, number: None)
+    monkeypatch.setattr(xtool, "LIST_TIMEOUT_S", 0.05)
+    with pytest.raises(RuntimeError, match="cannot be read"):
+        xtool.listed(screen)
+    screen.numbers = lambda window, name: []
+    assert xtool.listed(screen) == []
 
 
 def window(
