@@ -39,6 +39,7 @@ SCRIPTS = {
     "serving": "Desktops behind a server",
     "agent_process": "An agent in a process of its own",
     "bench_rate": "What the runner of benchmarks costs",
+    "osworld_machines": "OSWorld's tasks on machines behind HTTP",
 }
 NOT_HERE = "Not measured: "  # what a script prints where it cannot measure
 HEAD = """# Results

@@ -16,7 +16,7 @@ from ..results.records import ResultRecord
 from ..tasks.machines import MachineSettings
 from .episodes import LiveEpisodes, lost_record
 from .jobs import Job
-from .workers import Worker, WorkerSetup, answer_calls, serve_episodes
+from .workers import EpisodeWorker, WorkerSetup, answer_calls, serve_episodes
 
 MAX_FAILURES = 2  # failures of a machine in a row until it is taken out
 
@@ -37,7 +37,7 @@ class _Seat:
     """A machine, the process that plays on it, and its failures in a row."""
 
     settings: MachineSettings
-    worker: Worker | None = None
+    worker: EpisodeWorker | None = None
     failures: int = 0
 
     @property
@@ -140,10 +140,10 @@ class MachinePool:
         for thread in threads:
             thread.join()
 
-    def _ready_worker(self, seat: _Seat) -> Worker:
+    def _ready_worker(self, seat: _Seat) -> EpisodeWorker:
         if seat.worker is None or not seat.worker.alive:
             bench = replace(self._setup.bench, machines=seat.settings)
-            seat.worker = Worker(replace(self._setup, bench=bench), self._serve)
+            seat.worker = EpisodeWorker(replace(self._setup, bench=bench), self._serve)
         seat.worker.wait_until_ready()
         return seat.worker
 

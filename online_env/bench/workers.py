@@ -126,7 +126,7 @@ class LocalPool:
         self._setup = setup
         self._serve = serve or serve_episodes
         self._local = threading.local()
-        self._workers: list[Worker] = []
+        self._workers: list[EpisodeWorker] = []
 
     def __enter__(self) -> "LocalPool":
         return self
@@ -149,9 +149,9 @@ class LocalPool:
         If the process ends over it, the record is an error of the machine's, which is tried again.
         Errors that refuse the episode are raised here as they were there.
         """
-        worker: Worker | None = getattr(self._local, "worker", None)
+        worker: EpisodeWorker | None = getattr(self._local, "worker", None)
         if worker is None or not worker.alive:
-            worker = Worker(self._setup, self._serve)
+            worker = EpisodeWorker(self._setup, self._serve)
             self._local.worker = worker
             self._workers.append(worker)
         # A monotonic clock, so that setting the time does not change durations.
@@ -165,7 +165,7 @@ class LocalPool:
             return lost_record(job, attempt, problem, start=start)
 
 
-class Worker:
+class EpisodeWorker:
     """One process and the connection to it.
 
     Args:

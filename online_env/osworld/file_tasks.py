@@ -30,7 +30,7 @@ from ..tasks.machines import MachineSettings
 from . import history, venv
 from .cache_files import list_cache_files
 from .player import Player
-from .run import EmbeddedEnv, checker, embedded_env
+from .run import checker, embedded_env
 from .solutions import SOLUTIONS
 from .stage import OsworldStage
 from .task_needs import FILES, PACKAGES, REMEDIES, RUNS_HERE, PackageCheck, list_needs, read_tested
@@ -215,6 +215,7 @@ class OsworldTasks(TaskHolder, OsworldStage):
         self, env: OsworldLike, files: Path | None, cache: Path, password: str | None = "password"
     ) -> None:
         super().__init__(env, password)
+        self._makes_history = True
         self._osworld = env
         self._files = files
         self._cache = cache
@@ -257,7 +258,7 @@ class OsworldTasks(TaskHolder, OsworldStage):
         fetched = None if self._files is None else self._files / task.id
         if fetched is not None and fetched.is_dir():
             shutil.copytree(fetched, cached)
-        if isinstance(self._osworld, EmbeddedEnv):  # elsewhere OSWorld downloads that file
+        if self._makes_history:
             history.provide(self._osworld, [task], self._cache)
 
 
@@ -275,6 +276,7 @@ class MachineTasks(OsworldTasks):
     def __init__(self, desktop: OsworldDesktop, files: Path | None) -> None:
         super().__init__(desktop.env, files, cast(Any, desktop.env).cache, desktop.password)
         self._desktop.machine_name = desktop.machine_name
+        self._makes_history = False  # where there is an internet, OSWorld downloads that file
         self.was_not_reverted = False
 
     def reset(self, task: Any, seed: int) -> Setting:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from hijack_data.file_io import make_folder, write_atomic
 
+from ..desktops.osworld import OsworldLike
 from .cache_files import HISTORY_NAME
-from .env import OsworldEnv
 from .errors import OsworldError
 from .tasks import OsworldTask
 
@@ -21,7 +21,7 @@ _MAKE = (
 )
 
 
-def provide(env: OsworldEnv, tasks: Iterable[OsworldTask], cache: Path) -> None:
+def provide(env: OsworldLike, tasks: Iterable[OsworldTask], cache: Path) -> None:
     """Put an empty history into `cache` for each task that needs one and has none.
 
     Raises:
