@@ -53,6 +53,7 @@ if TYPE_CHECKING:
         "osworld_files",
         "prompts",
         "ray_address",
+        "recovery",
         "replay",
         "sign",
     ),
