@@ -55,6 +55,7 @@ if TYPE_CHECKING:
         "max_cost",
         "prompts",
         "ray_address",
+        "recovery",
         "replay",
         "sign",
     ),

@@ -194,7 +194,9 @@ class SmallTasks(TaskHolder):
         chosen_task = self._find(task, seed)
         self._task = None
         self._desktop.reset()
-        self._machine = Machine(self._desktop, self.sites, offline=cut_network is not None)
+        if self._machine is None:
+            self._machine = Machine(self._desktop)
+        self._machine.renew(self.sites, offline=cut_network is not None)
         if cut_network is not None:
             cut_network()
         if self.sites is not None:

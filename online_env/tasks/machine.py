@@ -50,18 +50,29 @@ class Machine:
     Args:
         desktop: The desktop.
         sites: The state of its local internet, `None` if it has none.
-        offline: Whether its network was cut before the task is set up: then the browser is expected
-            to show its error page instead of the task's page.
     """
 
-    def __init__(
-        self, desktop: Desktop, sites: SiteState | None = None, *, offline: bool = False
-    ) -> None:
+    def __init__(self, desktop: Desktop, sites: SiteState | None = None) -> None:
         self.desktop = desktop
-        self.offline = offline
+        self._offline = False
         self._sites = sites
         self._at_first: Snapshot | None = None
         self._before: Snapshot | None = None
+
+    def renew(self, sites: SiteState | None, *, offline: bool = False) -> None:
+        """Begin anew after the desktop was reset, which gives its local internet another state.
+
+        An agent that was given the machine keeps it across a re-initialisation.
+
+        Args:
+            sites: The state of its local internet, `None` if it has none.
+            offline: Whether its network was cut before the task is set up: then the browser is
+                expected to show its error page instead of the task's page.
+        """
+        self._offline = offline
+        self._sites = sites
+        self._at_first = None
+        self._before = None
 
     @property
     def sites(self) -> SiteState:
@@ -179,7 +190,7 @@ class Machine:
             hand.find(role, app=task_app.tree)
         if any(argument.startswith("http://") for argument in arguments):
             # The window is there before its page.
-            if self.offline:
+            if self._offline:
                 hand.find("static", PAGE_ERROR, app=task_app.tree)
             else:
                 hand.find("link", app=task_app.tree)

@@ -211,6 +211,7 @@ def test_repair_and_reset_on_request(play, stage):
         "requests": 1,
         "false_alarms": 0,
         "repaired": 1,
+        "free": 0,
     }
     env = play("network_error", recovery="reset")
     stage.desktop.write_file("/home/user/mark", b"")
@@ -220,6 +221,21 @@ def test_repair_and_reset_on_request(play, stage):
     assert env.record is None
     env.step("DONE")
     assert env.record["recovery"]["repaired"] == 1
+
+
+@pytest.mark.usefixtures("browser_machine")
+def test_the_first_picture_shows_the_network_error_and_re_initialisation_lifts_it(play, stage):
+    env = play("network_error", task="register_course", recovery="reset", max_steps=1)
+    machine = stage.machine
+    assert "DNS_PROBE" in stage.desktop.accessibility()
+    env.step("REQUEST_REINIT")
+    assert "DNS_PROBE" not in stage.desktop.accessibility()
+    assert stage.machine is machine, "an agent that was given it goes on with it"
+    assert env.record is None
+    env.step("WAIT")
+    record = env.record
+    assert (record["status"], record["steps"], record["recovery"]["free"]) == ("ok", 1, 1)
+    assert record["environment_errors"] == "before_setup"
 
 
 def test_the_task_can_be_done_and_is_scored(play, stage):
