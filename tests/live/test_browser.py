@@ -24,7 +24,10 @@ from online_env.effects.conformance import run_live
 from online_env.errors import DesktopError, MissingCapabilityError, MissingPackageError
 from online_env.tasks import Hand
 
+from support import docs
+
 HOST = "pages.test"
+PAGE = docs.ROOT / "docs" / "browser.md"
 FORM = """<!doctype html><title>Form</title><body style="margin:0">
 <label><input type=checkbox id=a>One</label><label><input type=checkbox id=b>Two</label>
 <input id=text style="position:absolute;left:20px;top:100px;width:100px;height:20px">
@@ -318,6 +321,15 @@ def test_gymnasium_makes_it_by_its_name(miniwob: MiniwobTasks) -> None:
         assert env.step("DONE")[1:4] == (0.0, True, False)
     finally:
         env.close()
+
+
+@pytest.mark.parametrize(
+    "block", [block for block in docs.blocks_of(PAGE) if block.language in docs.PYTHON]
+)
+def test_the_python_of_browser_md_runs(
+    block: docs.Block, miniwob: MiniwobTasks, tmp_path: Path
+) -> None:
+    docs.run_python(block.text, tmp_path)
 
 
 def test_tasks_that_are_not_there_are_named(tmp_path: Path) -> None:
