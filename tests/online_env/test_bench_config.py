@@ -115,7 +115,7 @@ retries: yes
 """,
     )
     assert found == [
-        "1:21: desktop.provider must be one of embedded, got 'vmware'; known: embedded",
+        "1:21: desktop.provider must be one of embedded, browser, got 'vmware'; known: browser, embedded",
         (
             "1:35: desktop.size must be [width, height] in pixels; write desktop: {provider:"
             " embedded, size: [1920, 1080]}"
