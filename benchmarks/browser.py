@@ -1,61 +1,46 @@
-"""How long a browser takes to start, to reset and to act, alone and four side by side.
+"""How long a browser takes to start, to reset and to act.
 
 .venv/bin/python benchmarks/browser.py
 """
 
+import os
 import statistics
 import time
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable
+
+from online_env.browser.miniwob import open_miniwob, task_class
+from online_env.environment import CorruptedEnv
 
 SIZE = (720, 960)
-STEPS = 60
+STEPS = 40
 PAGE = "miniwob/enter-text.html"
 
 
-def measure(number: int) -> dict[str, float]:
-    """Play one episode after ten resets in a browser of this process; seconds by name."""
-    from online_env.browser.miniwob import open_miniwob, task_class
-    from online_env.environment import CorruptedEnv
-
-    task = task_class(PAGE)
-    start = time.monotonic()
-    stage = open_miniwob(SIZE)
-    seconds = {"up": time.monotonic() - start}
-    resets: list[float] = []
-    for seed in range(10):
+def row(name: str, act: Callable[[int], object], times: int) -> None:
+    seconds: list[float] = []
+    for i in range(times):
         start = time.monotonic()
-        stage.reset(task(seed), seed)
-        resets.append(time.monotonic() - start)
-    desktop = stage.desktop
-    for name, act in (
-        ("action", lambda i: desktop.run(f"pyautogui.moveTo({100 + i}, 300)")),
-        ("screenshot", lambda _: desktop.screenshot()),
-        ("tree", lambda _: desktop.accessibility()),
-    ):
-        times: list[float] = []
-        for i in range(30):
-            start = time.monotonic()
-            act(i)
-            times.append(time.monotonic() - start)
-        seconds[name] = statistics.median(times)
-    env = CorruptedEnv(stage, settle=desktop.settle, max_steps=STEPS + 1)
-    env.reset(seed=0, options={"task": task(0)})
-    start = time.monotonic()
-    for i in range(STEPS):
-        env.step(f"pyautogui.moveTo({100 + i}, 300)")
-    seconds["step"] = (time.monotonic() - start) / STEPS
-    env.close()
-    return {**seconds, "reset": statistics.median(resets)}
+        act(i)
+        seconds.append(time.monotonic() - start)
+    values = [min(seconds), statistics.median(seconds), max(seconds)]
+    print(f"| {name} | " + " / ".join(f"{1000 * value:.1f}" for value in values) + " |")
 
 
 def main() -> None:
-    for count in (1, 4):
-        with ProcessPoolExecutor(count) as pool:
-            rows = list(pool.map(measure, range(count)))
-        print(f"{count} at a time, seconds (the slowest of them):")
-        for name in rows[0]:
-            print(f"  {name:10s} {max(row[name] for row in rows):.4f}")
-        print(f"  steps a second, each: {min(1 / row['step'] for row in rows):.1f}")
+    print("Load before:", *(f"{value:.1f}" for value in os.getloadavg()))
+    print("\n| what | ms |\n| --- | --- |")
+    task = task_class(PAGE)
+    row("start and end of a browser", lambda _: open_miniwob(SIZE).close(), 3)
+    stage = open_miniwob(SIZE)
+    desktop = stage.desktop
+    row("reset to a task", lambda seed: stage.reset(task(seed), seed), 12)
+    row("action", lambda i: desktop.run(f"pyautogui.moveTo({100 + i}, 300)"), 40)
+    row("screenshot", lambda _: desktop.screenshot(), 40)
+    row("accessibility tree", lambda _: desktop.accessibility(), 40)
+    env = CorruptedEnv(stage, settle=desktop.settle, max_steps=STEPS + 1)
+    env.reset(seed=0, options={"task": task(0)})
+    row("step of the environment", lambda i: env.step(f"pyautogui.moveTo({100 + i}, 300)"), STEPS)
+    env.close()
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -182,6 +183,20 @@ def test_a_page_that_crashes_is_an_error_and_a_reset_mends_it(
         browser.screenshot()
     browser.reset({"url": site.url("form.html")})
     assert browser.screenshot().any()
+
+
+def test_a_browser_that_was_killed_is_an_error_and_a_reset_starts_another(
+    site: FolderSite, browser: BrowserDesktop
+) -> None:
+    browser.reset({"url": site.url("form.html")})
+    os.killpg(browser._chromium._pid, signal.SIGKILL)
+    deadline = time.monotonic() + 10
+    while browser._devtools.is_open and time.monotonic() < deadline:
+        time.sleep(0.05)
+    with pytest.raises(DesktopError, match="has ended"):
+        browser.screenshot()
+    browser.reset({"url": site.url("form.html")})
+    assert browser.title(browser.front) == "Form"
 
 
 def test_what_a_browser_cannot_do_is_refused_with_the_reason(
