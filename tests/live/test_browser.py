@@ -211,6 +211,12 @@ def test_what_a_browser_cannot_do_is_refused_with_the_reason(
             refused()
     with pytest.raises(ParameterError, match="641x480"):
         BrowserDesktop.up((480, 641), 2)
+    with (
+        monkeypatch.context() as patch,
+        pytest.raises(MissingPackageError, match="10000 is needed"),
+    ):
+        patch.setattr("online_env.browser.session.OLDEST", 10_000)
+        BrowserDesktop.up()
     monkeypatch.setenv(chromium.VARIABLE, "/nowhere/chromium")
     with pytest.raises(MissingPackageError, match="there is no such program"):
         BrowserDesktop.up()
@@ -296,7 +302,7 @@ def test_an_agent_of_a_user_is_run_reported_and_verified(
     folder = tmp_path / "run"
     command = [
         *(sys.executable, "-m", "hijack_data.cli", "bench", "miniwob_small"),
-        *("--agent", f"{agent}:Mine,oracle", "--tasks", "miniwob/click-checkboxes.html"),
+        *("--agent", f"{agent}:Mine,oracle", "--tasks", "miniwob/enter-text.html"),
         *("--corruptions", "clean,pop_ups,network_error,verification"),
         *("--desktops", "1", "--out", str(folder)),
     ]
