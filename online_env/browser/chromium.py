@@ -15,7 +15,7 @@ from hijack_data.types import Size
 from ..errors import DesktopError, MissingPackageError
 
 VARIABLE = "AGENTHIJACK_CHROMIUM"  # names the program
-OLDEST = 128  # the major version of the oldest Chromium that has all commands used here
+OLDEST = 128  # the major version; older ones were never tried
 SHUTDOWN_TIMEOUT_S = 5.0
 _PROGRAMS = (
     "chromium",
@@ -56,7 +56,6 @@ _FLAGS = (
     "--disable-features=Translate,MediaRouter,OptimizationHints,LocalNetworkAccessChecks",
     "--font-render-hinting=none",
     "--force-color-profile=srgb",
-    "--hide-scrollbars=false",
     "--lang=en-US",
     "--metrics-recording-only",
     "--mute-audio",

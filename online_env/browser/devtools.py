@@ -50,6 +50,11 @@ class DevTools:
         self._thread = threading.Thread(target=self._read, name="devtools", daemon=True)
         self._thread.start()
 
+    @property
+    def is_open(self) -> bool:
+        """Whether Chromium still answers."""
+        return self._is_open
+
     def call(
         self, method: str, session: str = "", timeout: float = CALL_TIMEOUT_S, **params: Any
     ) -> dict[str, Any]:

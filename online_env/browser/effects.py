@@ -119,7 +119,7 @@ class HideWindow(_Cover):
 class ClickElement(LiveEffect):
     """Clicks the first element, in the plan's order, that is still there.
 
-    Elements that submit a form are left out: their click would hand the task in.
+    Buttons, which may hand a task in, are clicked only where there is nothing else.
     """
 
     kind: ClassVar[str] = "touch"
@@ -130,12 +130,9 @@ class ClickElement(LiveEffect):
         """Draw an element and click it; draw another if the page does not get the click."""
         browser = _browser(guest)
         stream = guest.stream or Stream(0, "touch-v1")
-        elements = [
-            element
-            for element in live_elements(guest.desktop.accessibility(), browser.size)
-            if "submit" not in element.name.lower()
-        ]
-        record: EffectRecord = {"attempts": [], "clicked": None}
+        elements = live_elements(guest.desktop.accessibility(), browser.size)
+        elements = [one for one in elements if one.role != "push-button"] or elements
+        record: EffectRecord = {"attempts": [], "clicked": None, "over": browser.task_is_over()}
         while elements and len(record["attempts"]) < MAX_CLICKS and record["clicked"] is None:
             element = _draw(elements, _boxes(params), stream)
             elements.remove(element)
@@ -160,10 +157,10 @@ class ClickElement(LiveEffect):
         browser = _browser(guest)
         pointer = list(browser.input.position)
         facts: EffectRecord = {"attempts": record["attempts"], "pointer": pointer}
-        ended = browser.task_is_over()
+        ended = browser.task_is_over() and not record["over"]
         problem = ""
         if not record["attempts"]:
-            problem = "the page has no element that a click would not submit"
+            problem = "the page has no element to click"
         elif record["clicked"] is None:
             problem = f"{len(record['attempts'])} elements were tried, and the page got no click"
         elif pointer != record["clicked"]["point"]:

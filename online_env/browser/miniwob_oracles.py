@@ -191,6 +191,39 @@ def _calculate(page: ShownPage) -> None:
     page.submit()
 
 
+def _change_case(page: ShownPage) -> None:
+    (text,) = page.quoted()
+    text = text.upper() if "upper case" in page.query else text.lower()
+    page.fill(page.find("input", id="tt"), text)
+    page.submit()
+
+
+def _read_table(page: ShownPage) -> None:
+    match = re.search(r"value of (.*) into", page.query)
+    cells = [" ".join(cell.name.split()) for cell in page.nodes("td")]
+    values = dict(zip(cells[::2], cells[1::2], strict=True))
+    page.fill(page.find("input", id="tt"), values[match[1].strip() if match else ""])
+    page.submit()
+
+
+def _find_word(page: ShownPage) -> None:
+    match = re.search(r"the (\d+)\w\w word", page.query)
+    words = page.find("p").name.split()
+    word = words[int(match[1]) - 1 if match else 0].strip(".,")
+    page.fill(page.find("input", id="answer-input"), word)
+    page.submit()
+
+
+def _solve_for_x(page: ShownPage) -> None:
+    first, sign, second, _, result = page.find(id="math-problem").name.split()
+    if first == "x":
+        answer = int(result) - int(second) if sign == "+" else int(result) + int(second)
+    else:
+        answer = int(result) - int(first) if sign == "+" else int(first) - int(result)
+    page.fill(page.find("input", id="math-answer"), str(answer))
+    page.submit()
+
+
 def _choose_from_list(page: ShownPage) -> None:
     match = re.search(r"Select (.*) from the list", page.query)
     page.click(page.find("select"))
@@ -207,6 +240,7 @@ ORACLES: Mapping[str, Callable[[ShownPage], None]] = MappingProxyType(
         "click-button": _click_quoted,
         "click-button-sequence": _click_sequence,
         "click-checkboxes": _select,
+        "click-checkboxes-large": _select,
         "click-checkboxes-transfer": _select,
         "click-collapsible": _expand,
         "click-collapsible-nodelay": _expand,
@@ -221,10 +255,14 @@ ORACLES: Mapping[str, Callable[[ShownPage], None]] = MappingProxyType(
         "click-widget": _click_widget,
         "enter-password": _enter_password,
         "enter-text": _enter_text,
+        "enter-text-2": _change_case,
         "enter-text-dynamic": _enter_text,
+        "find-word": _find_word,
         "focus-text": _focus,
         "focus-text-2": _focus,
         "login-user": _log_in,
+        "read-table": _read_table,
+        "simple-algebra": _solve_for_x,
         "simple-arithmetic": _calculate,
     }
 )

@@ -31,7 +31,6 @@ _ROLES = {
     "listitem": "paragraph",  # of a text; an AT-SPI list item can be chosen
     "spinbutton": "spin-button",
     "switch": "toggle-button",
-    "tab": "page-tab",
     "treeitem": "tree-item",
     "cell": "static-cell",
     "StaticText": "static",

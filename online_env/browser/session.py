@@ -85,7 +85,23 @@ class BrowserSession:
         self.walled_documents = 0  # how many documents the wall has replaced
         self.task_is_over: Callable[[], bool] = lambda: False  # asked after each action
         self.notices: list[str] = []  # dialogs that were answered since the last action
-        self._chromium = Chromium(self.size, arguments)
+        self._arguments = arguments
+        self._connect()
+        try:
+            self.input = InputDevices(self._send_input, self._shortcut, self.size, scale)
+            self.begin()
+        except BaseException:
+            self.close()
+            raise
+
+    def _connect(self) -> None:
+        """Start Chromium.
+
+        Raises:
+            MissingPackageError: There is none, or it is too old.
+            DesktopError: It does not start.
+        """
+        self._chromium = Chromium(self.size, self._arguments)
         self._devtools = DevTools(
             self._chromium.reader, self._chromium.writer, self._receive, self._chromium.explain_end
         )
@@ -94,14 +110,19 @@ class BrowserSession:
             self._devtools.call(
                 "Target.setAutoAttach", autoAttach=True, waitForDebuggerOnStart=True, flatten=True
             )
-            self.input = InputDevices(self._send_input, self._shortcut, self.size, scale)
-            self.begin()
         except BaseException:
-            self.close()
+            self._disconnect()
             raise
+
+    def _disconnect(self) -> None:
+        """End Chromium and remove its profile."""
+        self._devtools.close()
+        self._chromium.close()
 
     def begin(self, url: str = "", scripts: Sequence[str] = ()) -> None:
         """Begin with a fresh profile: no cookie, storage, page, cover or effect is left.
+
+        A Chromium that has ended is started again.
 
         Args:
             url: The page to open; "" for an empty one.
@@ -114,7 +135,10 @@ class BrowserSession:
         self._offline = False
         self._wall = None
         self._scripts = tuple(scripts)
-        if old:
+        if not self._devtools.is_open and not self._closed:
+            self._disconnect()
+            self._connect()
+        elif old:
             self._devtools.call("Target.disposeBrowserContext", browserContextId=old)
         with self._lock:
             self._pages.clear()
@@ -136,8 +160,7 @@ class BrowserSession:
         """End Chromium and remove its profile."""
         if not self._closed:
             self._closed = True
-            self._devtools.close()
-            self._chromium.close()
+            self._disconnect()
 
     # Pages
 

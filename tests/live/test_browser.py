@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -24,7 +25,10 @@ from online_env.effects.conformance import run_live
 from online_env.errors import DesktopError, MissingCapabilityError, MissingPackageError
 from online_env.tasks import Hand
 
+from support import docs
+
 HOST = "pages.test"
+PAGE = docs.ROOT / "docs" / "browser.md"
 FORM = """<!doctype html><title>Form</title><body style="margin:0">
 <label><input type=checkbox id=a>One</label><label><input type=checkbox id=b>Two</label>
 <input id=text style="position:absolute;left:20px;top:100px;width:100px;height:20px">
@@ -181,6 +185,20 @@ def test_a_page_that_crashes_is_an_error_and_a_reset_mends_it(
     assert browser.screenshot().any()
 
 
+def test_a_browser_that_was_killed_is_an_error_and_a_reset_starts_another(
+    site: FolderSite, browser: BrowserDesktop
+) -> None:
+    browser.reset({"url": site.url("form.html")})
+    os.killpg(browser._chromium._pid, signal.SIGKILL)
+    deadline = time.monotonic() + 10
+    while browser._devtools.is_open and time.monotonic() < deadline:
+        time.sleep(0.05)
+    with pytest.raises(DesktopError, match="has ended"):
+        browser.screenshot()
+    browser.reset({"url": site.url("form.html")})
+    assert browser.title(browser.front) == "Form"
+
+
 def test_what_a_browser_cannot_do_is_refused_with_the_reason(
     browser: BrowserDesktop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -193,6 +211,12 @@ def test_what_a_browser_cannot_do_is_refused_with_the_reason(
             refused()
     with pytest.raises(ParameterError, match="641x480"):
         BrowserDesktop.up((480, 641), 2)
+    with (
+        monkeypatch.context() as patch,
+        pytest.raises(MissingPackageError, match="10000 is needed"),
+    ):
+        patch.setattr("online_env.browser.session.OLDEST", 10_000)
+        BrowserDesktop.up()
     monkeypatch.setenv(chromium.VARIABLE, "/nowhere/chromium")
     with pytest.raises(MissingPackageError, match="there is no such program"):
         BrowserDesktop.up()
@@ -278,7 +302,7 @@ def test_an_agent_of_a_user_is_run_reported_and_verified(
     folder = tmp_path / "run"
     command = [
         *(sys.executable, "-m", "hijack_data.cli", "bench", "miniwob_small"),
-        *("--agent", f"{agent}:Mine,oracle", "--tasks", "miniwob/click-checkboxes.html"),
+        *("--agent", f"{agent}:Mine,oracle", "--tasks", "miniwob/enter-text.html"),
         *("--corruptions", "clean,pop_ups,network_error,verification"),
         *("--desktops", "1", "--out", str(folder)),
     ]
@@ -318,6 +342,15 @@ def test_gymnasium_makes_it_by_its_name(miniwob: MiniwobTasks) -> None:
         assert env.step("DONE")[1:4] == (0.0, True, False)
     finally:
         env.close()
+
+
+@pytest.mark.parametrize(
+    "block", [block for block in docs.blocks_of(PAGE) if block.language in docs.PYTHON]
+)
+def test_the_python_of_browser_md_runs(
+    block: docs.Block, miniwob: MiniwobTasks, tmp_path: Path
+) -> None:
+    docs.run_python(block.text, tmp_path)
 
 
 def test_tasks_that_are_not_there_are_named(tmp_path: Path) -> None:

@@ -134,7 +134,8 @@ retries: yes
 """,
     )
     assert found == [
-        "1:21: desktop.provider must be one of embedded, osworld, got 'vmware'; known: embedded, osworld",
+        "1:21: desktop.provider must be one of embedded, osworld, browser, got 'vmware'; known:"
+        " browser, embedded, osworld",
         (
             "1:35: desktop.size must be [width, height] in pixels; write desktop: {provider:"
             " embedded, size: [1920, 1080]}"
