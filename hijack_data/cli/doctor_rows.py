@@ -25,6 +25,7 @@ PURPOSES = {
     "ray": "builds and benchmarks on a cluster",
     "train": "the training examples",
     "trl": "TRL's trainers, supervised fine-tuning",
+    "video": "episodes as MP4 files",
     "browser": "the pages of MiniWoB++, for a browser as the desktop",
     "verl": "verl's trainer, in an environment of its own",
     "dev": "work on AgentHijack itself",

@@ -27,6 +27,7 @@ from hijack_data.locking import Lock
 from hijack_data.runs import seal
 
 from ..agents.options import agent_memory_option, in_process_option
+from ..choices import ERROR_ORDERS, POLICIES, ErrorOrder, Recovery
 from ..errors import CostLimitError
 from ..report.outcome import exit_code
 from ..report.terminal import show
@@ -35,7 +36,6 @@ from .machine_options import MORE, machine_options
 from .progress import ProgressDisplay
 
 if TYPE_CHECKING:
-    from ..environment.settings import ErrorOrder, Recovery
     from .config import Bench
     from .episodes import LiveEpisodes
     from .jobs import Job
@@ -84,12 +84,12 @@ if TYPE_CHECKING:
 @desktops_option
 @click.option(
     "--recovery",
-    type=click.Choice(("none", "repair", "reset")),
+    type=click.Choice(POLICIES),
     help="What a request for re-initialisation leads to, instead of CONFIG's.",
 )
 @click.option(
     "--environment-errors",
-    type=click.Choice(("before_setup", "after_setup")),
+    type=click.Choice(ERROR_ORDERS),
     help="Cut the network before or after the task's pages are opened, instead of CONFIG's.",
 )
 @machine_options
@@ -135,8 +135,8 @@ def bench(
     corruptions: str | None,
     seeds: int | None,
     desktops: int | None,
-    recovery: "Recovery | None",
-    environment_errors: "ErrorOrder | None",
+    recovery: Recovery | None,
+    environment_errors: ErrorOrder | None,
     osworld_files: str | None,
     vm: tuple[str, ...],
     machines: int,

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import yaml
 
@@ -37,10 +37,13 @@ from hijack_data.types import Size
 from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
-from ..environment.settings import ERROR_ORDERS, POLICIES, ErrorOrder, EvalSettings, Recovery
+from ..choices import ERROR_ORDERS, POLICIES, ErrorOrder, Recovery
 from ..tasks import TASKS, Task, families, task_sets
 from ..tasks.machines import MachineSettings
 from .providers import EMBEDDED, OSWORLD, PROVIDERS
+
+if TYPE_CHECKING:
+    from ..environment.settings import EvalSettings
 
 AnyRegistry: TypeAlias = Registry[Any]
 Planners: TypeAlias = dict[str, Planner | None]
@@ -128,13 +131,15 @@ class Bench:
     in_process: bool = False
     agent_memory: float = 0.0
 
-    def settings(self, agent: str, log: Path | None = None) -> EvalSettings:
+    def settings(self, agent: str, log: Path | None = None) -> "EvalSettings":
         """Return the settings of the episodes of an agent.
 
         Args:
             agent: its name in the records.
             log: the folder of the run; `None` writes nothing.
         """
+        from ..environment.settings import EvalSettings
+
         return EvalSettings(
             max_steps=self.max_steps,
             recovery=self.recovery,

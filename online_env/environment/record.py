@@ -11,10 +11,11 @@ from hijack_data.planner import Planner
 from hijack_data.runs.run_log import GIVEN, VERSION, episode_slug
 from hijack_data.runs.run_planners import dump_planner, planner_params
 
+from ..choices import ErrorOrder
 from ..desktops.protocol import Desktop
 from ..errors import DesktopError
 from ..tasks.base import Verdict
-from .settings import ErrorOrder, EvalSettings
+from .settings import EvalSettings
 from .settle import Settle
 from .stage import Setting
 

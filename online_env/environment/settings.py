@@ -2,17 +2,13 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, TypeAlias, TypedDict, get_args
+from typing import TypedDict
 
 from hijack_data import extras
 from hijack_data.errors import ParameterError, UnknownNameError, suggest
 
+from ..choices import ERROR_ORDERS, POLICIES, ErrorOrder, Recovery
 from .settle import Settle
-
-Recovery: TypeAlias = Literal["none", "repair", "reset"]
-POLICIES: tuple[Recovery, ...] = get_args(Recovery)
-ErrorOrder: TypeAlias = Literal["before_setup", "after_setup"]
-ERROR_ORDERS: tuple[ErrorOrder, ...] = get_args(ErrorOrder)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -159,7 +159,7 @@ def test_pages_that_open_ask_close_and_hide_elements(
     )
     names = {node.name for node in Hand(browser).look() if node.role == "push-button"}
     assert {"Framed", "Shadowed"} <= names
-    result = browser.run("pyautogui.click(600, 400)")
+    result = browser.run("pyautogui.click(300, 400)")
     assert result.output.count("a dialog") == 3
     deadline = time.monotonic() + 5
     while browser.title(browser.front) != "Form" and time.monotonic() < deadline:
@@ -211,10 +211,16 @@ def test_what_a_browser_cannot_do_is_refused_with_the_reason(
             refused()
     with pytest.raises(ParameterError, match="641x480"):
         BrowserDesktop.up((480, 641), 2)
+<<<<<<< HEAD
     with monkeypatch.context() as patch:
         patch.setattr("online_env.browser.session.OLDEST", 10_000)
         with pytest.raises(MissingPackageError, match="10000 is needed"):
             BrowserDesktop.up()
+=======
+    monkeypatch.setattr("online_env.browser.session.OLDEST", 10_000)
+    with pytest.raises(MissingPackageError, match="10000 is needed"):
+        BrowserDesktop.up()
+>>>>>>> browser
     monkeypatch.setenv(chromium.VARIABLE, "/nowhere/chromium")
     with pytest.raises(MissingPackageError, match="there is no such program"):
         BrowserDesktop.up()
