@@ -211,16 +211,10 @@ def test_what_a_browser_cannot_do_is_refused_with_the_reason(
             refused()
     with pytest.raises(ParameterError, match="641x480"):
         BrowserDesktop.up((480, 641), 2)
-<<<<<<< HEAD
     with monkeypatch.context() as patch:
         patch.setattr("online_env.browser.session.OLDEST", 10_000)
         with pytest.raises(MissingPackageError, match="10000 is needed"):
             BrowserDesktop.up()
-=======
-    monkeypatch.setattr("online_env.browser.session.OLDEST", 10_000)
-    with pytest.raises(MissingPackageError, match="10000 is needed"):
-        BrowserDesktop.up()
->>>>>>> browser
     monkeypatch.setenv(chromium.VARIABLE, "/nowhere/chromium")
     with pytest.raises(MissingPackageError, match="there is no such program"):
         BrowserDesktop.up()
