@@ -75,3 +75,7 @@ def test_one_task_under_all_nine(machine: tuple[str, str], tmp_path: Path) -> No
         assert probes
         assert all(probe["ok"] for probe in probes), label
     assert {r["desktop"]["machine"] for r in ended.values()} == {address}
+    verified = subprocess.run(
+        [*HIJACK, "verify", run], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert verified.returncode == 0, verified.stdout[-3000:]

@@ -22,7 +22,7 @@ from online_env.bench.config import Bench
 from online_env.bench.episodes import LiveEpisodes
 from online_env.bench.jobs import Job
 
-from support.live import AT_ONCE, FakeStage
+from support.live import AT_ONCE, FakeDesktop, FakeStage
 from support.waiting import until
 
 CODE = '''
@@ -356,12 +356,7 @@ def test_what_is_no_agent_is_refused_before_the_run(text, kind, message, folder)
 
 @pytest.fixture
 def bench_of(monkeypatch, no_waiting):
-    from online_env.bench import episodes
-    from online_env.environment import EvalSettings
-
-    monkeypatch.setattr(
-        episodes, "EvalSettings", lambda **more: EvalSettings(settle=AT_ONCE, **more)
-    )
+    monkeypatch.setattr(FakeDesktop, "settle", AT_ONCE, raising=False)
 
     def make(name, **options):
         return Bench(agents=(name,), tasks=("write_note",), corruptions={"clean": None}, **options)

@@ -11,6 +11,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from rich.console import Console
 
+from hijack_data import NetworkError
 from online_env.agents.agent_thread import AgentThread
 from online_env.agents.registry import AGENTS
 from online_env.bench import episodes, models
@@ -18,7 +19,7 @@ from online_env.bench.config import Bench
 from online_env.bench.jobs import Job
 from online_env.bench.progress import ProgressDisplay
 from online_env.environment import CorruptedEnv
-from online_env.errors import AgentSetupError
+from online_env.errors import AgentSetupError, MissingCapabilityError
 from online_env.scoring import progress
 from online_env.scoring.progress import ScoreDisplay
 
@@ -57,6 +58,19 @@ def test_an_agent_that_cannot_be_made_fails_its_episode_and_not_the_run(tmp_path
     assert record["instruction"]
     assert "broken.py" in record["traceback"][-1]
     assert stage.resets == [], "no task is set up for it"
+
+
+def test_a_run_is_refused_before_its_first_episode_if_the_desktop_lacks_what_it_needs(tmp_path):
+    bench = Bench(
+        agents=("do_nothing",),
+        tasks=("write_note",),
+        corruptions={"clean": None, "network_error": NetworkError()},
+    )
+    stage = FakeStage(FakeDesktop(capabilities=frozenset({"execute"})))
+    with episodes.LiveEpisodes(bench, tmp_path, stage) as play:  # noqa: SIM117
+        with pytest.raises(MissingCapabilityError, match="network_error needs firewall"):
+            play(Job("do_nothing", "write_note", "clean", 0), 0)
+    assert stage.resets == []
 
 
 @pytest.mark.parametrize(("limit", "status", "steps"), [(0.0, "error", 1), (600.0, "ok", 5)])
