@@ -4,15 +4,11 @@ Exit codes: 0 done, 1 finished but something is missing, invalid, failed or dama
 configuration, 3 the disk is full or fails.
 """
 
-import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from hijack_data import extras
 from hijack_data.cli.completion import complete, complete_configuration
 from hijack_data.cli.options import (
     BriefCommand,
@@ -21,27 +17,10 @@ from hijack_data.cli.options import (
     desktops_option,
     new_run_options,
 )
-from hijack_data.cli.terminal import console, echo
-from hijack_data.errors import ParameterError, StorageError, counted
-from hijack_data.locking import Lock
-from hijack_data.runs import seal
 
 from ..agents.options import agent_memory_option, in_process_option
-from ..choices import ERROR_ORDERS, POLICIES, ErrorOrder, Recovery
-from ..errors import CostLimitError
-from ..report.outcome import exit_code
-from ..report.terminal import show
-from ..results import costs, records
+from ..choices import ERROR_ORDERS, POLICIES
 from .machine_options import MORE, machine_options
-from .progress import ProgressDisplay
-
-if TYPE_CHECKING:
-    from .config import Bench
-    from .episodes import LiveEpisodes
-    from .jobs import Job
-    from .models import ModelOptions
-    from .pools import EpisodePool
-    from .workers import WorkerSetup
 
 
 @click.command(
@@ -127,287 +106,11 @@ if TYPE_CHECKING:
 @agent_memory_option
 @click.option("--sign", metavar="KEY", help="Sign the run at its end with this SSH key.")
 @click.option("--dry-run", is_flag=True, help="List the episodes with an estimate, and run none.")
-def bench(
-    config: str,
-    out: Path | None,
-    agent: str | None,
-    tasks: str | None,
-    corruptions: str | None,
-    seeds: int | None,
-    desktops: int | None,
-    recovery: Recovery | None,
-    environment_errors: ErrorOrder | None,
-    osworld_files: str | None,
-    vm: tuple[str, ...],
-    machines: int,
-    vm_options: tuple[str, ...],
-    reset_command: str,
-    unplayable: str,
-    engine: str,
-    ray_address: str | None,
-    resume: bool,
-    prompts: Path | None,
-    max_cost: float | None,
-    replay: Path | None,
-    in_process: bool,
-    agent_memory: float | None,
-    sign: str | None,
-    dry_run: bool,
-) -> None:
+def bench(**options: Any) -> None:
     """Run agents on a live desktop, clean and corrupted.
 
     Such as: hijack bench embedded_small --out runs/small
     """
-    from .config import (
-        load_bench,
-        on_machines,
-        override,
-    )  # loads the web sites, which a report does not need
-    from .estimates import estimate, history_near
-    from .jobs import jobs
-    from .models import ModelOptions, check_agents, prepare
-    from .playable import only_playable
-    from .pools import open_pool
+    from .run_command import run_command  # loads the web sites, which `--help` does not need
 
-    benchmark = override(
-        load_bench(config),
-        agent,
-        tasks,
-        corruptions,
-        seeds,
-        osworld_files,
-        recovery,
-        environment_errors,
-    )
-    benchmark = replace(benchmark, in_process=in_process, agent_memory=agent_memory or 0.0)
-    if benchmark.text_boxes:
-        extras.require("text_boxes", "ocr", ("rapidocr", "onnxruntime"))
-    benchmark = on_machines(benchmark, vm, machines, vm_options, reset_command)
-    benchmark = only_playable(benchmark, unplayable, echo)
-    check_agents(benchmark)
-    models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
-    prepare(benchmark.agents, models, None if dry_run else out)
-    planned_jobs = jobs(benchmark)
-    if dry_run:
-        remaining = (
-            planned_jobs if out is None else _remaining_jobs(benchmark, planned_jobs, out, resume)
-        )
-        if not remaining:
-            echo(f"{out}: all {len(planned_jobs)} episodes are there")
-            return
-        _check_here(benchmark, engine, len(remaining))
-        at_once = min(desktops or _room(benchmark), len(remaining))
-        for job in remaining:
-            echo(str(job))
-        expected = estimate(benchmark, remaining, at_once, history_near(out))
-        echo(f"{_size_text(remaining, at_once)}, {expected}")
-        return
-    if out is None:
-        raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
-    if sign is not None:
-        seal.check_key(sign)
-    _check_here(benchmark, engine, len(planned_jobs))
-    setup = _setup(benchmark, out, models)
-    with (
-        open_pool(engine, setup, len(planned_jobs), desktops, ray_address, _notice) as pool,
-        _begin_run(benchmark, planned_jobs, out, resume, pool.desktops),
-    ):
-        code = _run(benchmark, planned_jobs, out, pool, models)
-    if sign is not None:
-        seal.sign(out, sign)
-    raise SystemExit(code)
-
-
-def _remaining_jobs(
-    benchmark: "Bench", planned_jobs: "Sequence[Job]", out: Path, resume: bool
-) -> "Sequence[Job]":
-    """Return what a run in a folder would still play.
-
-    Raises:
-        RunError: The run would be refused.
-    """
-    from .jobs import attempts
-
-    ids = [job.id for job in planned_jobs]
-    if not records.check_folder(out, benchmark.to_data(), ids, goes_on=resume):
-        return planned_jobs
-    return _due_jobs(benchmark, attempts(planned_jobs, records.read(out).records))
-
-
-def _due_jobs(
-    benchmark: "Bench", earlier: "Mapping[Job, Sequence[records.ResultRecord]]"
-) -> "list[Job]":
-    """Return the jobs that need another attempt, given the earlier ones of each."""
-    from .runner import needs_attempt
-
-    return [
-        job
-        for job, attempt_records in earlier.items()
-        if needs_attempt(attempt_records, benchmark.retries)
-    ]
-
-
-def _begin_run(
-    benchmark: "Bench", planned_jobs: "Sequence[Job]", out: Path, resume: bool, desktops: int
-) -> Lock:
-    return records.begin(
-        out,
-        benchmark.to_data(),
-        [job.id for job in planned_jobs],
-        goes_on=resume,
-        notice=_notice,
-        desktops=desktops,
-    )
-
-
-def _size_text(listed: "Sequence[Job]", desktops: int) -> str:
-    """Return how many episodes are played on how many desktops."""
-    return f"{counted(len(listed), 'episode')} on {counted(desktops, 'desktop')}"
-
-
-def _run(
-    benchmark: "Bench",
-    planned_jobs: "Sequence[Job]",
-    out: Path,
-    pool: "EpisodePool",
-    models: "ModelOptions",
-) -> int:
-    from .estimates import estimate, history_near
-    from .jobs import attempts
-
-    earlier = attempts(planned_jobs, records.read(out).records)
-    remaining = _due_jobs(benchmark, earlier)
-    screen = console()
-    expected = ""
-    if remaining:
-        expected = f", {estimate(benchmark, remaining, pool.desktops, history_near(out))}"
-    screen.print(
-        f"{_size_text(remaining, pool.desktops)}{expected}; recovery policy: {benchmark.recovery}",
-        soft_wrap=True,
-    )
-    if remaining:
-        try:
-            _play(benchmark, planned_jobs, out, earlier, pool, models)
-        except CostLimitError as error:
-            echo(f"hijack: {error}", err=True)
-        except KeyboardInterrupt:
-            _print_records_kept(out)
-            raise click.Abort from None
-        except StorageError:
-            _print_records_kept(out)
-            raise
-    run = records.read(out)
-    show(run)
-    return exit_code(run)
-
-
-def _print_records_kept(out: Path) -> None:
-    count = len(records.read(out).records)
-    message = f"the {count} episodes that ended are kept: hijack report {out}"
-    echo(f"\n{message}; --resume goes on", err=True)
-
-
-def _play(
-    benchmark: "Bench",
-    planned_jobs: "Sequence[Job]",
-    out: Path,
-    earlier: "Mapping[Job, Sequence[records.ResultRecord]]",
-    pool: "EpisodePool",
-    models: "ModelOptions",
-) -> None:
-    from .runner import needs_attempt, run_jobs
-    from .workers import LocalPool
-
-    finished = sum(not needs_attempt(earlier[job], benchmark.retries) for job in planned_jobs)
-    display = ProgressDisplay(planned_jobs, console(), finished)
-    budget = _budget(out, models.max_cost)
-
-    def run(episodes: "Callable[[Job, int], records.ResultRecord]", stop: Any = None) -> None:
-        run_jobs(
-            planned_jobs,
-            out,
-            benchmark.retries,
-            episodes,
-            display,
-            earlier,
-            at_once=pool.max_episodes,
-            stop=stop or (lambda: None),
-            budget=budget,
-            place=pool.place,
-        )
-
-    with display:
-        if isinstance(pool, LocalPool) and pool.max_episodes == 1:
-            with _local_episodes(benchmark, out) as episodes:
-                run(episodes)
-        else:
-            run(pool, pool.stop)
-            pool.stop()
-
-
-def _budget(out: Path, limit: float | None) -> costs.Budget | None:
-    """Return the remaining budget of a run; its journal is read once to compute it."""
-    if limit is None:
-        return None
-    return costs.Budget(limit, records.read(out).records)
-
-
-def _notice(text: str) -> None:
-    echo(f"hijack: {text}", err=True)
-
-
-def _room(benchmark: "Bench") -> int:
-    """Return how many episodes can be played side by side."""
-    from .workers import default_desktops
-
-    if benchmark.machines is not None:
-        return len(benchmark.machines.each())
-    return default_desktops()
-
-
-def _check_here(benchmark: "Bench", engine: str, episodes: int) -> None:
-    """Check that the run's episodes can be played here; nodes of Ray check themselves.
-
-    Raises:
-        ParameterError: Tasks of a family are to be played on a cluster.
-    """
-    from ..tasks import find_family
-    from .playable import check_machines
-    from .pools import LOCAL
-    from .providers import EMBEDDED, check_installed
-
-    family = find_family(benchmark.tasks)
-    if family is None:
-        if engine == LOCAL:
-            check_installed(benchmark.provider, benchmark.tasks)
-        return
-    if engine != LOCAL:
-        raise ParameterError(
-            f"{family.title}'s tasks are played from this machine; leave out --engine {engine},"
-            " and name the machines with --vm"
-        )
-    if benchmark.provider == EMBEDDED != family.provider:
-        raise ParameterError(
-            f"{family.title}'s tasks are played by desktop: {{provider: {family.provider}}}, and"
-            f" {benchmark.source} has {EMBEDDED}"
-        )
-    check_machines(benchmark, episodes)
-
-
-@contextlib.contextmanager
-def _local_episodes(benchmark: "Bench", out: Path) -> "Iterator[LiveEpisodes]":
-    """Play episodes from this process; with `--in-process` a debugger can follow the agent."""
-    from .episodes import LiveEpisodes
-    from .workers import open_stage
-
-    with open_stage(benchmark, out) as stage, LiveEpisodes(benchmark, out, stage) as episodes:
-        yield episodes
-
-
-def _setup(benchmark: "Bench", out: Path, models: "ModelOptions") -> "WorkerSetup":
-    """Return the settings that another process needs to play episodes."""
-    from .workers import WorkerSetup, references
-
-    return WorkerSetup(
-        bench=benchmark, folder=out.resolve(), references=references(benchmark), models=models
-    )
+    run_command(**options)
