@@ -4,19 +4,17 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import TypeAlias
 
 from hijack_data.errors import ParameterError, suggest
 from hijack_data.plan import CLEAN
 from hijack_data.runs.run_log import row_slug
 
+from ..choices import QUESTIONS, Question
 from .dataset_rows import DatasetRows, ExportedRows, RowData, RowFeed, is_export
 from .onlookers import is_reminder
 from .rules import UNSCORED
 
-# What an agent is asked: the step, whether a reminder is needed, or what happened.
-Question: TypeAlias = Literal["steps", "reminders", "summaries"]
-QUESTIONS: tuple[Question, ...] = ("steps", "reminders", "summaries")
 CaseKey: TypeAlias = tuple[str, str, str, int]
 
 

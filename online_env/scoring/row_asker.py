@@ -15,9 +15,10 @@ from hijack_data.runs.run_log import GIVEN, ROW, VERSION
 from hijack_data.types import Action, Box, check_aim
 
 from ..agents.agent_calls import AgentAnswer, AgentError, RunningAgent
+from ..choices import Question
 from ..results.reading import ResultRecord
 from .answers import StepAnswer, read_answer
-from .cases import Case, Question
+from .cases import Case
 from .dataset_rows import DamagedRowError, RowData, RowFeed, picture_scale
 from .onlookers import is_reminder, overlap
 from .outlines import target_outline

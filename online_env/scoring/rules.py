@@ -14,10 +14,11 @@ from hijack_data.actions.dialects.field_checks import key_names
 from hijack_data.errors import ParameterError
 from hijack_data.types import AIMING, Action, Box, Point, Size, in_box
 
+from ..choices import NEAR_PIXELS
+
 HELP = "reinit"  # the type of an answer that asks for help; no action of a recording has it
 UNSCORED = "other"  # a recorded action of no known type: nothing can be compared with it
 MODIFIERS = frozenset({"ctrl", "shift", "alt", "win"})
-_DEFAULT_PIXELS = 32.0
 _SIDE = re.compile("^(ctrl|shift|alt|win)(?:left|right)$")
 
 
@@ -31,7 +32,7 @@ class Distance:
             AITW's matching has it (0.14).
     """
 
-    value: float = _DEFAULT_PIXELS
+    value: float = NEAR_PIXELS
     relative: bool = False
 
     @classmethod

@@ -15,16 +15,16 @@ from hijack_data.runs.run_log import SCORE_RUN
 from ..agents.agent_calls import method_names
 from ..agents.references import AgentReference, is_user_code
 from ..agents.registry import AGENTS
+from ..choices import ROW_TIMEOUT_S, Question
 from ..results import records
 from ..results.reading import ResultRecord
-from .cases import Case, CaseKey, CaseList, Question, Selection, open_feed, select_cases
+from .cases import Case, CaseKey, CaseList, Selection, open_feed, select_cases
 from .row_asker import AskSettings
 from .rules import NEAR, Distance
 from .workers import Listener, WorkerPool
 
 WRITE_PERIOD_S = 1.0  # s until answered rows are written at the latest
 MAX_UNWRITTEN_ROWS = 32  # rows that are held until then
-ROW_TIMEOUT_S = 120.0  # s that an agent has for a row
 _METHODS: Mapping[Question, str] = {
     "steps": "predict",
     "reminders": "check",
