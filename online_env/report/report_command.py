@@ -18,7 +18,7 @@ from hijack_data.cli.terminal import console, echo
 from hijack_data.file_io import make_folder, write_atomic
 from hijack_data.plan import CLEAN
 from hijack_data.runs.own_files import refuse_own_file
-from hijack_data.runs.run_log import EPISODES, RUN
+from hijack_data.runs.run_log import EPISODES, RUN, find_run
 
 from ..report.gate import ReleaseGate, gate_options
 from ..results import reading
@@ -251,7 +251,8 @@ def leaderboard_command(folder: Path, out: Path | None, space: Path | None) -> N
 def _is_own(source: Path) -> bool:
     """Return whether a source is a run of this library or a finished report, or is not there."""
     if source.is_dir():
-        return (source / RUN).exists() or (source / EPISODES).is_dir()
+        folder = find_run(source)
+        return (folder / RUN).exists() or (folder / EPISODES).is_dir()
     if not source.exists():
         return True
     return source.suffix == ".json" and not InspectReader().detect(source)
