@@ -1,15 +1,13 @@
 """The time of each effect on the embedded desktop: apply, probe, undo.
 
-Chromium is in front of Mousepad. With `--gnome` on a machine with GNOME over OSWorld's routes, with gedit
-in front of GNOME Terminal (`tests/support/gnome_machine.py` says how to install it).
+Chromium is in front of Mousepad. `gnome.py` measures the same on a machine with GNOME.
 """
 
 import contextlib
 import os
-import sys
 import time
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from typing import Any
 
 from common import cell, machine, table
@@ -19,7 +17,6 @@ from hijack_data.rng import Stream
 from online_env.effects import perform
 from online_env.embedded.desktop import EmbeddedDesktop
 
-GNOME = "--gnome" in sys.argv
 RUNS = 7
 EFFECTS = {
     "launch_app (Geany for vscode)": Effect(
@@ -34,34 +31,40 @@ EFFECTS = {
 
 
 @contextlib.contextmanager
-def desktop_with_windows() -> Iterator[Any]:
-    """Yield the desktop with two windows."""
-    if not GNOME:
-        with EmbeddedDesktop.up(apps=("browser", "editor")) as desktop:
-            desktop.execute(["wmctrl", "-a", "Chromium"])
-            time.sleep(3)
-            yield desktop
-        return
-    sys.path.append(str(Path(__file__).parents[1] / "tests"))
-    from support.gnome_machine import gnome  # pyright: ignore[reportMissingImports]
-
-    start = time.perf_counter()
-    with gnome() as desktop:
-        print(f"GNOME can be used {time.perf_counter() - start:.1f} s after its start.")
-        for program in ("gnome-terminal", "gedit"):
-            desktop.launch([program])
-            time.sleep(4)
+def embedded_windows() -> Iterator[Any]:
+    """Yield an embedded desktop with two windows."""
+    with EmbeddedDesktop.up(apps=("browser", "editor")) as desktop:
+        desktop.execute(["wmctrl", "-a", "Chromium"])
+        time.sleep(3)
         yield desktop
 
 
-def main() -> None:
-    """Print the table."""
+def close_what_a_touch_opened(desktop: Any) -> None:
+    """Close a menu or dialog, and bring the page back."""
+    desktop.run(
+        "pyautogui.press('esc'); pyautogui.hotkey('ctrl', 'l'); pyautogui.write('search.test\\n')"
+    )
+    time.sleep(1.5)
+
+
+def main(
+    open_desktop: Callable[[], AbstractContextManager[Any]] = embedded_windows,
+    clean_up: Callable[[Any], None] = close_what_a_touch_opened,
+) -> None:
+    """Print the table.
+
+    Args:
+        open_desktop: returns a context manager that yields a desktop with two windows.
+        clean_up: called after each touch.
+    """
     found: dict[str, list[list[float]]] = {name: [[], [], []] for name in EFFECTS}
     bad: list[str] = []
-    with desktop_with_windows() as desktop:
+    with open_desktop() as desktop:
         for run in range(RUNS + 1):
             for name, effect in EFFECTS.items():
                 bad += measure(desktop, effect, run, found[name] if run else [[], [], []])
+                if effect.kind == "touch":
+                    clean_up(desktop)
     rows = [
         [name, *map(cell, times), cell([a + p for a, p in zip(*times[:2], strict=True)])]
         for name, times in found.items()
@@ -88,15 +91,6 @@ def measure(desktop: Any, effect: Effect, run: int, into: list[list[float]]) -> 
     marks.append(time.perf_counter())
     for times, start, end in zip(into, marks, marks[1:], strict=False):
         times.append((end - start) * 1e3)
-    if effect.kind == "touch" and GNOME:
-        desktop.run("pyautogui.press('esc')")
-        time.sleep(1)
-    elif effect.kind == "touch":  # what it opened is closed, and the page is brought back
-        desktop.run(
-            "pyautogui.press('esc'); pyautogui.hotkey('ctrl', 'l');"
-            " pyautogui.write('search.test\\n')"
-        )
-        time.sleep(1.5)
     return [f"{effect.kind}: {result.problem}" for result in (probe, undone) if not result.ok]
 
 

@@ -26,6 +26,8 @@ SCRIPTS = {
     "desktop_image": "Images of the desktop",
     "virtual_machine": "A virtual machine beside the embedded desktop",
     "effects": "Effects on a live desktop",
+    "gnome": "Effects on GNOME",
+    "browser": "A browser as the desktop",
     "suite": "The suite of tasks",
     "live_steps": "Corruptions on a live desktop, step by step",
     "reports": "Reports",

@@ -99,7 +99,7 @@ ABLATIONS = {
 
 
 # The paper's figures as live benchmarks: tests/online_env/test_ablations.py
-FIGURES = ("intensity", "content", "location", "modules")
+FIGURES = ("intensity", "content", "location", "modules", "agenthijack_modules", "onlooker")
 
 
 def test_the_ablations_are_the_paper_s():

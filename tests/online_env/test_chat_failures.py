@@ -381,7 +381,7 @@ def test_points_below_one_are_counted_and_told_in_the_report(tmp_path):
     env.step("pyautogui.click(30, 20)")
     env.step("DONE")
     assert env.record["points"] == {"named": 2, "fractions": 1}
-    told = list(fraction_note(SimpleNamespace(records=[env.record], is_scored=False)))
+    told = list(fraction_note(SimpleNamespace(last_attempts=[env.record], is_scored=False)))
     assert told == [
         f"{env.record['agent']}: 1 of 2 points were below 1, and were read as pixels of the top"
         " left corner: is coordinates: fractions meant?"

@@ -2,7 +2,6 @@
 
 import json
 import os
-from functools import partial
 
 import pytest
 from click.testing import CliRunner
@@ -10,7 +9,7 @@ from click.testing import CliRunner
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("openai", reason="needs the extra [agents]")
 
-from ext_package.paper import PressOk, provider
+from ext_package.paper import PaperDesktop, PressOk, provider
 
 from hijack_data.errors import HijackError, MissingDependencyError
 from online_env.agents.chat.prompts import read_prompt
@@ -18,7 +17,7 @@ from online_env.agents.makers import prompts_folder
 from online_env.agents.registry import AGENTS
 from online_env.bench.bench_command import bench
 from online_env.bench.providers import PROVIDERS
-from online_env.environment import EvalSettings, Settle
+from online_env.environment import Settle
 from online_env.results import records
 from online_env.tasks import TASKS
 
@@ -43,8 +42,7 @@ def paper(monkeypatch):
     before = [(registry, dict(registry.entries)) for registry in (AGENTS, PROVIDERS, TASKS)]
     PROVIDERS.add(provider, "paper")
     TASKS.add(PressOk)
-    at_once = partial(EvalSettings, settle=Settle(quiet=0, cap=0))
-    monkeypatch.setattr("online_env.bench.episodes.EvalSettings", at_once)
+    monkeypatch.setattr(PaperDesktop, "settle", Settle(quiet=0, cap=0), raising=False)
     yield
     for registry, entries in before:
         registry.entries.clear()
