@@ -89,9 +89,9 @@ def find_reader(source: Path, name: str | None = None) -> OutcomeReader:
         reader: OutcomeReader = Lazy(place).load()()
         if reader.detect(source):
             return reader
-    inside = [path for path in (source / "run", source / "report.json") if path.exists()]
-    if inside:
-        raise OutcomeError(f"{source}: is not the folder of a run; give {inside[0]}")
+    report = source / "report.json"
+    if report.exists():
+        raise OutcomeError(f"{source}: is not the folder of a run; give {report}")
     raise OutcomeError(
         f"{source}: is not the folder of a run (hijack bench and hijack score make one), no table"
         " (.csv, .jsonl, .parquet), no log of Inspect (.eval, .json), and no folder of OSWorld with"

@@ -226,12 +226,14 @@ def test_results_of_others_are_no_model_card_of_this_benchmark(tmp_path):
 def test_runs_of_this_library_are_reported_alone(tmp_path, capsys):
     from support.reported import run_of, scored
 
-    folder = run_of(tmp_path / "deep" / "run", scored("a", "clean", [1, 0]))
+    folder = run_of(tmp_path / "deep" / "mine", scored("a", "clean", [1, 0]))
     table = write_csv(tmp_path / "r.csv", rows())
+    report = folder.parent / "report.json"
+    report.write_text("{}")
     for words, said in (
         ([folder, table], "is a run of this library, and is reported alone"),
         ([folder, "--clean", "none"], "is a run of this library, which --clean is not for"),
-        ([folder.parent], f"is not the folder of a run; give {folder}"),
+        ([folder.parent], f"is not the folder of a run; give {report}"),
         ([table, "--columns", "taks=id"], "no field 'taks'; did you mean 'task'?"),
         ([table, "--from", "osword"], "no reader 'osword'; did you mean 'osworld'?"),
         ([table, "--clean", "mark"], "no condition 'mark'; did you mean 'marks'?"),

@@ -22,6 +22,10 @@ class Connection:
     """
 
     def __init__(self, name: str | None = None) -> None:
+        # python-xlib may fail where the file does not exist, though none may be needed.
+        authority = os.environ.get("XAUTHORITY") or os.path.expanduser("~/.Xauthority")
+        if not os.access(authority, os.R_OK):
+            os.environ["XAUTHORITY"] = os.devnull
         self.display: Any = display.Display(name or os.environ.get("DISPLAY", ""))
         self.screen: Any = self.display.screen()
         self.root: Any = self.screen.root
