@@ -12,7 +12,7 @@ from pathlib import Path
 from common import hijack
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "results" / "ten_episodes.html"
+PAGE = ROOT / "docs" / "results" / "ten_episodes_viewer.html"
 PLAYED = ("embedded", "--agent", "pixel", "--tasks", "buy_cheapest_rated", "--seeds", "1")
 
 

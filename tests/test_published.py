@@ -119,7 +119,7 @@ def test_a_page_without_a_place_for_its_table_stays_as_it_is(published_table, tm
 
 
 def test_the_ten_episodes_are_sound_and_end_as_their_page_says():
-    page = (RESULTS / "ten_episodes.html").read_text(encoding="utf-8")
+    page = (RESULTS / "ten_episodes_viewer.html").read_text(encoding="utf-8")
     assert len(page) < 2_000_000
     data = json.loads(page.partition('id="run-data">')[2].partition("</script>")[0])
     assert len(data["episodes"]) == 10

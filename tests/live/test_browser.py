@@ -25,7 +25,7 @@ from online_env.effects.conformance import run_live
 from online_env.errors import DesktopError, MissingCapabilityError, MissingPackageError
 from online_env.tasks import Hand
 
-from support import docs
+from support import docs, needs
 
 HOST = "pages.test"
 PAGE = docs.ROOT / "docs" / "browser.md"
@@ -38,10 +38,7 @@ FORM = """<!doctype html><title>Form</title><body style="margin:0">
 @pytest.fixture(scope="session", autouse=True)
 def chromium_here() -> None:
     """Skips where no Chromium is installed."""
-    try:
-        chromium.find_program()
-    except MissingPackageError as error:
-        pytest.skip(str(error))
+    needs.chromium()
 
 
 @pytest.fixture(scope="module")

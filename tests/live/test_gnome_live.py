@@ -69,8 +69,7 @@ LACKS = {
 @pytest.fixture(scope="module")
 def gnome() -> None:
     """Skips where there is no GNOME."""
-    if gnome_machine.lack():
-        pytest.skip(gnome_machine.lack())
+    needs.gnome()
 
 
 def test_a_task_is_played_under_all_nine_and_verified(gnome: None, tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from typing import Any
 from online_env.desktops.http import HttpDesktop
 from online_env.errors import DesktopError
 
-LAYER = Path(os.environ.get("AGENTHIJACK_GNOME", "/var/tmp/agenthijack-gnome"))
+LAYER = Path(os.environ.get("AGENTHIJACK_GNOME", "/var/lib/agenthijack/gnome"))
 PACKAGES = (
     "systemd-sysv",
     "dbus-user-session",

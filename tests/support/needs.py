@@ -15,8 +15,12 @@ from typing import Any, NoReturn
 
 import pytest
 
+from online_env.browser.chromium import find_program
 from online_env.embedded import doctor, packages
+from online_env.errors import MissingPackageError
 from online_env.osworld import venv
+
+from . import gnome_machine
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 # Programs whose packages have other names; all that is in no profile's list is a part of core.
@@ -101,6 +105,21 @@ def needs_memory(gib: float) -> Any:
 def apps(*programs: str) -> None:
     """Skip where one of these applications is not installed."""
     why = lack_of_apps(*programs)
+    if why:
+        pytest.skip(why)
+
+
+def chromium() -> None:
+    """Skip where no Chromium is installed."""
+    try:
+        find_program()
+    except MissingPackageError as error:
+        pytest.skip(str(error))
+
+
+def gnome() -> None:
+    """Skip where there is no machine with GNOME."""
+    why = gnome_machine.lack()
     if why:
         pytest.skip(why)
 

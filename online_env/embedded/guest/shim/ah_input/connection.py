@@ -1,7 +1,9 @@
 """One connection to an X display, and waiting until an application has read its events."""
 
+import contextlib
 import os
 import select
+import sys
 import time
 from typing import Any, cast
 
@@ -22,11 +24,15 @@ class Connection:
     """
 
     def __init__(self, name: str | None = None) -> None:
-        # python-xlib may fail where the file does not exist, though none may be needed.
-        authority = os.environ.get("XAUTHORITY") or os.path.expanduser("~/.Xauthority")
-        if not os.access(authority, os.R_OK):
+        place = name or os.environ.get("DISPLAY", "")
+        try:
+            self.display: Any = display.Display(place)
+        except error.XauthError:
+            # python-xlib 0.15 fails where the file does not exist, though none may be needed, and
+            # prints a warning where it is empty.
             os.environ["XAUTHORITY"] = os.devnull
-        self.display: Any = display.Display(name or os.environ.get("DISPLAY", ""))
+            with contextlib.redirect_stdout(sys.stderr):
+                self.display = display.Display(place)
         self.screen: Any = self.display.screen()
         self.root: Any = self.screen.root
         self._pings = 0
