@@ -75,7 +75,7 @@ def open_html(site: FolderSite, browser: BrowserDesktop) -> Callable[[str], Brow
 @pytest.fixture(scope="module")
 def miniwob() -> Iterator[MiniwobTasks]:
     """A browser with the pages of MiniWoB++."""
-    pytest.importorskip("miniwob", reason="the pages are in the package miniwob")
+    pytest.importorskip("miniwob", reason=needs.BROWSER)
     stage = open_miniwob((720, 960))
     yield stage
     stage.close()
@@ -349,7 +349,7 @@ def test_the_python_of_browser_md_runs(
 
 
 def test_tasks_that_are_not_there_are_named(tmp_path: Path) -> None:
-    pytest.importorskip("miniwob", reason="the pages are in the package miniwob")
+    pytest.importorskip("miniwob", reason=needs.BROWSER)
     with pytest.raises(ConfigError, match="did you mean 'click-test'"):
         task_class("miniwob/click-tets.html")
     (tmp_path / "page.html").write_text("<p>")

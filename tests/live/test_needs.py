@@ -106,6 +106,7 @@ def test_every_reason_comes_from_there():
         assert "skipif(" not in text, path
         reasons = re.findall(r"importorskip\(([^)]*)\)", text)
         ours = tuple(
-            f"reason=needs.{name}" for name in ("ONLINE", "HF", "INSPECT", "RAY", "OCR", "SERVE")
+            f"reason=needs.{name}"
+            for name in ("ONLINE", "HF", "INSPECT", "RAY", "OCR", "SERVE", "BROWSER")
         )
         assert all(reason.endswith(ours) for reason in reasons), path
