@@ -95,9 +95,10 @@ def forgotten_names() -> Iterator[None]:
     yield
     for one in registry.registries():
         for name in set(one.entries) - before.get(one.group, set()):
-            # What stands for an agent of a user is an object of a class of ours.
+            # What stands for an agent of a user, or of a file, is an object of a class of ours.
             entry = one.entries[name]
-            if not registry.is_ours(entry) or type(entry).__name__ == "AgentReference":
+            kind = type(entry).__name__
+            if not registry.is_ours(entry) or kind in ("AgentReference", "FileAgentMaker"):
                 del one.entries[name]
 
 
