@@ -120,7 +120,7 @@ def test_buttons_of_the_page_corrupt_the_desktop_and_take_it_back(viewer, embedd
         ] == hj.corruption_names()[:9]
         assert press("marks")["on"]
         small = press("resolution")
-        assert "sees 960x540" in small["said"]
+        assert "sees 960x540" in small["message"]
         assert frame() == (960, 540)
         assert not press("resolution")["on"]
         assert not press("marks")["on"]
@@ -128,7 +128,7 @@ def test_buttons_of_the_page_corrupt_the_desktop_and_take_it_back(viewer, embedd
 
         locked = press("verification")
         assert (locked["on"], locked["ok"]) == (True, True), locked
-        assert "covers the screen" in locked["said"]
+        assert "covers the screen" in locked["message"]
         unlocked = press("verification")
         assert (unlocked["on"], unlocked["ok"]) == (False, True), unlocked
         assert all(not button["on"] for button in client.get("/buttons").json())
