@@ -140,13 +140,13 @@ def chat(
     names = (roles,) if isinstance(roles, str) else tuple(roles)
     if not names or not all(isinstance(cast("object", name), str) for name in names):
         raise ParameterTypeError(f"chat roles must be texts such as 'assistant', got {roles!r}")
-    places = None if indices is None else tuple(indices)
-    if places is not None and not all(type(cast("object", index)) is int for index in places):
+    positions = None if indices is None else tuple(indices)
+    if positions is not None and not all(type(cast("object", index)) is int for index in positions):
         raise ParameterTypeError(f"chat indices must be whole numbers, got {indices!r}")
     for declared in (form, others):
         if declared is not None:
             find_format(declared)
-    return ChatLabels(form, tuple(ROLES.get(name, name) for name in names), places, others)
+    return ChatLabels(form, tuple(ROLES.get(name, name) for name in names), positions, others)
 
 
 def map_label(key: str, form: Format, value: Any, move: Move) -> Any:

@@ -1,5 +1,6 @@
 """Labels at the end of a dotted path, such as `objects.bbox`, also inside lists on the path."""
 
+import contextlib
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeAlias, cast
 
@@ -53,12 +54,12 @@ def locate_at_path(
         LabelError: a label cannot be right; the message names the path.
     """
     labels = _collect(value, steps)
-    rows = None if form.rows is None else _read_rows(labels, form.rows.width)
-    if rows is not None and form.rows is not None:
-        try:
-            return form.rows.locate_rows(rows, size)
-        except HijackError:
-            pass  # below, the message names the label
+    if form.rows is not None:
+        rows = _read_rows(labels, form.rows.width)
+        if rows is not None:
+            # Where it fails, the message below names the label.
+            with contextlib.suppress(HijackError):
+                return form.rows.locate_rows(rows, size)
     return [place for label in labels for place in label_locations(path, form, label, size)]
 
 

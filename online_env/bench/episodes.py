@@ -20,7 +20,7 @@ from ..agents.base import Agent, Privileged
 from ..agents.references import is_user_code, reference_to
 from ..agents.registry import AGENTS, make
 from ..environment import CorruptedEnv
-from ..environment.script import Script
+from ..environment.script import check_corruptions
 from ..environment.settle import Settle
 from ..environment.stage import TaskStage
 from ..errors import DesktopError, MissingCapabilityError
@@ -115,7 +115,9 @@ class LiveEpisodes:
         """
         bench = self._bench
         if not self._was_checked:
-            self._check_corruptions()
+            desktop = self._stage.desktop
+            check_corruptions(bench.planners.values(), bench.max_steps, desktop)
+            self._was_checked = True
         begin(job.agent, episode_slug(*job.key[1:3], job.seed, job.agent, attempt))
         settle = getattr(self._stage.desktop, "settle", Settle())
         settings = replace(bench.settings(job.agent, self._folder), settle=settle)
@@ -145,13 +147,6 @@ class LiveEpisodes:
             _call_agent(agent.reset)
             if isinstance(agent, AgentThread):
                 agent.close()
-
-    def _check_corruptions(self) -> None:
-        """Refuse the run before its first episode if the desktop lacks what a corruption needs."""
-        for planner in self._bench.planners.values():
-            script = Script(planner, self._bench.seeds[0], "", (), self._stage.desktop.size)
-            script.check(self._bench.max_steps, self._stage.desktop)
-        self._was_checked = True
 
     def desktop_works(self) -> bool:
         """Return whether the desktop can play another episode, after one that failed."""

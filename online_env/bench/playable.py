@@ -3,10 +3,11 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from hijack_data.errors import ConfigError
+from hijack_data.errors import ConfigError, ParameterError
 
 from ..tasks import TASKS, find_family
 from .config import Bench
+from .providers import EMBEDDED
 
 
 def only_playable(bench: Bench, unplayable: str, say: Callable[[str], object]) -> Bench:
@@ -52,14 +53,24 @@ def only_playable(bench: Bench, unplayable: str, say: Callable[[str], object]) -
 
 
 def check_machines(bench: Bench, episodes: int) -> None:
-    """Check that the machines of the user can play; none is started or changed.
+    """Check that tasks of a family can be played on what the benchmark names; nothing is started.
 
-    A `HijackError` says what is wrong.
+    A `HijackError` says what is wrong with machines of the user.
 
     Args:
-        bench: The benchmark; without machines nothing is checked.
+        bench: The benchmark.
         episodes: How many episodes will be played.
+
+    Raises:
+        ParameterError: The tasks are not played on embedded desktops.
     """
     family = find_family(bench.tasks)
-    if family is not None and bench.machines is not None:
+    if family is None:
+        return
+    if bench.provider == EMBEDDED and family.provider != EMBEDDED:
+        raise ParameterError(
+            f"{family.title}'s tasks are played by desktop: {{provider: {family.provider}}}, and"
+            f" {bench.source} has {EMBEDDED}"
+        )
+    if bench.machines is not None:
         family.check_machines(bench.machines, episodes)

@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -19,15 +19,18 @@ from ..errors import CostLimitError
 from ..report.outcome import exit_code
 from ..report.terminal import show
 from ..results import costs, records
+from ..tasks import find_family
+from .config import Bench, load_bench, on_machines, override
+from .episodes import LiveEpisodes
+from .estimates import estimate, history_near
+from .jobs import Job, attempts, jobs
+from .models import ModelOptions, check_agents, prepare
+from .playable import check_machines, only_playable
+from .pools import LOCAL, EpisodePool, open_pool
 from .progress import ProgressDisplay
-
-if TYPE_CHECKING:
-    from .config import Bench
-    from .episodes import LiveEpisodes
-    from .jobs import Job
-    from .models import ModelOptions
-    from .pools import EpisodePool
-    from .workers import WorkerSetup
+from .providers import check_installed
+from .runner import needs_attempt, run_jobs
+from .workers import LocalPool, WorkerSetup, default_desktops, open_stage, references
 
 
 def run_command(
@@ -65,13 +68,6 @@ def run_command(
         SystemExit: With the exit code, once the run is over.
         UsageError: `out` is missing.
     """
-    from .config import load_bench, on_machines, override
-    from .estimates import estimate, history_near
-    from .jobs import jobs
-    from .models import ModelOptions, check_agents, prepare
-    from .playable import only_playable
-    from .pools import open_pool
-
     benchmark = override(
         load_bench(config),
         agent,
@@ -95,15 +91,11 @@ def run_command(
         remaining = (
             planned_jobs if out is None else _remaining_jobs(benchmark, planned_jobs, out, resume)
         )
-        if not remaining:
+        if remaining:
+            _check_here(benchmark, engine, len(remaining))
+            _print_plan(benchmark, remaining, desktops, out)
+        else:
             echo(f"{out}: all {len(planned_jobs)} episodes are there")
-            return
-        _check_here(benchmark, engine, len(remaining))
-        at_once = min(desktops or _room(benchmark), len(remaining))
-        for job in remaining:
-            echo(str(job))
-        expected = estimate(benchmark, remaining, at_once, history_near(out))
-        echo(f"{_size_text(remaining, at_once)}, {expected}")
         return
     if out is None:
         raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
@@ -121,28 +113,33 @@ def run_command(
     raise SystemExit(code)
 
 
+def _print_plan(
+    benchmark: Bench, remaining: Sequence[Job], desktops: int | None, out: Path | None
+) -> None:
+    """Print the episodes that would be played, with an estimate."""
+    at_once = min(desktops or _room(benchmark), len(remaining))
+    for job in remaining:
+        echo(str(job))
+    expected = estimate(benchmark, remaining, at_once, history_near(out))
+    echo(f"{_size_text(remaining, at_once)}, {expected}")
+
+
 def _remaining_jobs(
-    benchmark: "Bench", planned_jobs: "Sequence[Job]", out: Path, resume: bool
-) -> "Sequence[Job]":
+    benchmark: Bench, planned_jobs: Sequence[Job], out: Path, resume: bool
+) -> Sequence[Job]:
     """Return what a run in a folder would still play.
 
     Raises:
         RunError: The run would be refused.
     """
-    from .jobs import attempts
-
     ids = [job.id for job in planned_jobs]
     if not records.check_folder(out, benchmark.to_data(), ids, goes_on=resume):
         return planned_jobs
     return _due_jobs(benchmark, attempts(planned_jobs, records.read(out).records))
 
 
-def _due_jobs(
-    benchmark: "Bench", earlier: "Mapping[Job, Sequence[records.ResultRecord]]"
-) -> "list[Job]":
+def _due_jobs(benchmark: Bench, earlier: Mapping[Job, Sequence[records.ResultRecord]]) -> list[Job]:
     """Return the jobs that need another attempt, given the earlier ones of each."""
-    from .runner import needs_attempt
-
     return [
         job
         for job, attempt_records in earlier.items()
@@ -151,7 +148,7 @@ def _due_jobs(
 
 
 def _begin_run(
-    benchmark: "Bench", planned_jobs: "Sequence[Job]", out: Path, resume: bool, desktops: int
+    benchmark: Bench, planned_jobs: Sequence[Job], out: Path, resume: bool, desktops: int
 ) -> Lock:
     return records.begin(
         out,
@@ -163,20 +160,18 @@ def _begin_run(
     )
 
 
-def _size_text(listed: "Sequence[Job]", desktops: int) -> str:
+def _size_text(listed: Sequence[Job], desktops: int) -> str:
     """Return how many episodes are played on how many desktops."""
     return f"{counted(len(listed), 'episode')} on {counted(desktops, 'desktop')}"
 
 
 def _run(
-    benchmark: "Bench",
-    planned_jobs: "Sequence[Job]",
+    benchmark: Bench,
+    planned_jobs: Sequence[Job],
     out: Path,
-    pool: "EpisodePool",
-    models: "ModelOptions",
+    pool: EpisodePool,
+    models: ModelOptions,
 ) -> int:
-    from .estimates import estimate, history_near
-    from .jobs import attempts
 
     earlier = attempts(planned_jobs, records.read(out).records)
     remaining = _due_jobs(benchmark, earlier)
@@ -211,21 +206,19 @@ def _print_records_kept(out: Path) -> None:
 
 
 def _play(
-    benchmark: "Bench",
-    planned_jobs: "Sequence[Job]",
+    benchmark: Bench,
+    planned_jobs: Sequence[Job],
     out: Path,
-    earlier: "Mapping[Job, Sequence[records.ResultRecord]]",
-    pool: "EpisodePool",
-    models: "ModelOptions",
+    earlier: Mapping[Job, Sequence[records.ResultRecord]],
+    pool: EpisodePool,
+    models: ModelOptions,
 ) -> None:
-    from .runner import needs_attempt, run_jobs
-    from .workers import LocalPool
 
     finished = sum(not needs_attempt(earlier[job], benchmark.retries) for job in planned_jobs)
     display = ProgressDisplay(planned_jobs, console(), finished)
     budget = _budget(out, models.max_cost)
 
-    def run(episodes: "Callable[[Job, int], records.ResultRecord]", stop: Any = None) -> None:
+    def run(episodes: Callable[[Job, int], records.ResultRecord], stop: Any = None) -> None:
         run_jobs(
             planned_jobs,
             out,
@@ -259,26 +252,19 @@ def _notice(text: str) -> None:
     echo(f"hijack: {text}", err=True)
 
 
-def _room(benchmark: "Bench") -> int:
+def _room(benchmark: Bench) -> int:
     """Return how many episodes can be played side by side."""
-    from .workers import default_desktops
-
     if benchmark.machines is not None:
         return len(benchmark.machines.each())
     return default_desktops()
 
 
-def _check_here(benchmark: "Bench", engine: str, episodes: int) -> None:
+def _check_here(benchmark: Bench, engine: str, episodes: int) -> None:
     """Check that the run's episodes can be played here; nodes of Ray check themselves.
 
     Raises:
         ParameterError: Tasks of a family are to be played on a cluster.
     """
-    from ..tasks import find_family
-    from .playable import check_machines
-    from .pools import LOCAL
-    from .providers import EMBEDDED, check_installed
-
     family = find_family(benchmark.tasks)
     if family is None:
         if engine == LOCAL:
@@ -289,28 +275,18 @@ def _check_here(benchmark: "Bench", engine: str, episodes: int) -> None:
             f"{family.title}'s tasks are played from this machine; leave out --engine {engine},"
             " and name the machines with --vm"
         )
-    if benchmark.provider == EMBEDDED != family.provider:
-        raise ParameterError(
-            f"{family.title}'s tasks are played by desktop: {{provider: {family.provider}}}, and"
-            f" {benchmark.source} has {EMBEDDED}"
-        )
     check_machines(benchmark, episodes)
 
 
 @contextlib.contextmanager
-def _local_episodes(benchmark: "Bench", out: Path) -> "Iterator[LiveEpisodes]":
+def _local_episodes(benchmark: Bench, out: Path) -> Iterator[LiveEpisodes]:
     """Play episodes from this process; with `--in-process` a debugger can follow the agent."""
-    from .episodes import LiveEpisodes
-    from .workers import open_stage
-
     with open_stage(benchmark, out) as stage, LiveEpisodes(benchmark, out, stage) as episodes:
         yield episodes
 
 
-def _setup(benchmark: "Bench", out: Path, models: "ModelOptions") -> "WorkerSetup":
+def _setup(benchmark: Bench, out: Path, models: ModelOptions) -> WorkerSetup:
     """Return the settings that another process needs to play episodes."""
-    from .workers import WorkerSetup, references
-
     return WorkerSetup(
         bench=benchmark, folder=out.resolve(), references=references(benchmark), models=models
     )

@@ -9,19 +9,15 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, ClassVar, cast
 
-from hijack_data.errors import HijackError
 from hijack_data.rng import Stream
-from hijack_data.types import Box, as_boxes
 
 from ..desktops.protocol import Capability
 from ..effects.base import EffectError, EffectRecord, LiveEffect, Probe, Undone
-from ..effects.elements import Element, live_elements
+from ..effects.elements import MAX_CLICKS, draw_element, live_elements, read_touch_boxes
 from ..effects.guest import Guest
 from .cover_pages import SIGN_IN
 from .session import BrowserPage, BrowserSession
 
-MAX_OFFSET_PIXELS = 8  # by which an element may be away from the plan's box
-MAX_CLICKS = 5
 NOTES = "Notes"  # the title of the application that stands for another one
 _FETCH = (
     "fetch(%s, {mode: 'no-cors', cache: 'no-store', signal: AbortSignal.timeout(3000)})"
@@ -133,14 +129,17 @@ class ClickElement(LiveEffect):
         elements = live_elements(guest.desktop.accessibility(), browser.size)
         elements = [one for one in elements if one.role != "push-button"] or elements
         record: EffectRecord = {"attempts": [], "clicked": None, "over": browser.task_is_over()}
-        while elements and len(record["attempts"]) < MAX_CLICKS and record["clicked"] is None:
-            element = _draw(elements, _boxes(params), stream)
+        boxes = read_touch_boxes(params)
+        while len(record["attempts"]) < MAX_CLICKS and record["clicked"] is None:
+            element = draw_element(elements, boxes, stream)
+            if element is None:
+                break
             elements.remove(element)
             page = browser.front
             browser.examine(_WATCH, page)
             browser.input.move(element.centre)
             browser.input.click()
-            delivered = page in browser.pages and _clicks(browser, page)
+            delivered = page in browser.pages and _was_clicked(browser, page)
             attempt = {
                 "element": element.to_data(),
                 "point": list(element.centre),
@@ -318,24 +317,7 @@ def _failed_url(browser: BrowserSession, page: BrowserPage) -> str:
     return str(frame.get("unreachableUrl", ""))
 
 
-def _clicks(browser: BrowserSession, page: BrowserPage) -> bool:
+def _was_clicked(browser: BrowserSession, page: BrowserPage) -> bool:
     """Return whether the page got a click since it is watched; a page that changed did."""
-    seen = browser.examine("globalThis.clicks", page)
-    return seen is None or len(cast("Sequence[object]", seen)) > 0
-
-
-def _draw(elements: Sequence[Element], boxes: Sequence[Box], stream: Stream) -> Element:
-    """Return the element at the first of the plan's boxes that has one, otherwise a random one."""
-    for box in boxes:
-        for element in elements:
-            if max(abs(a - b) for a, b in zip(element.box, box, strict=True)) <= MAX_OFFSET_PIXELS:
-                return element
-    return stream.choice(elements)
-
-
-def _boxes(params: Mapping[str, Any]) -> list[Box]:
-    try:
-        rows = as_boxes(params.get("boxes", ())).tolist()
-    except HijackError as error:
-        raise EffectError(f"touch: {error}") from None
-    return [(x1, y1, x2, y2) for x1, y1, x2, y2 in rows]
+    clicks = browser.examine("globalThis.clicks", page)
+    return clicks is None or len(cast("Sequence[object]", clicks)) > 0

@@ -133,18 +133,18 @@ def _find_page(path: str) -> Path:
     Raises:
         ConfigError: There is no such page.
     """
-    given = Path(path)
-    if given.is_file():
-        return given
-    if given.parent != Path(FOLDER):
+    file = Path(path)
+    if file.is_file():
+        return file
+    if file.parent != Path(FOLDER):
         raise ConfigError([f"{path}: there is no such file"])
     spec = importlib.util.find_spec("miniwob")
     if spec is None or not spec.submodule_search_locations:
         raise ConfigError([f"{path}: the pages are in the package miniwob: {remedy('browser')}"])
     folder = Path(spec.submodule_search_locations[0]) / "html" / FOLDER
-    page = folder / given.name
+    page = folder / file.name
     if not page.is_file():
-        close = suggest(given.stem, [file.stem for file in folder.glob(f"*{SUFFIX}")])
+        close = suggest(file.stem, [file.stem for file in folder.glob(f"*{SUFFIX}")])
         raise ConfigError([f"{path}: the package miniwob has no such page{close}"])
     return page
 

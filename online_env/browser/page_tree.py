@@ -129,12 +129,12 @@ def _read_nodes(snapshot: Mapping[str, Any]) -> list[_Node]:
         dy -= document.get("scrollOffsetY", 0)
         table, layout = document["nodes"], document["layout"]
         clickable = set(table.get("isClickable", {}).get("index", ()))
-        own: list[_Node] = []
+        document_nodes: list[_Node] = []
         for index, parent in enumerate(table["parentIndex"]):
             words = [strings[key] for key in table["attributes"][index]]
             node = _Node(
                 backend=table["backendNodeId"][index],
-                parent=own[parent] if parent >= 0 else None,
+                parent=document_nodes[parent] if parent >= 0 else None,
                 tag=strings[table["nodeName"][index]].lower(),
                 attributes=dict(zip(words[::2], words[1::2], strict=True)),
                 is_clickable=index in clickable,
@@ -142,19 +142,19 @@ def _read_nodes(snapshot: Mapping[str, Any]) -> list[_Node]:
             value = table["nodeValue"][index]
             if node.tag == "#text" and value >= 0:
                 node.text = strings[value]
-            own.append(node)
+            document_nodes.append(node)
         for index, bounds, styles in zip(
             layout["nodeIndex"], layout["bounds"], layout["styles"], strict=True
         ):
             x, y, width, height = bounds
             if width > 0 and height > 0:
-                own[index].box = (x + dx, y + dy, width, height)
-            own[index].is_visible = not styles or strings[styles[0]] == "visible"
+                document_nodes[index].box = (x + dx, y + dy, width, height)
+            document_nodes[index].is_visible = not styles or strings[styles[0]] == "visible"
         frames = table.get("contentDocumentIndex", {"index": (), "value": ()})
         for index, inner in zip(frames["index"], frames["value"], strict=True):
-            x, y, *_ = own[index].box or (0.0, 0.0)
+            x, y, *_ = document_nodes[index].box or (0.0, 0.0)
             offsets[inner] = (x, y)
-        nodes += own
+        nodes += document_nodes
     for node in nodes:  # an element's text is that of all nodes inside
         above = node.parent if node.text.strip() else None
         while above is not None and len(above.text) < 200:

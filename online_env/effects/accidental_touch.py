@@ -11,26 +11,31 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from hijack_data.errors import HijackError
 from hijack_data.rng import Stream
-from hijack_data.types import Box, UInt8Array, as_boxes
+from hijack_data.types import UInt8Array
 
 from ..desktops.protocol import Capability
 from .app_minimization import DESKTOP_WINDOW_TYPES
-from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
+from .base import EffectRecord, LiveEffect, Probe, Undone, register
 from .descriptions import short
-from .elements import LAUNCHERS, Element, live_elements, window_at
+from .elements import (
+    LAUNCHERS,
+    MAX_CLICKS,
+    Element,
+    draw_element,
+    live_elements,
+    read_touch_boxes,
+    window_at,
+)
 from .guest import Guest
 from .launchers import application_names, launches_application
 
-MAX_CLICKS = 5
 CHANGE_TIMEOUT_S = 2.0  # s within which a click must change the screen
 # Highlights under the pointer are not caused by the click, so wait, for a limited time, until the
 # screen is still.
 QUIET_S = 0.15  # s without change
 HOVER_TIMEOUT_S = 0.8  # s at most
 POLL_S = 0.03  # s between two pictures
-MAX_OFFSET_PIXELS = 8  # pixels by which an element may be away from the plan's box
 
 
 @dataclass(frozen=True)
@@ -63,7 +68,7 @@ class Touch(LiveEffect):
     def apply(self, guest: Guest, params: Mapping[str, Any]) -> EffectRecord:
         """Draw an element and click it; draw another if it is gone or the click changes nothing."""
         stream = guest.stream or Stream(0, "touch-v1")
-        boxes = _boxes(params)
+        boxes = read_touch_boxes(params)
         without_app = bool(params.get("without_app", True))
         attempts: list[EffectRecord] = []
         tried_elements: set[Element] = set()
@@ -72,7 +77,7 @@ class Touch(LiveEffect):
             candidates = [element for element in view.elements if element not in tried_elements]
             if not attempts:
                 candidates = candidates or view.launchers
-            element = _draw(candidates, boxes, stream)
+            element = draw_element(candidates, boxes, stream)
             if element is None:
                 break
             tried_elements.add(element)
@@ -173,22 +178,6 @@ def _is_own_window(window: Mapping[str, Any] | None, element: Element) -> bool:
     return window["class"].lower().startswith(f"{element.app.lower()}.")
 
 
-def _draw(candidates: Sequence[Element], boxes: Sequence[Box], stream: Stream) -> Element | None:
-    """Return the element at the first of the plan's boxes that has one, otherwise a random one."""
-    if not candidates:
-        return None
-    for box in boxes:
-        distances = [_distance(element.box, box) for element in candidates]
-        nearest = min(distances)
-        if nearest <= MAX_OFFSET_PIXELS:
-            return candidates[distances.index(nearest)]
-    return stream.choice(candidates)
-
-
-def _distance(first: Box, second: Box) -> int:
-    return max(abs(a - b) for a, b in zip(first, second, strict=True))
-
-
 def _click(guest: Guest, view: _View, element: Element) -> EffectRecord:
     no_window: dict[str, Any] = {"id": 0, "frame": [], "class": "", "title": ""}
     window = window_at(element.centre, view.state) or no_window
@@ -258,11 +247,3 @@ def _changes(guest: Guest, before: UInt8Array) -> bool:
 
 def _differ(first: UInt8Array, second: UInt8Array) -> bool:
     return first.shape != second.shape or not np.array_equal(first, second)
-
-
-def _boxes(params: Mapping[str, Any]) -> list[Box]:
-    try:
-        rows = as_boxes(params.get("boxes", ())).tolist()
-    except HijackError as error:
-        raise EffectError(f"touch: {error}") from None
-    return [(x1, y1, x2, y2) for x1, y1, x2, y2 in rows]

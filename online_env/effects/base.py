@@ -223,8 +223,8 @@ def find(kind: str, desktop: Desktop | None = None) -> LiveEffect:
         UnknownNameError: no effect of this kind is registered.
         PluginError: the plug-in that should register it cannot be loaded.
     """
-    own: Mapping[str, LiveEffect] = getattr(desktop, "effects", {})
-    return own.get(kind) or EFFECTS.get(kind)
+    desktop_effects: Mapping[str, LiveEffect] = getattr(desktop, "effects", {})
+    return desktop_effects.get(kind) or EFFECTS.get(kind)
 
 
 def perform(

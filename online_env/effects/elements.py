@@ -7,10 +7,14 @@ from typing import Any
 
 from hijack_data.elements.accessibility_nodes import AccessibleNode, nodes_from_tree
 from hijack_data.elements.interactive_nodes import interactive_elements
-from hijack_data.errors import ElementsError
-from hijack_data.types import Box, Point, Size
+from hijack_data.errors import ElementsError, HijackError
+from hijack_data.rng import Stream
+from hijack_data.types import Box, Point, Size, as_boxes
 
 from ..errors import DesktopError
+from .base import EffectError
+
+MAX_CLICKS = 5  # of an accidental touch
 
 # Panels, docks and the icons on the desktop, where elements launch or bring up other applications.
 LAUNCHERS = frozenset(
@@ -39,6 +43,7 @@ _PLACE = "/ns/component}screencoord"
 _ORIGIN = "(0, 0)"
 _TOP_LEVEL_DEPTH = 3  # root, application, window
 _ORIGIN_PIXELS = 8  # pixels within which a window is at the corner of the screen
+_MAX_OFFSET_PIXELS = 8  # by which an element may be away from the plan's box
 
 
 @dataclass(frozen=True)
@@ -130,3 +135,34 @@ def window_at(point: Point, state: Mapping[str, Any]) -> dict[str, Any] | None:
         if window["mapped"] and x1 <= x < x2 and y1 <= y < y2:
             return window
     return None
+
+
+def read_touch_boxes(params: Mapping[str, Any]) -> list[Box]:
+    """Return the boxes in the parameters of an accidental touch.
+
+    Raises:
+        EffectError: They are no boxes.
+    """
+    try:
+        rows = as_boxes(params.get("boxes", ())).tolist()
+    except HijackError as error:
+        raise EffectError(f"touch: {error}") from None
+    return [(x1, y1, x2, y2) for x1, y1, x2, y2 in rows]
+
+
+def draw_element(
+    candidates: Sequence[Element], boxes: Sequence[Box], stream: Stream
+) -> Element | None:
+    """Return the element at the first of the plan's boxes that has one, otherwise a random one."""
+    if not candidates:
+        return None
+    for box in boxes:
+        distances = [_distance(element.box, box) for element in candidates]
+        nearest = min(distances)
+        if nearest <= _MAX_OFFSET_PIXELS:
+            return candidates[distances.index(nearest)]
+    return stream.choice(candidates)
+
+
+def _distance(first: Box, second: Box) -> int:
+    return max(abs(a - b) for a, b in zip(first, second, strict=True))

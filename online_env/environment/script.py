@@ -1,5 +1,6 @@
 """The script of an episode: one plan per step, computed from seed, task and screen only."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from hijack_data.corruption import make_corruption
@@ -112,6 +113,18 @@ class Script:
             raise MissingCapabilityError(
                 f"{get_label(self.planner)} needs {', '.join(missing)}, {lacks(desktop, missing)}"
             )
+
+
+def check_corruptions(planners: Iterable[Planner | None], steps: int, desktop: Desktop) -> None:
+    """Refuse corruptions that cannot work on a desktop, before any episode begins.
+
+    Raises:
+        ParameterError: The screen is too small, or pictures have several sizes in an episode.
+        MissingCapabilityError: The desktop lacks capabilities, all of which are named.
+        UnknownNameError: An effect is of an unknown kind.
+    """
+    for planner in planners:
+        Script(planner, 0, "", (), desktop.size).check(steps, desktop)
 
 
 def _acts(plan: Plan) -> bool:

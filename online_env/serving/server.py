@@ -20,7 +20,7 @@ from ..bench.config import Bench
 from ..bench.playable import check_machines
 from ..bench.providers import check_installed
 from ..bench.workers import open_stage
-from ..environment.script import Script
+from ..environment.script import check_corruptions
 from ..environment.stage import Stage
 from ..tasks import find_family
 from ..tasks.machines import MachineSettings
@@ -179,8 +179,7 @@ def check_desktops(service: DesktopService) -> None:
         MissingCapabilityError: They lack a capability.
     """
     desktop = service.pool.any_seat().stage.desktop
-    for planner in service.draws.planners.values():
-        Script(planner, 0, "", (), desktop.size).check(service.settings.max_steps, desktop)
+    check_corruptions(service.draws.planners.values(), service.settings.max_steps, desktop)
 
 
 def serve(options: ServeOptions, say: Callable[[str], object]) -> None:
