@@ -39,9 +39,9 @@ from online_env.effects import (
     register,
     resume,
 )
-from online_env.effects.accidental_touch import _draw, _is_part_of_panel, _is_reachable
+from online_env.effects.accidental_touch import _is_part_of_panel, _is_reachable
 from online_env.effects.apps import COMMANDS
-from online_env.effects.elements import Element, live_elements
+from online_env.effects.elements import Element, draw_element, live_elements
 from online_env.effects.guest import Guest, isolated
 from online_env.effects.launchers import launches_application
 from online_env.effects.multi_apps import _misplaced
@@ -531,9 +531,9 @@ def test_draw_prefers_the_plan_then_the_stream():
         f' name="a">{"".join(node("link", str(i), 25 * i) for i in range(6))}</application>'
     )
     found = live_elements(xml, (100, 200))
-    assert _draw(found, [(0, 0, 3, 3), (52, 6, 72, 16)], Stream(1, "t")).name == "2"
-    assert _draw([], [(52, 6, 72, 16)], Stream(1, "t")) is None
-    drawn = {_draw(found, [], Stream(seed, "t")).name for seed in range(40)}
+    assert draw_element(found, [(0, 0, 3, 3), (52, 6, 72, 16)], Stream(1, "t")).name == "2"
+    assert draw_element([], [(52, 6, 72, 16)], Stream(1, "t")) is None
+    drawn = {draw_element(found, [], Stream(seed, "t")).name for seed in range(40)}
     assert drawn == {str(i) for i in range(6)}
 
 
