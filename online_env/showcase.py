@@ -76,8 +76,9 @@ def _show(desktop: Desktop, name: str, seed: int) -> ShowcaseEntry:
         if not undone.ok:
             raise DesktopError(f"{name} could not be taken back: {undone.problem}")
     if name in ("network_error", "accidental_touch"):
+        # A touch may have minimised or closed the browser: a new start of it shows it in any case.
         desktop.run("pyautogui.press('esc')")
-        _visit(desktop, PAGE)
+        launch(desktop, BROWSER, PAGE)
         _wait_for_page(desktop)
     return ShowcaseEntry(name, applied.before, after, applied.ok, applied.saw)
 
