@@ -41,6 +41,8 @@ def recovery_note(run: Run) -> Iterator[str]:
 
 def fraction_note(run: Run) -> Iterator[str]:
     """Yield which agents named points in fractions of the picture, which were read as pixels."""
+    if run.config.get("kind") == RESULTS:  # the logs of others do not say
+        return
     counts_by_agent: dict[str, Counter[str]] = {}
     for record in run.last_attempts:
         points = record.get("points")

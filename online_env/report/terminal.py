@@ -17,6 +17,7 @@ from hijack_data.errors import counted
 from hijack_data.plan import CLEAN
 
 from ..results import costs, scores
+from ..results.outcomes import RESULTS
 from ..results.reading import ResultRecord, Run
 from . import formatting
 from .build import build_report
@@ -93,12 +94,11 @@ def show(run: Run, reference: str = "", *, paper: bool = False, full: bool = Fal
 
 def _problem_lines(run: Run) -> list[str]:
     """Return rows that were not scored, costs, and each invalid or failed episode with why."""
-    usage = costs.usage_line(run.records)
+    usage = "" if run.config.get("kind") == RESULTS else costs.usage_line(run.records)
     lines = [*unscored_lines(run), *([usage] if usage else [])]
-    for record in run.last_attempts:
-        if record["status"] != "ok":
-            problem = f"{record['status']}: {record.get('id')}: {record.get('problem')}"
-            lines.append(formatting.shorten(problem))
+    for record in run.failures:
+        problem = f"{record['status']}: {record.get('id')}: {record.get('problem')}"
+        lines.append(formatting.shorten(problem))
     return lines
 
 

@@ -9,6 +9,7 @@ All scores are success rates in 0..1.
 from collections.abc import Hashable, Mapping, Sequence
 from functools import lru_cache
 from math import comb, sqrt
+from typing import Any, cast
 
 import numpy as np
 
@@ -27,7 +28,11 @@ from .intervals import (
     grand_mean_interval,
     mean_interval,
     retention_interval,
+    scores_by_task,
+    unpaired_difference_interval,
+    unpaired_retention_interval,
 )
+from .unpaired_test import welch_by_task
 
 __all__ = [
     "Interval",
@@ -41,8 +46,12 @@ __all__ = [
     "mean_corruption_error",
     "mean_interval",
     "paper_average",
+    "pass_hat",
     "pass_hat_k",
     "retention_interval",
+    "unpaired_difference_interval",
+    "unpaired_retention_interval",
+    "welch_by_task",
 ]
 
 EFFECT_TOLERANCE = 1e-9  # of the difference that is searched for, in standard deviations
@@ -65,18 +74,19 @@ def mcnemar_by_task(
     check_pairs(clean, corrupted)
     check_scores(clean, tasks)
     check_scores(corrupted, tasks)
-    before = [float(score == 1.0) for score in clean]
-    after = [float(score == 1.0) for score in corrupted]
-    sums, _ = differences_by_task(before, after, tasks)
+    before = (np.asarray(clean, np.float64) == 1.0).astype(np.float64)
+    after = (np.asarray(corrupted, np.float64) == 1.0).astype(np.float64)
+    sums, _ = differences_by_task(cast("Any", before), cast("Any", after), tasks)
     sizes = np.abs(sums).astype(np.int64)
-    # Of each total that some signs give, from the least one: each task moves it up or down.
+    # Of each total that some signs give, from the least one, in steps of two: a task adds its size
+    # twice, or nothing.
     chances = np.ones(1)
     for size in sizes[sizes > 0]:
-        moved = np.zeros(len(chances) + 2 * size)
+        moved = np.zeros(len(chances) + size)
         moved[: len(chances)] += chances / 2
-        moved[2 * size :] += chances / 2
+        moved[size:] += chances / 2
         chances = moved
-    totals = np.arange(-sizes.sum(), sizes.sum() + 1)
+    totals = np.arange(-sizes.sum(), sizes.sum() + 1, 2)
     return min(1.0, float(chances[np.abs(totals) >= abs(sums.sum())].sum()))
 
 
@@ -160,6 +170,26 @@ def pass_hat_k(solved: Mapping[Hashable, Sequence[bool]], k: int) -> float | Non
         return None
     shares = [comb(sum(outcomes), k) / comb(len(outcomes), k) for outcomes in enough]
     return float(np.mean(shares))
+
+
+def pass_hat(scores: Sequence[float], tasks: Sequence[Hashable]) -> tuple[float, ...]:
+    """Return `pass_hat_k` for k = 1 up to the number of episodes that every task has.
+
+    Args:
+        scores: of each episode, 0..1; it is solved if its score is 1.
+        tasks: the task of each.
+
+    Raises:
+        ParameterError: there are no episodes, the two lists differ in length, or a score is not a
+            number in 0..1.
+    """
+    solved, counts = scores_by_task(cast("Any", np.asarray(scores) == 1.0), tasks)
+    # Few tasks differ in both numbers, so each pair of them is computed once.
+    pairs, places = np.unique(np.stack([solved, counts]), axis=1, return_inverse=True)
+    return tuple(
+        float(np.mean(np.array([comb(int(s), k) / comb(int(n), k) for s, n in pairs.T])[places]))
+        for k in range(1, int(counts.min()) + 1)
+    )
 
 
 def mean_corruption_error(
