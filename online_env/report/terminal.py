@@ -47,6 +47,7 @@ P_NOTE = (
     "p is of the exact sign-flip test over tasks, adjusted for the corruptions of the agent (Holm);"
     " a loss is shown below 0.05. The 95 % intervals are not adjusted."
 )
+UNPAIRED_P_NOTE = P_NOTE.replace("the exact sign-flip test", "Welch's t test")
 MIN_CAVEATS = 6  # lines that the tables leave for the caveats
 MIN_ROWS = 5  # of the table of losses, however narrow the screen
 
@@ -234,7 +235,8 @@ def _show_full(report: RunReport, screen: Any, details: RunDetails) -> None:
 
 
 def _p_note(report: RunReport) -> list[str]:
-    return [P_NOTE] if any(cell.p is not None for cell in report.cells) else []
+    has_p = any(cell.p is not None for cell in report.cells)
+    return [P_NOTE if report.is_paired else UNPAIRED_P_NOTE] if has_p else []
 
 
 def summary_line(row: AgentSummary, reference: str = "", worst: Sequence[str] = ()) -> str:

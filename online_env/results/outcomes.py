@@ -25,7 +25,6 @@ from .reading import Run
 Numbers: TypeAlias = npt.NDArray[np.integer]
 
 RESULTS = "results"  # the kind of a run that was made of outcomes
-PAIRED, UNPAIRED = "paired", "unpaired"  # designs
 FIELDS = ("task", "condition", "agent", "score", "seed")
 READERS: Mapping[str, str] = MappingProxyType(
     {
@@ -114,6 +113,11 @@ class OutcomeReader(Protocol):
         ...
 
 
+def is_result(source: Path) -> bool:
+    """Return whether a reader takes a source."""
+    return any(Lazy(place).load()().detect(source) for place in READERS.values())
+
+
 def find_reader(source: Path, name: str | None = None) -> OutcomeReader:
     """Return the reader of a source, or the one with a name.
 
@@ -166,9 +170,11 @@ def collect_run(
     if common_tasks and unpaired:
         raise OutcomeError("--unpaired compares different tasks, --common-tasks the same; give one")
     collected = _Collected()
+    starts: list[int] = []
     for source in sources:
         if not source.exists():
             raise OutcomeError(f"{source}: is not there")
+        starts.append(len(collected.columns))
         for outcome in find_reader(source, reader).read(source, columns):
             collected.add(outcome)
     if not len(collected.columns):
@@ -177,6 +183,7 @@ def collect_run(
     if len(sources) > 1 and not unpaired:
         _check_task_names(episodes.tasks)
     _check_unique(episodes)
+    merged = _merged_cells(episodes, starts)
     tasks = _tasks_by_cell(episodes)
     if unpaired:
         _check_unpaired(tasks)
@@ -196,7 +203,7 @@ def collect_run(
             + (f" and {len(sources) - 2} more" if len(sources) > 2 else ""),
             "agents": [episodes.agents[number] for number in _in_order(episodes.agent)],
             "corruptions": sorted(conditions, key=lambda label: label != CLEAN),
-            "design": UNPAIRED if unpaired else PAIRED,
+            "merged": merged,
             "seeds_matched_in_order": list(reordered),
             "versions": {name: sorted(used) for name, used in sorted(collected.versions.items())},
         },
@@ -320,6 +327,26 @@ def _check_unique(episodes: EpisodeColumns) -> None:
         )
 
 
+def _merged_cells(episodes: EpisodeColumns, starts: Sequence[int]) -> list[str]:
+    """Return the agents and conditions that several sources have on the same tasks.
+
+    Args:
+        episodes: of all sources.
+        starts: the position of the first episode of each source.
+    """
+    keys = episodes.agent.astype(np.int64) * len(episodes.conditions) + episodes.condition
+    keys = keys * len(episodes.tasks) + episodes.task
+    merged: dict[str, None] = {}
+    seen = np.zeros(0, np.int64)
+    for source in np.split(keys, starts[1:]) if len(starts) > 1 else ():
+        own = np.unique(source)
+        for cell in np.unique(np.intersect1d(own, seen) // len(episodes.tasks)).tolist():
+            agent, condition = divmod(cell, len(episodes.conditions))
+            merged[f"{episodes.agents[agent]} under {episodes.conditions[condition]}"] = None
+        seen = np.union1d(seen, own)
+    return list(merged)
+
+
 def _in_order(numbers: Numbers) -> list[int]:
     """Return each number once, in the order of first appearance."""
     values, first = np.unique(numbers, return_index=True)
@@ -382,8 +409,9 @@ def _check_unpaired(tasks: Mapping[str, Mapping[str, Numbers]]) -> None:
         OutcomeError: one has the same; taken as unpaired its interval would be too wide.
     """
     for agent, by_label in tasks.items():
+        base = by_label.get(CLEAN)
         for label, numbers in by_label.items():
-            if label != CLEAN and np.array_equal(numbers, by_label.get(CLEAN)):
+            if label != CLEAN and base is not None and np.array_equal(numbers, base):
                 raise OutcomeError(
                     f"--unpaired: {agent} was played on the same"
                     f" {counted(len(numbers), 'task')} clean and under {label}; leave --unpaired"

@@ -164,17 +164,12 @@ def score_lists(cell: ScoreByCase) -> ScoreLists:
 def pairs_with_clean(agent: str, scores: ScoreByCell) -> PairedCases:
     """Return the cases of `pairs` of clean and each corruption of an agent, after each other."""
     clean = scores.get((agent, CLEAN), {})
-    clean_scores: list[float] = []
-    corrupted_scores: list[float] = []
-    tasks: list[Hashable] = []
+    columns: tuple[list[Any], list[Any], list[Any]] = [], [], []
     for (name, label), cell in scores.items():
-        if name != agent or label == CLEAN:
-            continue
-        for column, values in zip(
-            (clean_scores, corrupted_scores, tasks), pairs(clean, cell), strict=True
-        ):
-            column += values.tolist() if isinstance(values, np.ndarray) else values
-    return clean_scores, corrupted_scores, tasks
+        if name == agent and label != CLEAN:
+            for column, values in zip(columns, pairs(clean, cell), strict=True):
+                column += values.tolist() if isinstance(values, np.ndarray) else values
+    return columns
 
 
 def _infer(table: Sequence[ScoreRow], groups: GroupedRecords) -> None:
@@ -232,7 +227,7 @@ def group_records(records: Iterable[ResultRecord]) -> GroupedRecords:
     if isinstance(records, EpisodeColumns):
         cells = records.cells()
         scores = {key: cell.scored for key, cell in cells.items()}
-        return GroupedRecords(cells, {key: () for key in cells}, scores, records.paired)
+        return GroupedRecords(cells, dict.fromkeys(cells, ()), scores, records.paired)
     attempts: dict[CellKey, list[ResultRecord]] = {}
     last: dict[CellKey, dict[PairKey, ResultRecord]] = {}
     for record in records:

@@ -61,7 +61,7 @@ def _outcome(path: Path, columns: Mapping[str, str]) -> EpisodeOutcome:
         raise OutcomeError(f"{path}: schema_version {version!r} is not known; known are 1.0 to 1.8")
     agent = field(trajectory, path, "agent", "name", kind=str)
     model = field(trajectory, path, "agent", kind=dict).get("model_name")
-    if "continued_trajectory_ref" in trajectory and trajectory["continued_trajectory_ref"]:
+    if trajectory.get("continued_trajectory_ref"):
         raise OutcomeError(f"{path}: is continued in another file; give the last one alone")
     values = {
         name: field(trajectory, path, "extra", key, kind=(str, int, float, _NONE))

@@ -119,7 +119,7 @@ def _find_layout(
             continue
         if set(names) <= _ACTION_SPACES | _OBSERVATIONS:
             protocol.append(at)
-        elif at == len(values) - 1 and at > 0 and all(map(str.isdecimal, names)):
+        elif at == len(values) - 1 and all(map(str.isdecimal, names)):
             trial = at
         elif len(unknown) == len(names):
             others.append(at)

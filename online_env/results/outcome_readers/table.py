@@ -191,7 +191,7 @@ def _seeds(column: Sequence[Any], place: Any) -> Sequence[int]:
     Raises:
         OutcomeError: one is no whole number, or has more than 63 bits.
     """
-    if set(map(type, column)) <= {int} and -_MAX_SEED <= min(column) and max(column) < _MAX_SEED:
+    if set(map(type, column)) <= {int} and min(column) >= -_MAX_SEED and max(column) < _MAX_SEED:
         return column
     return [_seed(value, position, place) for position, value in enumerate(column)]
 
