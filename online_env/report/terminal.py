@@ -135,9 +135,10 @@ def _rest(report: RunReport, is_whole: bool) -> str:
 
 def _short_table(report: RunReport, screen: Any, room: int) -> tuple[FigureTable, bool]:
     """Return the table of all cells if it fits, else the losses alone, of the agents that fit."""
-    table = main_table(report.cells)
-    if _table_height(table, screen) <= room:
-        return table, True
+    if len(report.cells) < room:  # a row takes a line, at least
+        table = main_table(report.cells)
+        if _table_height(table, screen) <= room:
+            return table, True
     agents = list(report.agents)
     labels = list(report.labels)
     while True:

@@ -2,6 +2,7 @@
 
 import importlib.util
 from collections.abc import Hashable, Iterable, Mapping, Sequence
+from functools import lru_cache
 from statistics import fmean
 from typing import Any, NamedTuple, TypeAlias, cast
 
@@ -50,12 +51,14 @@ class GroupedRecords(NamedTuple):
         attempts: all attempts; those that were repeated were paid for, too. None of
             `EpisodeColumns`, which do not say what an episode took.
         scored: the score of each case that counts for the agent.
+        pairs_by_cell: the pairs with clean that were asked for, each made once.
         paired: whether conditions are compared case by case; else as samples of different tasks.
     """
 
     last: Mapping[CellKey, Cases]
     attempts: Mapping[CellKey, Sequence[ResultRecord]]
     scored: ScoreByCell
+    pairs_by_cell: dict[CellKey, PairedCases]
     paired: bool = True
 
 
@@ -203,8 +206,11 @@ def _infer(table: Sequence[ScoreRow], groups: GroupedRecords) -> None:
 
 
 def pairs_in_cell(key: CellKey, groups: GroupedRecords) -> PairedCases:
-    """Return the cases of a cell that the clean condition has, too."""
-    return pairs(groups.scored.get((key[0], CLEAN), {}), groups.scored[key])
+    """Return the cases of a corruption that the clean condition has, too; none for clean."""
+    if key not in groups.pairs_by_cell:
+        clean = groups.scored.get((key[0], CLEAN), {}) if key[1] != CLEAN else {}
+        groups.pairs_by_cell[key] = pairs(clean, groups.scored[key])
+    return groups.pairs_by_cell[key]
 
 
 def samples_in_cell(key: CellKey, groups: GroupedRecords) -> tuple[ScoreLists, ScoreLists]:
@@ -227,7 +233,7 @@ def group_records(records: Iterable[ResultRecord]) -> GroupedRecords:
     if isinstance(records, EpisodeColumns):
         cells = records.cells()
         scores = {key: cell.scored for key, cell in cells.items()}
-        return GroupedRecords(cells, dict.fromkeys(cells, ()), scores, records.paired)
+        return GroupedRecords(cells, dict.fromkeys(cells, ()), scores, {}, records.paired)
     attempts: dict[CellKey, list[ResultRecord]] = {}
     last: dict[CellKey, dict[PairKey, ResultRecord]] = {}
     for record in records:
@@ -235,7 +241,7 @@ def group_records(records: Iterable[ResultRecord]) -> GroupedRecords:
         case = record["task"], record.get("task_seed"), record["seed"]
         attempts.setdefault(cell, []).append(record)
         last.setdefault(cell, {})[case] = record
-    return GroupedRecords(last, attempts, {cell: scored(cases) for cell, cases in last.items()})
+    return GroupedRecords(last, attempts, {cell: scored(cases) for cell, cases in last.items()}, {})
 
 
 def count_unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, str]) -> int:
@@ -246,8 +252,7 @@ def count_unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, s
         corruptions: the name of each label; only a corruption with effects on the machine can come
             too late.
     """
-    acting = {name for name in corruption_names() if find_corruption(name).effects}
-    waiting = {label for label, name in corruptions.items() if name in acting}
+    waiting = _acting_labels(tuple(corruptions.items()))
     scored = [
         record
         for record in records
@@ -256,6 +261,13 @@ def count_unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, s
         and not record.get("unplayable")
     ]
     return sum(not record.get("effects") for record in scored)
+
+
+@lru_cache(maxsize=4)
+def _acting_labels(corruptions: tuple[tuple[str, str], ...]) -> frozenset[str]:
+    """Return the labels, of labels and names, whose corruption has effects on the machine."""
+    acting = {name for name in corruption_names() if find_corruption(name).effects}
+    return frozenset(label for label, name in corruptions if name in acting)
 
 
 def _positions(listed: Sequence[str]) -> dict[str, int]:
@@ -267,7 +279,7 @@ def _row(agent: str, label: str, cases: Cases, groups: GroupedRecords) -> ScoreR
     cell = groups.scored[agent, label]
     base = groups.scored.get((agent, CLEAN), {}) if label != CLEAN else {}
     if groups.paired:
-        clean_scores, corrupted_scores, _ = pairs(base, cell)
+        clean_scores, corrupted_scores, _ = pairs_in_cell((agent, label), groups)
     else:
         clean_scores, corrupted_scores = score_lists(base)[0], score_lists(cell)[0]
     row: ScoreRow = {
@@ -297,6 +309,7 @@ def _count_errors(cases: Cases) -> int:
     return sum(record["status"] == "error" and counts(record) for record in cases.values())
 
 
+@lru_cache(maxsize=1)
 def can_infer() -> bool:
     """Return whether scipy is installed, which intervals and tests need."""
     return importlib.util.find_spec("scipy") is not None

@@ -1,7 +1,7 @@
 """Statistics of a benchmark: paired tests, power, summaries of success, and the intervals.
 
-The power of a paired t test comes from scipy's noncentral t distribution. The intervals are in
-`intervals`, and are reached through this module, too.
+The power of a paired t test comes from the noncentral t distribution of `student_t`. The intervals
+are in `intervals`, and are reached through this module, too.
 
 All scores are success rates in 0..1.
 """
@@ -15,6 +15,7 @@ import numpy as np
 
 from hijack_data.errors import ParameterError
 
+from . import student_t
 from .intervals import (
     LEVEL,
     Interval,
@@ -132,14 +133,13 @@ def detectable_difference(
 @lru_cache(maxsize=64)
 def _detectable_effect(tasks: int, power: float, level: float) -> float:
     """Return the difference that a paired t test finds, in standard deviations of the tasks."""
-    from scipy.special import nctdtr, stdtrit  # a second less to load than scipy.stats
-
     freedom = tasks - 1
-    limit = float(stdtrit(freedom, (1 + level) / 2))
+    limit = student_t.quantile((1 + level) / 2, freedom)
 
     def missed(effect: float) -> float:
         shift = effect * sqrt(tasks)
-        return float(nctdtr(freedom, shift, limit) - nctdtr(freedom, shift, -limit))
+        upper = student_t.noncentral_cdf(limit, freedom, shift)
+        return upper - student_t.noncentral_cdf(-limit, freedom, shift)
 
     low, high = 0.0, 1.0
     while missed(high) > 1 - power:
@@ -185,11 +185,13 @@ def pass_hat(scores: Sequence[float], tasks: Sequence[Hashable]) -> tuple[float,
     """
     solved, counts = scores_by_task(cast("Any", np.asarray(scores) == 1.0), tasks)
     # Few tasks differ in both numbers, so each pair of them is computed once.
-    pairs, places = np.unique(np.stack([solved, counts]), axis=1, return_inverse=True)
-    return tuple(
-        float(np.mean(np.array([comb(int(s), k) / comb(int(n), k) for s, n in pairs.T])[places]))
-        for k in range(1, int(counts.min()) + 1)
-    )
+    outcomes = list(zip(solved.astype(int).tolist(), counts.astype(int).tolist(), strict=True))
+    distinct = set(outcomes)
+    values: list[float] = []
+    for k in range(1, int(counts.min()) + 1):
+        share = {(won, count): comb(won, k) / comb(count, k) for won, count in distinct}
+        values.append(float(np.mean([share[outcome] for outcome in outcomes])))
+    return tuple(values)
 
 
 def mean_corruption_error(

@@ -6,6 +6,7 @@ from math import comb, sqrt
 import numpy as np
 
 from .intervals import Floats64, Scores, are_alike, scores_by_task
+from .student_t import noncentral_cdf
 
 
 def welch_by_task(clean: Scores, corrupted: Scores) -> float | None:
@@ -32,14 +33,12 @@ def welch_by_task(clean: Scores, corrupted: Scores) -> float | None:
         if are_alike(np.concatenate([first, second])):
             return 1.0
         return (2 if counts[0] == counts[1] else 1) / comb(sum(counts), counts[0])
-    from scipy.special import stdtr  # takes a third of a second to load
-
     spreads = [float(np.var(means, ddof=1)) / len(means) for means in (first, second)]
     freedom = sum(spreads) ** 2 / sum(
         spread**2 / (count - 1) for spread, count in zip(spreads, counts, strict=True)
     )
     statistic = abs(float(second.mean() - first.mean())) / sqrt(sum(spreads))
-    return min(1.0, 2 * float(stdtr(freedom, -statistic)))
+    return min(1.0, 2 * noncentral_cdf(-statistic, freedom, 0.0))
 
 
 def _task_means(scores: Sequence[float], tasks: Sequence[Hashable]) -> Floats64:
