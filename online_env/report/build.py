@@ -64,12 +64,13 @@ def read_report(path: Path) -> RunReport:
     return from_data(data, str(path))
 
 
-def build_report(run: Run, *, reference: str = "") -> RunReport:
+def build_report(run: Run, *, reference: str = "", by_feasibility: bool = True) -> RunReport:
     """Return the report of a run.
 
     Args:
         run: a run of `hijack bench` or `hijack score`, or the episodes logged by an environment.
         reference: the agent of the run that is the reference of mCE; empty for no mCE.
+        by_feasibility: compute the cells of feasible and of infeasible tasks, too.
 
     Raises:
         ReportError: the run has no episodes.
@@ -85,7 +86,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
         raise UnknownNameError(
             f"--reference: {reference!r} is not in {run.folder}{suggest(reference, agents)}"
         )
-    feasible, infeasible = feasible_and_not(run)
+    feasible, infeasible = feasible_and_not(run) if by_feasibility else ([], [])
     report = RunReport(
         run=identity,
         cells=tuple(cells),

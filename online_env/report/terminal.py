@@ -59,10 +59,12 @@ class RunDetails:
     Attributes:
         parts: the parts of a scoring run; `None` for other runs.
         problems: lines about costs, and about each episode that is invalid or failed.
+        has_infeasible: whether some tasks are infeasible.
     """
 
     parts: FigureTable | None = None
     problems: Sequence[str] = ()
+    has_infeasible: bool = False
 
 
 def score_rows(run: Run, records: Sequence[ResultRecord]) -> list[scores.ScoreRow]:
@@ -84,12 +86,19 @@ def show(run: Run, reference: str = "", *, paper: bool = False, full: bool = Fal
         screen.print(main_table(()))
         screen.print(missing_line(run), soft_wrap=True)
         return
-    report = build_report(run, reference=reference)
+    report = build_report(run, reference=reference, by_feasibility=full)
     document = ReportDocument(
         report=report, paper=compare_with_paper(report) if paper else None, full=full
     )
     show_document(
-        document, screen, RunDetails(parts=parts_table(run), problems=_problem_lines(run))
+        document,
+        screen,
+        RunDetails(
+            parts=parts_table(run),
+            problems=_problem_lines(run),
+            has_infeasible=run.config.get("kind") != RESULTS
+            and any(record.get("infeasible") for record in run.records),
+        ),
     )
 
 
@@ -122,13 +131,14 @@ def _show_short(report: RunReport, screen: Any, details: RunDetails) -> None:
     shown = _cut(caveats, room - 2, screen.width)
     if shown:
         _print_lines(["", *shown], screen)
-    screen.print(f"\n--full: {_rest(report, is_whole)}", soft_wrap=True)
+    has_infeasible = bool(report.infeasible) or details.has_infeasible
+    screen.print(f"\n--full: {_rest(is_whole, has_infeasible)}", soft_wrap=True)
 
 
-def _rest(report: RunReport, is_whole: bool) -> str:
+def _rest(is_whole: bool, has_infeasible: bool) -> str:
     """Return what only the full form has."""
     parts = [] if is_whole else ["success and retention of every cell"]
-    if report.infeasible:
+    if has_infeasible:
         parts.append("feasible and infeasible tasks apart")
     return ", ".join([*parts, "ceilings, pass^k, power, steps, costs and every note"])
 

@@ -55,6 +55,8 @@ __all__ = [
     "welch_by_task",
 ]
 
+MAX_TOTALS = 1024  # of a sign-flip test, before it drops those less likely than UNLIKELY
+UNLIKELY = 1e-40
 EFFECT_TOLERANCE = 1e-9  # of the difference that is searched for, in standard deviations
 
 
@@ -81,14 +83,19 @@ def mcnemar_by_task(
     sizes = np.abs(sums).astype(np.int64)
     # Of each total that some signs give, from the least one, in steps of two: a task adds its size
     # twice, or nothing.
-    chances = np.ones(1)
+    chances, first, dropped = np.ones(1), 0, 0.0
     for size in sizes[sizes > 0]:
         moved = np.zeros(len(chances) + size)
         moved[: len(chances)] += chances / 2
         moved[size:] += chances / 2
         chances = moved
-    totals = np.arange(-sizes.sum(), sizes.sum() + 1, 2)
-    return min(1.0, float(chances[np.abs(totals) >= abs(sums.sum())].sum()))
+        if len(chances) > MAX_TOTALS:  # thousands of tasks: without totals that do not happen
+            likely = np.flatnonzero(chances > UNLIKELY)
+            start, stop = int(likely[0]), int(likely[-1]) + 1
+            dropped += float(chances[:start].sum() + chances[stop:].sum())
+            chances, first = chances[start:stop], first + start
+    totals = 2 * np.arange(first, first + len(chances)) - sizes.sum()
+    return min(1.0, float(chances[np.abs(totals) >= abs(sums.sum())].sum()) + dropped)
 
 
 def holm(p_values: Mapping[str, float]) -> dict[str, float]:
