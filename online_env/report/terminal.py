@@ -246,8 +246,9 @@ def _show_full(report: RunReport, screen: Any, details: RunDetails) -> None:
 
 
 def _p_note(report: RunReport) -> list[str]:
-    has_p = any(cell.p is not None for cell in report.cells)
-    return [P_NOTE if report.is_paired else UNPAIRED_P_NOTE] if has_p else []
+    if all(cell.p is None for cell in report.cells):
+        return []
+    return [P_NOTE if report.is_paired else UNPAIRED_P_NOTE]
 
 
 def summary_line(row: AgentSummary, reference: str = "", worst: Sequence[str] = ()) -> str:

@@ -17,11 +17,14 @@ import numpy.typing as npt
 
 Integers: TypeAlias = npt.NDArray[np.int64]
 Floats: TypeAlias = npt.NDArray[np.float64]
-PairKey: TypeAlias = tuple[str, Any, int]
+# Agent and corruption.
 CellKey: TypeAlias = tuple[str, str]
+# The key of paired episodes: the task, the seed of its variant and the seed of the corruption's
+# draws.
+PairKey: TypeAlias = tuple[str, Any, int]
 
 
-class Codes(dict[str, int]):
+class NameNumbers(dict[str, int]):
     """The number of each name, in the order in which they came."""
 
     def __missing__(self, name: str) -> int:
@@ -38,7 +41,7 @@ class OutcomeColumns:
     """
 
     def __init__(self) -> None:
-        self.agents, self.conditions, self.tasks = Codes(), Codes(), Codes()
+        self.agents, self.conditions, self.tasks = NameNumbers(), NameNumbers(), NameNumbers()
         self.problems: dict[int, str] = {}
         self._agent, self._condition, self._task = array("i"), array("i"), array("i")
         self._seed, self._has_seed = array("q"), array("b")

@@ -22,7 +22,7 @@ from hijack_data.registry import Lazy
 from .episode_columns import EpisodeColumns, OutcomeColumns
 from .reading import Run
 
-Numbers: TypeAlias = npt.NDArray[np.integer]
+TaskNumbers: TypeAlias = npt.NDArray[np.integer]
 
 RESULTS = "results"  # the kind of a run that was made of outcomes
 FIELDS = ("task", "condition", "agent", "score", "seed")
@@ -347,22 +347,22 @@ def _merged_cells(episodes: EpisodeColumns, starts: Sequence[int]) -> list[str]:
     return list(merged)
 
 
-def _in_order(numbers: Numbers) -> list[int]:
+def _in_order(numbers: TaskNumbers) -> list[int]:
     """Return each number once, in the order of first appearance."""
     values, first = np.unique(numbers, return_index=True)
     return values[np.argsort(first)].tolist()
 
 
-def _tasks_by_cell(episodes: EpisodeColumns) -> dict[str, dict[str, Numbers]]:
+def _tasks_by_cell(episodes: EpisodeColumns) -> dict[str, dict[str, TaskNumbers]]:
     """Return the numbers of the tasks of each condition of each agent, in ascending order."""
-    tasks: dict[str, dict[str, Numbers]] = {}
+    tasks: dict[str, dict[str, TaskNumbers]] = {}
     for (agent, label), cell in episodes.cells().items():
         tasks.setdefault(agent, {})[label] = np.unique(episodes.task[cell.positions])
     return tasks
 
 
 def _pair_tasks(
-    episodes: EpisodeColumns, tasks: Mapping[str, Mapping[str, Numbers]], common_tasks: bool
+    episodes: EpisodeColumns, tasks: Mapping[str, Mapping[str, TaskNumbers]], common_tasks: bool
 ) -> EpisodeColumns:
     """Return the episodes whose conditions can be compared task by task.
 
@@ -394,7 +394,7 @@ def _pair_tasks(
     return episodes if chosen.all() else episodes.take(chosen)
 
 
-def _shared(by_label: Mapping[str, Numbers]) -> Numbers:
+def _shared(by_label: Mapping[str, TaskNumbers]) -> TaskNumbers:
     """Return the tasks that all conditions have."""
     first, *others = by_label.values()
     for numbers in others:
@@ -402,7 +402,7 @@ def _shared(by_label: Mapping[str, Numbers]) -> Numbers:
     return first
 
 
-def _check_unpaired(tasks: Mapping[str, Mapping[str, Numbers]]) -> None:
+def _check_unpaired(tasks: Mapping[str, Mapping[str, TaskNumbers]]) -> None:
     """Check that conditions that are to be compared as unpaired have other tasks than clean.
 
     Raises:
@@ -446,7 +446,7 @@ def _match_seeds(episodes: EpisodeColumns) -> tuple[EpisodeColumns, Sequence[str
 
 
 def _difference(
-    episodes: EpisodeColumns, agent: str, label: str, numbers: Numbers, base: Numbers
+    episodes: EpisodeColumns, agent: str, label: str, numbers: TaskNumbers, base: TaskNumbers
 ) -> str:
     """Return how the tasks of a condition differ from those of the clean one."""
     parts = [

@@ -11,7 +11,7 @@ import numpy as np
 from hijack_data.corruption import corruption_names, find_corruption
 from hijack_data.plan import CLEAN
 
-from .episode_columns import CellEpisodes, CellScores, EpisodeColumns
+from .episode_columns import CellEpisodes, CellKey, CellScores, EpisodeColumns, PairKey
 from .records import ResultRecord
 
 ScoreRow: TypeAlias = dict[str, Any]
@@ -30,11 +30,6 @@ COLUMNS = (
     "errors",
     "invalid",
 )
-# Agent and corruption.
-CellKey: TypeAlias = tuple[str, str]
-# The key of paired episodes: the task, the seed of its variant and the seed of the corruption's
-# draws.
-PairKey: TypeAlias = tuple[str, Any, int]
 Cases: TypeAlias = Mapping[PairKey, ResultRecord]
 ScoreByCase: TypeAlias = Mapping[PairKey, float]
 ScoreByCell: TypeAlias = Mapping[CellKey, ScoreByCase]
