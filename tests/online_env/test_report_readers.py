@@ -217,3 +217,11 @@ def test_a_folder_between_protocol_and_model_may_be_a_condition_and_is_asked_for
         collect_run([tmp_path])
     columns = parse_columns("condition=3")
     assert success([tmp_path], columns=columns)[1] == {("gpt", "my_noise"): 1.0}
+
+
+def test_results_of_several_versions_are_said(tmp_path):
+    harbor_jobs(tmp_path)
+    path = tmp_path / "marks" / "t0__abcdefg" / "result.json"
+    path.write_text(path.read_text().replace('"version": "2.0"', '"version": "2.1"'))
+    (note,) = [note for note in success([tmp_path])[0].notes if "several versions" in note]
+    assert "terminus-2 (gpt) 2.1: terminus-2 (gpt) under marks" in note
