@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator
 
-from hijack_data.errors import counted, some_of
+from hijack_data.errors import quantity, shorten_list
 from hijack_data.plan import CLEAN
 from hijack_data.runs.privileged_inputs import describe_privileged_inputs
 
@@ -79,7 +79,7 @@ def design_notes(run: Run, groups: scores.GroupedRecords) -> Iterator[str]:
         )
     versions = run.config["versions"]
     if len(versions) > 1:
-        listed = "; ".join(f"{name}: {some_of(cells, 3)}" for name, cells in versions.items())
+        listed = "; ".join(f"{name}: {shorten_list(cells, 3)}" for name, cells in versions.items())
         yield f"The results are of several versions, which may differ, too ({listed})."
     tasks = {agent: 0 for agent, _ in groups.scored}
     repeats = dict(tasks)
@@ -111,7 +111,7 @@ def _partner_note(groups: scores.GroupedRecords) -> Iterator[str]:
     if unpaired:
         listed = ", ".join(f"{name} {count}" for name, count in unpaired.items())
         yield (
-            f"{counted(sum(unpaired.values()), 'result')} without a clean one of the same task and"
+            f"{quantity(sum(unpaired.values()), 'result')} without a clean one of the same task and"
             f" seed: in the success, and in no delta, retention or test ({listed})."
         )
 
@@ -134,7 +134,7 @@ def _notes(report: RunReport, partial: int) -> Iterator[str]:
         seeds = ", ".join(map(str, run.left_out))
         yield f"The run has more seeds than this report, which leaves out: {seeds}."
     if run.damaged:
-        yield f"Without {counted(run.damaged, 'line')} of the run that cannot be read."
+        yield f"Without {quantity(run.damaged, 'line')} of the run that cannot be read."
     if not scores.can_infer():
         yield "Without intervals and tests: scipy is not installed."
     if CLEAN not in {cell.corruption for cell in report.cells}:
@@ -163,7 +163,7 @@ def _retention_notes(report: RunReport) -> Iterator[str]:
     shown = [cell for cell in above if cell.p is not None and cell.p < SIGNIFICANT_P]
     listed = ", ".join(f"{cell.agent} under {cell.corruption}" for cell in above)
     verdict = (
-        f"the test shows {len(shown)} of {counted(len(above), 'such gain')}"
+        f"the test shows {len(shown)} of {quantity(len(above), 'such gain')}"
         if shown
         else "the test shows no such gain, so it may be chance"
     )

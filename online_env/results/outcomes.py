@@ -15,7 +15,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from hijack_data.errors import HijackError, counted, some_of, suggest
+from hijack_data.errors import HijackError, quantity, shorten_list, suggest
 from hijack_data.plan import CLEAN
 from hijack_data.registry import Lazy
 
@@ -305,7 +305,7 @@ def _check_task_names(names: Sequence[str]) -> None:
     """
     if all(name.isdecimal() for name in names):
         raise OutcomeError(
-            f"the tasks of the sources are numbers ({some_of(sorted(names), 3)}), which match by"
+            f"the tasks of the sources are numbers ({shorten_list(sorted(names), 3)}), which match by"
             " chance where they are positions in a list; name the column of their ids with"
             " --columns task=COLUMN, or put the results into one table"
         )
@@ -383,7 +383,7 @@ def _pair_tasks(
                 raise OutcomeError(f"{difference}; they share none, and {remedy}")
             if not common_tasks:
                 raise OutcomeError(
-                    f"{difference}; --common-tasks reports the {counted(len(shared), 'task')} that"
+                    f"{difference}; --common-tasks reports the {quantity(len(shared), 'task')} that"
                     f" all conditions have, {remedy}"
                 )
         if common_tasks and not len(shared):
@@ -414,7 +414,7 @@ def _check_unpaired(tasks: Mapping[str, Mapping[str, TaskNumbers]]) -> None:
             if label != CLEAN and base is not None and np.array_equal(numbers, base):
                 raise OutcomeError(
                     f"--unpaired: {agent} was played on the same"
-                    f" {counted(len(numbers), 'task')} clean and under {label}; leave --unpaired"
+                    f" {quantity(len(numbers), 'task')} clean and under {label}; leave --unpaired"
                     " out, pairs tell more"
                 )
 
@@ -450,8 +450,8 @@ def _difference(
 ) -> str:
     """Return how the tasks of a condition differ from those of the clean one."""
     parts = [
-        f"{counted(len(only), 'task')} only {where}"
-        f" ({some_of(sorted(episodes.tasks[number] for number in only.tolist()), 3)})"
+        f"{quantity(len(only), 'task')} only {where}"
+        f" ({shorten_list(sorted(episodes.tasks[number] for number in only.tolist()), 3)})"
         for only, where in (
             (np.setdiff1d(numbers, base), f"under {label}"),
             (np.setdiff1d(base, numbers), "clean"),

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from hijack_data.errors import shown
+from hijack_data.errors import short_repr
 from hijack_data.plan import CLEAN
 
 from ..outcomes import EpisodeOutcome, OutcomeError
@@ -72,7 +72,7 @@ def _outcome(path: Path, columns: Mapping[str, str]) -> EpisodeOutcome:
         raise OutcomeError(f"{path}: extra.{columns['task']} names no task")
     seed = values.get("seed")
     if seed is not None and not isinstance(seed, int):
-        raise OutcomeError(f"{path}: the seed {shown(seed)} is no whole number")
+        raise OutcomeError(f"{path}: the seed {short_repr(seed)} is no whole number")
     score: Any = values["score"]
     if score is not None:
         score = check_score(score, path, f"extra.{columns['score']}")

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from hijack_data.errors import shown
+from hijack_data.errors import short_repr
 
 from ...extra import require
 from ..outcomes import EpisodeOutcome, OutcomeError
@@ -133,7 +133,7 @@ def _result(path: Path, text: object) -> Any:
         return json.loads(str(text))["result"]
     except (ValueError, RecursionError, KeyError, TypeError):
         raise OutcomeError(
-            f"{path}: the data_json of an evaluate event has no 'result', got {shown(text)}"
+            f"{path}: the data_json of an evaluate event has no 'result', got {short_repr(text)}"
         ) from None
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from hijack_data.errors import some_of, suggest
+from hijack_data.errors import shorten_list, suggest
 
 from ..outcomes import EpisodeOutcome, OutcomeError
 from .result_folders import check_score, field, find_condition, head, read_object
@@ -105,7 +105,7 @@ def _score(result: Mapping[str, Any], path: Path, key: str | None) -> tuple[floa
         return None, f"its reward is not valid ({error or 'a step failed'})"
     if key is None and len(rewards) > 1:
         raise OutcomeError(
-            f"{path}: has several rewards ({some_of(list(rewards), 5)}); choose one with --columns"
+            f"{path}: has several rewards ({shorten_list(list(rewards), 5)}); choose one with --columns"
             " score=KEY"
         )
     if key is not None and key not in rewards:

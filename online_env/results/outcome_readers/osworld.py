@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hijack_data.errors import some_of
+from hijack_data.errors import shorten_list
 from hijack_data.plan import CLEAN
 
 from ..outcomes import EpisodeOutcome, OutcomeError
@@ -125,7 +125,7 @@ def _find_layout(
             others.append(at)
         elif unknown or condition is not None:
             raise OutcomeError(
-                f"{source}: it is not clear whether {some_of(unknown or names, 5)} are conditions;"
+                f"{source}: it is not clear whether {shorten_list(unknown or names, 5)} are conditions;"
                 f" --columns condition={at + 1} says so"
             )
         else:
@@ -138,7 +138,7 @@ def _find_layout(
     if len(varying) > (agent is None):
         raise OutcomeError(
             f"{source}: it is not clear what its folders say"
-            f" ({'; '.join(some_of(values[at], 3) for at in varying)}); give the number of each,"
+            f" ({'; '.join(shorten_list(values[at], 3) for at in varying)}); give the number of each,"
             f" such as --columns condition={varying[0] + 1},agent={varying[-1] + 1}"
         )
     if agent is None:

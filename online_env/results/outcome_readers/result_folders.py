@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.corruption import corruption_names
-from hijack_data.errors import shown
+from hijack_data.errors import short_repr
 from hijack_data.plan import CLEAN
 
 from ..outcomes import OutcomeError
@@ -80,7 +80,7 @@ def read_object(path: Path, what: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise OutcomeError(f"{path}: is not JSON ({str(error)[:120]})") from None
     if not isinstance(data, dict):
-        raise OutcomeError(f"{path}: is not {what}: must be an object, got {shown(data)}")
+        raise OutcomeError(f"{path}: is not {what}: must be an object, got {short_repr(data)}")
     return data
 
 
@@ -104,7 +104,7 @@ def field(data: Mapping[str, Any], path: Path, *keys: str, kind: Any) -> Any:
         value = value[key]
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         raise OutcomeError(
-            f"{path}: field {'.'.join(keys)!r} has another type, got {shown(value)}; it is of"
+            f"{path}: field {'.'.join(keys)!r} has another type, got {short_repr(value)}; it is of"
             " another format or version"
         )
     return value
@@ -119,7 +119,7 @@ def check_score(value: Any, path: Path, name: str) -> float:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not 0 <= value <= 1:
         raise OutcomeError(
-            f"{path}: {name} must be a number from 0 to 1, got {shown(value)}; write the scores to"
+            f"{path}: {name} must be a number from 0 to 1, got {short_repr(value)}; write the scores to"
             " a table, scaled, and give that"
         )
     return float(value)

@@ -9,7 +9,7 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
-from hijack_data.errors import shown, suggest
+from hijack_data.errors import short_repr, suggest
 from hijack_data.plan import CLEAN
 
 from ...extra import require
@@ -135,7 +135,7 @@ def _names(values: Mapping[str, Sequence[Any]], field: str, place: Any) -> Seque
             raise OutcomeError(f"{place(position)}: has no {field}; fill the column in every row")
         if not isinstance(value, str | int):
             raise OutcomeError(
-                f"{place(position)}: the {field} {shown(value)} is neither a text nor a whole"
+                f"{place(position)}: the {field} {short_repr(value)} is neither a text nor a whole"
                 " number"
             )
     return [str(value) for value in column]
@@ -171,7 +171,7 @@ def _score(value: Any, position: int, place: Any) -> float | None:
         number = float(value)
     except (TypeError, ValueError):
         raise OutcomeError(
-            f"{place(position)}: the score {shown(value)} is no number; leave it empty if the"
+            f"{place(position)}: the score {short_repr(value)} is no number; leave it empty if the"
             " episode has no outcome"
         ) from None
     if isnan(number):
@@ -203,10 +203,10 @@ def _seed(value: Any, position: int, place: Any) -> int:
         seed = int(value)
     except (TypeError, ValueError, OverflowError):
         raise OutcomeError(
-            f"{place(position)}: the seed {shown(value)} is no whole number"
+            f"{place(position)}: the seed {short_repr(value)} is no whole number"
         ) from None
     if not -_MAX_SEED <= seed < _MAX_SEED:
-        raise OutcomeError(f"{place(position)}: the seed {shown(value)} has more than 63 bits")
+        raise OutcomeError(f"{place(position)}: the seed {short_repr(value)} has more than 63 bits")
     return seed
 
 
