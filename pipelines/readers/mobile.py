@@ -9,7 +9,7 @@ from hijack_data.actions import Scaling
 from hijack_data.actions.dialects.field_checks import action_at, number
 from hijack_data.actions.dialects.ui_tars import WAIT_S
 from hijack_data.actions.recorded_actions import SIZELESS
-from hijack_data.errors import HijackError, counted
+from hijack_data.errors import HijackError, quantity
 from hijack_data.types import Action, Size, Step, Trajectory
 
 from . import fields
@@ -275,6 +275,6 @@ def _points(value: object, count: int) -> list[tuple[float, float]]:
         isinstance(pair, list) and len(pair) == 2 for pair in listed
     ):
         raise FieldError(
-            "info", f"must be {counted(count, 'point')} [x, y], got {fields.shown(value)}"
+            "info", f"must be {quantity(count, 'point')} [x, y], got {fields.shown(value)}"
         )
     return [(number(x, "info"), number(y, "info")) for x, y in listed]

@@ -23,8 +23,8 @@ from hijack_data.runs.run_log import (
     SCORE_RUN,
     SESSIONS,
     VERSION,
-    digest_of,
     file_digest,
+    sha256_hex,
 )
 from hijack_data.runs.run_planners import read_planners
 
@@ -131,7 +131,7 @@ class Journal:
             line_name = f"line {number}"
             if record.get("previous") != before:
                 yield f"{RECORDS}: {line_name}: does not follow on {name} (previous)"
-            before = digest_of(line)
+            before = sha256_hex(line)
             name = line_name
             if self.lacks_episodes:
                 continue
