@@ -25,12 +25,13 @@ from typing import Any, TypeAlias, cast
 
 from PIL import Image
 
+from hijack_data.errors import short_repr
 from hijack_data.file_io import open_regular
 from hijack_data.picture_io import FORMATS
 from hijack_data.surrogates import has_half
 from hijack_data.types import Size
 
-from .fields import LONE_SURROGATE, FieldError, JsonObject, mapping, short_repr
+from .fields import LONE_SURROGATE, FieldError, JsonObject, mapping
 
 MAX_RECORD_BYTES = 50 * 2**20
 MAX_HEAD_RECORDS = 20
