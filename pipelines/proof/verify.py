@@ -241,7 +241,7 @@ class _Check:
         if task is not None and self.settings is not None:
             recordings = Recordings(task, self.settings)
         try:
-            for problem in self._check_steps(file, record, quantity, recordings):
+            for problem in self._check_steps(file, record, counted, recordings):
                 self.report.problems.append(f"{name}: {problem}")
         except DatasetError as error:
             self.report.problems.append(str(error))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from hijack_data.actions.agent_actions import REINIT
-from hijack_data.errors import HijackError
+from hijack_data.errors import HijackError, short_repr
 from hijack_data.plan import CLEAN, Effect, Plan
 from hijack_data.planner import Planner
 from hijack_data.runs.run_log import EPISODE, RUN, STEPS, VERSION, sha256_hex
@@ -353,7 +353,7 @@ def _allow_code(record: Mapping[str, Any]) -> bool:
 def _seed(record: Mapping[str, Any]) -> int:
     seed = record.get("seed")
     if isinstance(seed, bool) or not isinstance(seed, int):
-        raise FieldError("seed", f"must be an integer, got {fields.shown(seed)}")
+        raise FieldError("seed", f"must be an integer, got {short_repr(seed)}")
     return seed
 
 
