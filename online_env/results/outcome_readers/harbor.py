@@ -105,8 +105,8 @@ def _score(result: Mapping[str, Any], path: Path, key: str | None) -> tuple[floa
         return None, f"its reward is not valid ({error or 'a step failed'})"
     if key is None and len(rewards) > 1:
         raise OutcomeError(
-            f"{path}: has several rewards ({shorten_list(list(rewards), 5)}); choose one with --columns"
-            " score=KEY"
+            f"{path}: has several rewards ({shorten_list(list(rewards), 5)}); choose one with"
+            " --columns score=KEY"
         )
     if key is not None and key not in rewards:
         raise OutcomeError(f"{path}: has no reward {key!r}{suggest(key, list(rewards))}")

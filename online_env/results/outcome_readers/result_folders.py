@@ -119,8 +119,8 @@ def check_score(value: Any, path: Path, name: str) -> float:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not 0 <= value <= 1:
         raise OutcomeError(
-            f"{path}: {name} must be a number from 0 to 1, got {short_repr(value)}; write the scores to"
-            " a table, scaled, and give that"
+            f"{path}: {name} must be a number from 0 to 1, got {short_repr(value)}; write the"
+            " scores to a table, scaled, and give that"
         )
     return float(value)
 
