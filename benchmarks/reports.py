@@ -1,7 +1,8 @@
-"""How long reports take: the published run, 33,210 episodes, and a million rows of others.
+"""How long reports take: the published run, 33,210 episodes, and millions of rows of others.
 
 `hijack report` runs in a process of its own, as a user runs it, so that the time holds the imports,
-too. The scores are drawn; everything else of a record is as `hijack bench` writes it.
+too. The scores are drawn; everything else of a record is as `hijack bench` writes it. Beside each
+is what the same file takes pyarrow to read, or json where it has no columns, in the same run.
 
     python benchmarks/reports.py
 """
@@ -16,8 +17,10 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 from common import machine, table
 from published import RESULTS
+from pyarrow import parquet
 
 from hijack_data.plan import CLEAN
 from online_env.report.identity import NINE
@@ -28,6 +31,15 @@ AGENTS = ("recovering", *(f"agent-{letter}" for letter in "abcdefgh"))
 TASKS = 369
 GOAL = 10.0  # seconds
 FORMATS = ("terminal", "json", "html")
+REPORT = (
+    "import runpy\n"
+    "try:\n    runpy.run_module('hijack_data.cli', run_name='__main__')\n"
+    "except SystemExit:\n    pass\n"
+)
+# The peers: nothing but reading the file.
+JSON_LINES = "import json\n[json.loads(line) for line in open(sys.argv[1], 'rb')]\n"
+ARROW_JSON = "from pyarrow import json\njson.read_json(sys.argv[1])\n"
+ARROW_PARQUET = "from pyarrow import parquet\nparquet.read_table(sys.argv[1])\n"
 RUNS = 2
 
 
@@ -120,37 +132,69 @@ def rows_of_others(path: Path) -> int:
     return count
 
 
-def goals(folder: Path) -> list[list[str]]:
-    """Return what the two reports with a goal of their own take, as rows of a table."""
+def ten_million_rows(path: Path) -> int:
+    """Write a Parquet file of drawn scores; returns how many rows it has."""
+    rng = np.random.default_rng(0)
+    conditions = (CLEAN, *NINE)
+    tasks = pa.array([f"task {task}" for task in range(50_000)])
+    task = np.repeat(np.arange(50_000, dtype=np.int32), 5)
+    seed = np.tile(np.arange(5), 50_000)
+    count = 0
+    writer = None
+    for agent in range(4):
+        for place, condition in enumerate(conditions):
+            table = pa.table(
+                {
+                    "agent": pa.repeat(f"agent-{agent}", len(task)),
+                    "task": pa.DictionaryArray.from_arrays(task, tasks).cast(pa.string()),
+                    "condition": pa.repeat(condition, len(task)),
+                    "seed": seed,
+                    "score": (rng.random(len(task)) < 0.9 - 0.07 * place).astype(np.float64),
+                }
+            )
+            writer = writer or parquet.ParquetWriter(path, table.schema)
+            writer.write_table(table)
+            count += len(task)
+    assert writer is not None
+    writer.close()
+    return count
+
+
+def goals(folder: Path, run_33210: Path) -> list[list[str]]:
+    """Return what the reports with a goal of their own take, as rows of a table."""
     run = RESULTS / "reference_agents" / "run"
-    others = folder / "others.jsonl"
-    count = rows_of_others(others)
+    others, many = folder / "others.jsonl", folder / "many.parquet"
+    count, most = rows_of_others(others), ten_million_rows(many)
     rows: list[list[str]] = []
-    for name, source, seconds, gib in (
-        ("4,320 episodes (docs/results/reference_agents)", run, 1.0, 1.0),
-        (f"{count:,} rows of a table", others, 20.0, 1.0),
+    for name, source, seconds, gib, peer in (
+        ("4,320 episodes (docs/results/reference_agents)", run, 1.0, 1.0, JSON_LINES),
+        ("33,210 episodes", run_33210, 5.0, 1.0, JSON_LINES),
+        (f"{count:,} rows of a table in JSON Lines", others, 20.0, 1.0, ARROW_JSON),
+        (f"{most:,} rows of a table in Parquet", many, 200.0, 2.0, ARROW_PARQUET),
     ):
-        measured = [measure_process(source) for _ in range(RUNS)]
+        report = ["report", str(source)]
+        measured = [measure_process(REPORT, report) for _ in range(RUNS)]
         taken, computed = min(one[:2] for one in measured)
         memory = max(one[2] for one in measured)
+        file = source / RECORDS if source.is_dir() else source
+        reading = min(measure_process(peer, [str(file)])[1] for _ in range(RUNS))
         is_met = "yes" if computed <= seconds and memory <= gib else "NO"
         goal = f"<= {seconds:g} s of the processor, {gib:g} GiB: {is_met}"
-        rows.append([name, f"{taken:.1f}", f"{computed:.1f}", f"{memory:.2f}", goal])
+        ratio = f"{reading:.2f} ({computed / reading:.1f}x)"
+        rows.append([name, f"{taken:.1f}", f"{computed:.2f}", f"{memory:.2f}", ratio, goal])
     return rows
 
 
-def measure_process(source: Path) -> tuple[float, float, float]:
-    """Report on the terminal once; returns seconds, seconds of the processor, and GiB at most."""
+def measure_process(work: str, arguments: list[str]) -> tuple[float, float, float]:
+    """Run some code once; returns seconds, seconds of the processor, and GiB at most."""
     code = (
-        "import resource, runpy, sys\n"
-        "try:\n    runpy.run_module('hijack_data.cli', run_name='__main__')\n"
-        "except SystemExit:\n    pass\n"
+        f"import resource, sys\n{work}"
         "used = resource.getrusage(resource.RUSAGE_SELF)\n"
         "print(used.ru_utime + used.ru_stime, used.ru_maxrss / 2**20, file=sys.stderr)\n"
     )
     begin = time.perf_counter()
     done = subprocess.run(
-        [sys.executable, "-c", code, "report", str(source)],
+        [sys.executable, "-c", code, *arguments],
         check=True,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
@@ -171,13 +215,13 @@ def main() -> None:
             taken, computed = min(seconds_of(folder, format) for _ in range(RUNS))
             verdict = "yes" if taken <= GOAL else "NO"
             rows.append([format, f"{taken:.1f}", f"{computed:.1f}", f"<= {GOAL:g} s: {verdict}"])
-        further = goals(Path(place))
+        further = goals(Path(place), folder)
     print(machine())
     load = " ".join(f"{value:.1f}" for value in os.getloadavg())
     print(f"\n{count} episodes, {len(AGENTS)} agents, {size:.0f} MiB of records; load {load}.\n")
     print(table(("format", f"s, the best of {RUNS}", "s of the processor", "goal"), rows))
     print("\nOn the terminal:\n")
-    print(table(("report of", "s", "s of the processor", "GiB", "goal"), further))
+    print(table(("report of", "s", "s of the processor", "GiB", "read alone, s", "goal"), further))
 
 
 if __name__ == "__main__":

@@ -53,6 +53,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "benchmark",
         "suite",
         "reports",
+        "results_of_others",
         "write_a_task",
     ),
     "Results": (

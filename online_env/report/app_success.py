@@ -30,7 +30,7 @@ def app_successes(groups: scores.GroupedRecords) -> list[AppSuccess]:
         alphabet, tasks with several of them last. None if all tasks have the same application, or
         name none, as in a scoring run.
     """
-    if not any("apps" in record for cases in groups.last.values() for record in cases.values()):
+    if not any("apps" in record for records in groups.attempts.values() for record in records):
         return []
     by_agent: dict[str, dict[str, _Collected]] = {}
     for (agent, label), scored in groups.scored.items():

@@ -15,7 +15,7 @@ from .app_success import app_successes
 from .cells import compute_cells, feasible_and_not
 from .identity import run_identity
 from .model import ReportError, RunReport, from_data
-from .notes import fraction_note, pairing_note, recovery_note, report_notes
+from .notes import design_notes, fraction_note, recovery_note, report_notes
 from .summaries import summarise_agents
 from .unplayable import counted_records, unplayable_note
 
@@ -64,12 +64,13 @@ def read_report(path: Path) -> RunReport:
     return from_data(data, str(path))
 
 
-def build_report(run: Run, *, reference: str = "") -> RunReport:
+def build_report(run: Run, *, reference: str = "", by_feasibility: bool = True) -> RunReport:
     """Return the report of a run.
 
     Args:
         run: a run of `hijack bench` or `hijack score`, or the episodes logged by an environment.
         reference: the agent of the run that is the reference of mCE; empty for no mCE.
+        by_feasibility: compute the cells of feasible and of infeasible tasks, too.
 
     Raises:
         ReportError: the run has no episodes.
@@ -85,7 +86,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
         raise UnknownNameError(
             f"--reference: {reference!r} is not in {run.folder}{suggest(reference, agents)}"
         )
-    feasible, infeasible = feasible_and_not(run)
+    feasible, infeasible = feasible_and_not(run) if by_feasibility else ([], [])
     report = RunReport(
         run=identity,
         cells=tuple(cells),
@@ -100,7 +101,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
         *unplayable_note(run),
         *recovery_note(run),
         *fraction_note(run),
-        *pairing_note(run, groups),
+        *design_notes(run, groups),
         *report_notes(report, scores.count_partial(run.last_attempts)),
     )
     return RunReport(**{**vars(report), "notes": notes})

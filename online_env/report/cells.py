@@ -1,10 +1,9 @@
 """The cells of a report: one for each agent and condition."""
 
-from collections.abc import Hashable, Mapping, Sequence
-
-from hijack_data.plan import CLEAN
+from collections.abc import Mapping, Sequence
 
 from ..results import scores
+from ..results.episode_columns import EpisodeColumns
 from ..results.reading import ResultRecord, Run
 from . import usage
 from .identity import agent_names, corruptions_by_label
@@ -24,14 +23,14 @@ def compute_cells(run: Run, groups: scores.GroupedRecords) -> list[Cell]:
     cells: list[Cell] = []
     for row in rows:
         key = row["agent"], row["corruption"]
-        last = list(groups.last[key].values())
+        last = list(groups.last[key].values()) if groups.attempts[key] else []
         scored = groups.scored[key]
         cells.append(
             Cell(
                 **row,
                 **inferred.get(key, {}),
                 **usage.means(last, groups.attempts[key]),
-                tasks=len(set(scores.task_names(scored))),
+                tasks=scores.count_tasks(scored),
                 pass_hat=_pass_hat(run, scored),
                 ceiling=top.get(row["corruption"]),
                 early=scores.count_unreached(last, names),
@@ -42,6 +41,8 @@ def compute_cells(run: Run, groups: scores.GroupedRecords) -> list[Cell]:
 
 def feasible_and_not(run: Run) -> tuple[list[Cell], list[Cell]]:
     """Return the cells of feasible and of infeasible tasks; no cells if all tasks are feasible."""
+    if isinstance(run.records, EpisodeColumns):
+        return [], []  # results of other harnesses do not say
     partition: tuple[list[ResultRecord], list[ResultRecord]] = [], []
     for record in counted_records(run):
         partition[bool(record.get("infeasible"))].append(record)
@@ -51,10 +52,6 @@ def feasible_and_not(run: Run) -> tuple[list[Cell], list[Cell]]:
     return compute_cells(run, scores.group_records(feasible)), compute_cells(
         run, scores.group_records(infeasible)
     )
-
-
-def _with_clean(key: scores.CellKey, groups: scores.GroupedRecords) -> scores.PairedCases:
-    return scores.pairs(groups.scored[key[0], CLEAN], groups.scored[key])
 
 
 def _estimate_cells(
@@ -68,12 +65,17 @@ def _estimate_cells(
 
     estimates: dict[scores.CellKey, dict[str, float | None]] = {}
     for key in keys:
-        cases = _with_clean(key, groups)
-        retention = statistics.retention_interval(*cases)
+        cases = None
+        if groups.paired:
+            cases = scores.pairs_in_cell(key, groups)
+            retention = statistics.retention_interval(*cases)
+        else:
+            samples = scores.samples_in_cell(key, groups)
+            retention = statistics.unpaired_retention_interval(*samples)
         estimates[key] = {
             "retention_low": retention.low if retention else None,
             "retention_high": retention.high if retention else None,
-            "detectable": statistics.detectable_difference(*cases),
+            "detectable": cases and statistics.detectable_difference(*cases),
         }
     return estimates
 
@@ -85,11 +87,6 @@ def _pass_hat(run: Run, scored: Mapping[scores.PairKey, float]) -> tuple[float, 
     """
     if run.is_scored or not scored or not scores.can_infer():
         return ()
-    from ..results.statistics import pass_hat_k
+    from ..results.statistics import pass_hat
 
-    solved: dict[Hashable, list[bool]] = {}
-    for name, score in zip(scores.task_names(scored), scored.values(), strict=True):
-        solved.setdefault(name, []).append(score == 1.0)
-    seeds = min(map(len, solved.values()))
-    values = [pass_hat_k(solved, k) for k in range(1, seeds + 1)]
-    return tuple(value for value in values if value is not None)
+    return pass_hat(*scores.score_lists(scored))

@@ -2,9 +2,11 @@
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
+
+import numpy as np
 
 from hijack_data.config.files import available
 from hijack_data.corruption import make_corruption
@@ -13,7 +15,8 @@ from hijack_data.runs.amounts import is_amount
 from hijack_data.runs.run_log import RUN, sha256_hex
 
 from ..results import scores
-from ..results.reading import Run, read_head
+from ..results.episode_columns import EpisodeColumns
+from ..results.reading import ResultRecord, Run, read_head
 from .model import YEAR_10000, RunIdentity
 
 # The paper's corruptions, in the order of the columns of its main table.
@@ -66,8 +69,8 @@ def run_identity(run: Run) -> RunIdentity:
         provider=str(desktop.get("provider", "")) if isinstance(desktop, dict) else "",
         recovery=str(config.get("recovery", "")),
         max_steps=_integer(config.get("max_steps")),
-        seeds=tuple(sorted({record["seed"] for record in final})),
-        tasks=len(set(scores.task_names([_pair_key(record) for record in final]))),
+        seeds=_seeds(final),
+        tasks=_count_tasks(final),
         corruptions=names,
         settings=changed_parameters(config),
         changed=tuple(_changed(config)),
@@ -77,6 +80,20 @@ def run_identity(run: Run) -> RunIdentity:
         early=scores.count_unreached(final, names) if run.is_live else 0,
         left_out=run.left_out,
     )
+
+
+def _seeds(records: Sequence[ResultRecord]) -> tuple[int, ...]:
+    """Return the seeds of some records, in ascending order."""
+    if isinstance(records, EpisodeColumns):
+        return tuple(np.unique(records.seed).tolist())
+    return tuple(sorted({record["seed"] for record in records}))
+
+
+def _count_tasks(records: Sequence[ResultRecord]) -> int:
+    """Return how many tasks there are, whatever their variants."""
+    if isinstance(records, EpisodeColumns):
+        return len(np.unique(records.task))
+    return len({scores.task_name(record["task"], record.get("task_seed")) for record in records})
 
 
 def corruptions_by_label(config: Mapping[str, Any]) -> dict[str, str]:
@@ -176,10 +193,6 @@ def _task_code(config: Mapping[str, Any]) -> dict[str, Any]:
     return {
         name: file.get("sha256") if isinstance(file, dict) else file for name, file in files.items()
     }
-
-
-def _pair_key(record: Mapping[str, Any]) -> scores.PairKey:
-    return record["task"], record.get("task_seed"), record["seed"]
 
 
 def _texts(data: Any) -> dict[str, str]:

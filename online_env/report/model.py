@@ -20,6 +20,11 @@ from ..results.scores import worst_labels
 FORMAT = "agenthijack-report"
 VERSION = 1
 T = TypeVar("T")
+UNPAIRED_NOTE = (
+    "Unpaired: each agent was played clean and corrupted on different tasks. Differences and ratios"
+    " are of two means, their intervals Newcombe's and Donner and Zou's for independent samples of"
+    " tasks, and p is of Welch's t test over tasks."
+)
 _SHARES = frozenset(
     [
         *("success", "ci_low", "ci_high", "p", "ceiling"),
@@ -268,6 +273,11 @@ class RunReport:
     def agents(self) -> tuple[str, ...]:
         """The agents, in their order."""
         return tuple(dict.fromkeys(cell.agent for cell in self.cells))
+
+    @property
+    def is_paired(self) -> bool:
+        """Whether conditions were compared case by case, not as samples of different tasks."""
+        return UNPAIRED_NOTE not in self.notes
 
     @property
     def labels(self) -> tuple[str, ...]:

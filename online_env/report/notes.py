@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator
 
-from hijack_data.errors import quantity
+from hijack_data.errors import quantity, shorten_list
 from hijack_data.plan import CLEAN
 from hijack_data.runs.privileged_inputs import describe_privileged_inputs
 
@@ -11,7 +11,7 @@ from ..results import scores
 from ..results.outcomes import RESULTS
 from ..results.reading import Run
 from .formatting import SIGNIFICANT_P
-from .model import RunReport
+from .model import UNPAIRED_NOTE, RunReport
 
 
 def report_notes(report: RunReport, partial: int = 0) -> tuple[str, ...]:
@@ -41,6 +41,8 @@ def recovery_note(run: Run) -> Iterator[str]:
 
 def fraction_note(run: Run) -> Iterator[str]:
     """Yield which agents named points in fractions of the picture, which were read as pixels."""
+    if run.config.get("kind") == RESULTS:  # the logs of others do not say
+        return
     counts_by_agent: dict[str, Counter[str]] = {}
     for record in run.last_attempts:
         points = record.get("points")
@@ -55,10 +57,51 @@ def fraction_note(run: Run) -> Iterator[str]:
             )
 
 
-def pairing_note(run: Run, groups: scores.GroupedRecords) -> Iterator[str]:
-    """Yield how many results of another harness have no partner, and are in no difference."""
+def design_notes(run: Run, groups: scores.GroupedRecords) -> Iterator[str]:
+    """Yield how results of another harness were compared, and what they do not tell."""
     if run.config.get("kind") != RESULTS:
         return
+    if not groups.paired:
+        yield UNPAIRED_NOTE
+    else:
+        yield from _partner_note(groups)
+    reordered = run.config["seeds_matched_in_order"]
+    if reordered:
+        yield (
+            f"{', '.join(reordered)}: a condition was played with other seeds than the clean one,"
+            " so repetitions of a task are matched in their order."
+        )
+    merged = run.config["merged"]
+    if merged:
+        yield (
+            f"Several sources have {', '.join(merged)} on the same tasks: their results count as"
+            " repetitions."
+        )
+    versions = run.config["versions"]
+    if len(versions) > 1:
+        listed = "; ".join(f"{name}: {shorten_list(cells, 3)}" for name, cells in versions.items())
+        yield f"The results are of several versions, which may differ, too ({listed})."
+    tasks = {agent: 0 for agent, _ in groups.scored}
+    repeats = dict(tasks)
+    for (agent, _), cell in groups.scored.items():
+        tasks[agent] = max(tasks[agent], scores.count_tasks(cell))
+        repeats[agent] = max(repeats[agent], len(cell) - scores.count_tasks(cell))
+    single = [agent for agent, count in tasks.items() if count == 1]
+    if single:
+        yield (
+            f"{', '.join(single)}: played on one task, so neither interval nor test says anything"
+            " of other tasks."
+        )
+    once = [agent for agent, count in repeats.items() if not count]
+    if once:
+        yield (
+            f"{', '.join(once)}: one result of each task and condition, so what chance does"
+            " between two runs of a task is not known."
+        )
+
+
+def _partner_note(groups: scores.GroupedRecords) -> Iterator[str]:
+    """Yield how many results have no partner, and are in no difference."""
     unpaired: dict[str, int] = {}
     for (agent, label), cell in groups.scored.items():
         clean = groups.scored.get((agent, CLEAN), {})

@@ -5,8 +5,7 @@ from ..results.reading import Run
 
 def exit_code(run: Run) -> int:
     """Return 1 if something is missing, damaged, invalid or failed, else 0."""
-    bad = any(record["status"] != "ok" for record in run.last_attempts)
-    return 1 if run.damaged or run.missing or bad else 0
+    return 1 if run.damaged or run.missing or run.failures else 0
 
 
 def missing_line(run: Run) -> str:

@@ -22,8 +22,7 @@ from hijack_data.runs.run_log import EPISODES, RUN, find_run
 
 from ..report.gate import ReleaseGate, gate_options
 from ..results import reading
-from ..results.outcome_readers.inspect_log import InspectReader
-from ..results.outcomes import FIELDS, READERS, collect_run, parse_columns
+from ..results.outcomes import FIELDS, READERS, collect_run, is_result, parse_columns
 from ..results.reading import Run
 from ..results.scores import COLUMNS
 from . import terminal
@@ -91,6 +90,7 @@ def _output_options(command: Command) -> Command:
 )
 @click.option("--clean", metavar="NAME", help="Condition that the others are compared with.")
 @click.option("--common-tasks", is_flag=True, help="Compare over the tasks that conditions share.")
+@click.option("--unpaired", is_flag=True, help="Compare conditions of different tasks.")
 def report(
     sources: tuple[Path, ...],
     format_name: str | None,
@@ -104,15 +104,17 @@ def report(
     columns: str,
     clean: str | None,
     common_tasks: bool,
+    unpaired: bool,
 ) -> None:
     """Show the results of a run, such as: hijack report runs/small.
 
     SOURCE is the folder of a run of hijack bench or hijack score, a report.json, or results of
-    others: tables, logs of Inspect, a folder of OSWorld. Several of others are one report.
+    others: tables, logs of Inspect, folders of OSWorld, Harbor, AgentLab or cua-bench, trajectories
+    in ATIF. Several of others are one report.
     """
     foreign = {"--from": reader, "--columns": columns, "--clean": clean}
     stated = [name for name, value in foreign.items() if value]
-    stated += ["--common-tasks"] * common_tasks
+    stated += ["--common-tasks"] * common_tasks + ["--unpaired"] * unpaired
     runs = sources[0]
     if len(sources) == 1 and _is_own(runs):
         if stated:
@@ -131,6 +133,7 @@ def report(
             columns=parse_columns(columns),
             clean=clean or CLEAN,
             common_tasks=common_tasks,
+            unpaired=unpaired,
         )
     if seeds and runs.is_file():
         raise ReportError("--seeds chooses episodes of a run; give the folder of one")
@@ -255,7 +258,7 @@ def _is_own(source: Path) -> bool:
         return (folder / RUN).exists() or (folder / EPISODES).is_dir()
     if not source.exists():
         return True
-    return source.suffix == ".json" and not InspectReader().detect(source)
+    return source.suffix == ".json" and not is_result(source)
 
 
 def _format(format_name: str | None, out: Path | None, beside: Sequence[str]) -> str:

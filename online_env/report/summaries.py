@@ -52,7 +52,7 @@ def _inputs_and_usage(
     """Return what an agent was given, and its usage, over its conditions."""
     keys = [(agent, label) for label in labels]
     attempts = [record for key in keys for record in groups.attempts[key]]
-    last = [record for key in keys for record in groups.last[key].values()]
+    last = [record for key in keys for record in groups.last[key].values()] if attempts else []
     return {"given": _privileged_inputs(attempts), **usage.means(last, attempts)}
 
 
@@ -82,6 +82,8 @@ def _means(agent_cells: Mapping[str, Cell], identity: RunIdentity) -> dict[str, 
 
 def _retention(agent: str, groups: scores.GroupedRecords) -> dict[str, float | None]:
     """Return the share of its clean success that an agent keeps over all its corruptions."""
+    if not groups.paired:
+        return _unpaired_retention(agent, groups)
     clean_scores, corrupted_scores, tasks = scores.pairs_with_clean(agent, groups.scored)
     if not sum(clean_scores):
         return {}
@@ -95,6 +97,28 @@ def _retention(agent: str, groups: scores.GroupedRecords) -> dict[str, float | N
     return values
 
 
+def _unpaired_retention(agent: str, groups: scores.GroupedRecords) -> dict[str, float | None]:
+    """Return the ratio of the success on corrupted tasks to that on other, clean tasks."""
+    clean = scores.score_lists(groups.scored.get((agent, CLEAN), {}))
+    cells = [
+        scores.score_lists(cell)
+        for (name, label), cell in groups.scored.items()
+        if name == agent and label != CLEAN
+    ]
+    corrupted = [score for values, _ in cells for score in values]
+    tasks = [task for _, names in cells for task in names]
+    if not sum(clean[0]) or not corrupted:
+        return {}
+    values: dict[str, float | None] = {"retention": fmean(corrupted) / fmean(clean[0])}
+    if scores.can_infer():
+        from ..results.statistics import unpaired_retention_interval
+
+        retention = unpaired_retention_interval(clean, (corrupted, tasks))
+        values["retention_low"] = retention.low if retention else None
+        values["retention_high"] = retention.high if retention else None
+    return values
+
+
 def _interval(cells: Sequence[scores.ScoreByCase]) -> dict[str, float]:
     """Return the interval of the mean over the corruptions."""
     scored_cells = [cell for cell in cells if cell]
@@ -102,8 +126,7 @@ def _interval(cells: Sequence[scores.ScoreByCase]) -> dict[str, float]:
         return {}
     from ..results.statistics import grand_mean_interval
 
-    pairs = [(list(cell.values()), scores.task_names(cell)) for cell in scored_cells]
-    interval = grand_mean_interval(pairs)
+    interval = grand_mean_interval([scores.score_lists(cell) for cell in scored_cells])
     return {"corrupted_low": interval.low, "corrupted_high": interval.high}
 
 

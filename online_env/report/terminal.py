@@ -17,6 +17,7 @@ from hijack_data.errors import quantity
 from hijack_data.plan import CLEAN
 
 from ..results import costs, scores
+from ..results.outcomes import RESULTS
 from ..results.reading import ResultRecord, Run
 from . import formatting
 from .build import build_report
@@ -46,6 +47,7 @@ P_NOTE = (
     "p is of the exact sign-flip test over tasks, adjusted for the corruptions of the agent (Holm);"
     " a loss is shown below 0.05. The 95 % intervals are not adjusted."
 )
+UNPAIRED_P_NOTE = P_NOTE.replace("the exact sign-flip test", "Welch's t test")
 MIN_CAVEATS = 6  # lines that the tables leave for the caveats
 MIN_ROWS = 5  # of the table of losses, however narrow the screen
 
@@ -57,10 +59,12 @@ class RunDetails:
     Attributes:
         parts: the parts of a scoring run; `None` for other runs.
         problems: lines about costs, and about each episode that is invalid or failed.
+        has_infeasible: whether some tasks are infeasible.
     """
 
     parts: FigureTable | None = None
     problems: Sequence[str] = ()
+    has_infeasible: bool = False
 
 
 def score_rows(run: Run, records: Sequence[ResultRecord]) -> list[scores.ScoreRow]:
@@ -82,23 +86,29 @@ def show(run: Run, reference: str = "", *, paper: bool = False, full: bool = Fal
         screen.print(main_table(()))
         screen.print(missing_line(run), soft_wrap=True)
         return
-    report = build_report(run, reference=reference)
+    report = build_report(run, reference=reference, by_feasibility=full)
     document = ReportDocument(
         report=report, paper=compare_with_paper(report) if paper else None, full=full
     )
     show_document(
-        document, screen, RunDetails(parts=parts_table(run), problems=_problem_lines(run))
+        document,
+        screen,
+        RunDetails(
+            parts=parts_table(run),
+            problems=_problem_lines(run),
+            has_infeasible=run.config.get("kind") != RESULTS
+            and any(record.get("infeasible") for record in run.records),
+        ),
     )
 
 
 def _problem_lines(run: Run) -> list[str]:
     """Return rows that were not scored, costs, and each invalid or failed episode with why."""
-    usage = costs.usage_line(run.records)
+    usage = "" if run.config.get("kind") == RESULTS else costs.usage_line(run.records)
     lines = [*unscored_lines(run), *([usage] if usage else [])]
-    for record in run.last_attempts:
-        if record["status"] != "ok":
-            problem = f"{record['status']}: {record.get('id')}: {record.get('problem')}"
-            lines.append(formatting.shorten(problem))
+    for record in run.failures:
+        problem = f"{record['status']}: {record.get('id')}: {record.get('problem')}"
+        lines.append(formatting.shorten(problem))
     return lines
 
 
@@ -121,22 +131,24 @@ def _show_short(report: RunReport, screen: Any, details: RunDetails) -> None:
     shown = _cut(caveats, room - 2, screen.width)
     if shown:
         _print_lines(["", *shown], screen)
-    screen.print(f"\n--full: {_rest(report, is_whole)}", soft_wrap=True)
+    has_infeasible = bool(report.infeasible) or details.has_infeasible
+    screen.print(f"\n--full: {_rest(is_whole, has_infeasible)}", soft_wrap=True)
 
 
-def _rest(report: RunReport, is_whole: bool) -> str:
+def _rest(is_whole: bool, has_infeasible: bool) -> str:
     """Return what only the full form has."""
     parts = [] if is_whole else ["success and retention of every cell"]
-    if report.infeasible:
+    if has_infeasible:
         parts.append("feasible and infeasible tasks apart")
     return ", ".join([*parts, "ceilings, pass^k, power, steps, costs and every note"])
 
 
 def _short_table(report: RunReport, screen: Any, room: int) -> tuple[FigureTable, bool]:
     """Return the table of all cells if it fits, else the losses alone, of the agents that fit."""
-    table = main_table(report.cells)
-    if _table_height(table, screen) <= room:
-        return table, True
+    if len(report.cells) < room:  # a row takes a line, at least
+        table = main_table(report.cells)
+        if _table_height(table, screen) <= room:
+            return table, True
     agents = list(report.agents)
     labels = list(report.labels)
     while True:
@@ -234,7 +246,9 @@ def _show_full(report: RunReport, screen: Any, details: RunDetails) -> None:
 
 
 def _p_note(report: RunReport) -> list[str]:
-    return [P_NOTE] if any(cell.p is not None for cell in report.cells) else []
+    if all(cell.p is None for cell in report.cells):
+        return []
+    return [P_NOTE if report.is_paired else UNPAIRED_P_NOTE]
 
 
 def summary_line(row: AgentSummary, reference: str = "", worst: Sequence[str] = ()) -> str:

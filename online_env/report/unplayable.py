@@ -1,6 +1,6 @@
 """Tasks of a run that could not be played, which the user left out or counts as 0."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any, cast
 
@@ -8,9 +8,10 @@ from ..results.reading import ResultRecord, Run
 from .identity import agent_names, corruptions_by_label
 
 
-def counted_records(run: Run) -> list[ResultRecord]:
+def counted_records(run: Run) -> Sequence[ResultRecord]:
     """Return the records of a run, with one for each unplayed episode that has a score."""
-    return [*run.records, *_unplayed(run)]
+    unplayed = list(_unplayed(run))
+    return [*run.records, *unplayed] if unplayed else run.records
 
 
 def unplayable_note(run: Run) -> Iterator[str]:

@@ -11,7 +11,7 @@ estimates recovery: Newcombe's interval for paired rates (Newcombe 1998), and th
 All scores are success rates in 0..1.
 """
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import sqrt
@@ -164,9 +164,33 @@ def difference_interval(
             number in 0..1.
     """
     before, after = _pairs_by_task(clean, corrupted, tasks)
+    return _difference(before, after, _correlation(before, after), level)
+
+
+def unpaired_difference_interval(
+    clean: Scores, corrupted: Scores, *, level: float = LEVEL
+) -> Interval:
+    """Return the difference of the means of two samples of tasks, with its interval.
+
+    It is Newcombe's interval for unpaired rates, over tasks.
+
+    Args:
+        clean: scores, 0..1, and the task of each, under the clean condition.
+        corrupted: the same of other tasks, under a corruption.
+        level: the confidence level, between 0 and 1.
+
+    Raises:
+        ParameterError: there are no episodes, or a score is not a number in 0..1.
+    """
+    return _difference(_by_task(*clean), _by_task(*corrupted), 0.0, level)
+
+
+def _difference(
+    before: "_TaskMeans", after: "_TaskMeans", related: float, level: float
+) -> Interval:
+    """Return the difference of two means whose correlation over tasks is `related`."""
     clean_low, clean_high = before.interval.at(level)
     low, high = after.interval.at(level)
-    related = _correlation(before, after)
     value = after.value - before.value
     below = _combined(after.value - low, clean_high - before.value, related)
     above = _combined(high - after.value, before.value - clean_low, related)
@@ -196,12 +220,31 @@ def retention_interval(
             number in 0..1.
     """
     before, after = _pairs_by_task(clean, corrupted, tasks)
+    return _retention(before, after, _correlation(before, after), level)
+
+
+def unpaired_retention_interval(
+    clean: Scores, corrupted: Scores, *, level: float = LEVEL
+) -> Interval | None:
+    """Return the ratio of the means of two samples of tasks, with its interval.
+
+    Args and errors are those of `unpaired_difference_interval`.
+
+    Returns:
+        `None` if the agent has no clean success.
+    """
+    return _retention(_by_task(*clean), _by_task(*corrupted), 0.0, level)
+
+
+def _retention(
+    before: "_TaskMeans", after: "_TaskMeans", related: float, level: float
+) -> Interval | None:
+    """Return the ratio of two means whose correlation over tasks is `related`."""
     if before.value == 0:
         return None
     value = after.value / before.value
     clean_low, clean_high = before.interval.at(level)
     low, high = after.interval.at(level)
-    related = _correlation(before, after)
     product = after.value * before.value
     # The roots of (after - ratio * before) = its distance to the ends, squared.
     middle = product - related * (after.value - low) * (clean_high - before.value)
@@ -233,15 +276,16 @@ def grand_mean_interval(cells: Sequence[Scores], *, level: float = LEVEL) -> Int
     if not cells:
         raise ParameterError("there are no cells to average")
     place: dict[Hashable, int] = {}
-    for _, tasks in cells:
-        for task in tasks:
+    names_by_cell = [_distinct(tasks) for _, tasks in cells]
+    for names in names_by_cell:
+        for task in names:
             place.setdefault(task, len(place))
     weights = np.zeros(len(place))
     effects = np.zeros(len(place))
     values: list[float] = []
-    for scores, tasks in cells:
+    for (scores, tasks), names in zip(cells, names_by_cell, strict=True):
         cell = _by_task(scores, tasks)
-        rows = [place[task] for task in dict.fromkeys(tasks)]
+        rows = [place[task] for task in names]
         weights[rows] += cell.weights / len(cells)
         effects[rows] += cell.weights * (cell.means - cell.value) / len(cells)
         values.append(cell.value)
@@ -299,25 +343,36 @@ def differences_by_task(
             number in 0..1.
     """
     check_pairs(clean, corrupted)
-    before, counts = _sums_by_task(clean, tasks)
-    after, _ = _sums_by_task(corrupted, tasks)
+    before, counts = scores_by_task(clean, tasks)
+    after, _ = scores_by_task(corrupted, tasks)
     return after - before, counts
 
 
-def _sums_by_task(scores: Sequence[float], tasks: Sequence[Hashable]) -> tuple[Floats64, Floats64]:
+def scores_by_task(scores: Sequence[float], tasks: Sequence[Hashable]) -> tuple[Floats64, Floats64]:
     """Return the sum and the number of scores of each task, in the order of first appearance."""
     check_scores(scores, tasks)
-    place: Mapping[Hashable, int] = {
-        task: number for number, task in enumerate(dict.fromkeys(tasks))
-    }
-    numbers = [place[task] for task in tasks]
+    numbers: Any
+    if isinstance(tasks, np.ndarray):
+        _, first, numbers = np.unique(tasks, return_index=True, return_inverse=True)
+        numbers = np.argsort(np.argsort(first))[numbers]
+    else:
+        place = {task: number for number, task in enumerate(dict.fromkeys(tasks))}
+        numbers = [place[task] for task in tasks]
     sums: Any = np.bincount(numbers, weights=np.asarray(scores, np.float64))
     counts: Any = np.bincount(numbers)
     return sums.astype(np.float64), counts.astype(np.float64)
 
 
+def _distinct(tasks: Sequence[Hashable]) -> Sequence[Hashable]:
+    """Return each task once, in the order of first appearance."""
+    if isinstance(tasks, np.ndarray):
+        names, first = np.unique(tasks, return_index=True)
+        return names[np.argsort(first)].tolist()
+    return list(dict.fromkeys(tasks))
+
+
 def _by_task(scores: Sequence[float], tasks: Sequence[Hashable]) -> _TaskMeans:
-    sums, counts = _sums_by_task(scores, tasks)
+    sums, counts = scores_by_task(scores, tasks)
     total = counts.sum()
     value = min(1.0, float(sums.sum() / total))
     return _TaskMeans(means=sums / counts, weights=counts / total, value=value)

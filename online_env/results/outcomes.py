@@ -1,22 +1,28 @@
 """Results of other benchmarks and harnesses: what a reader yields, and how a run is made of it.
 
-A reader turns one source into `EpisodeOutcome`s; `collect_run` makes a `Run` of them, which every
-report, comparison and format then takes. Tasks are the cases and seeds repeat them. What is not an
-outcome (an error of the harness, a missing result) has no score, and is never counted as 0.
+A reader turns one source into `EpisodeOutcome`s, or into `OutcomeBatch`es of many; `collect_run`
+makes a `Run` of them, which every report, comparison and format then takes. Tasks are the cases and
+seeds repeat them. What is not an outcome (an error of the harness, a missing result) has no score,
+and is never counted as 0.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from sys import intern
 from types import MappingProxyType
-from typing import Protocol
+from typing import Protocol, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
 
 from hijack_data.errors import HijackError, quantity, shorten_list, suggest
 from hijack_data.plan import CLEAN
 from hijack_data.registry import Lazy
 
-from .reading import ResultRecord, Run
+from .episode_columns import EpisodeColumns, OutcomeColumns
+from .reading import Run
+
+TaskNumbers: TypeAlias = npt.NDArray[np.integer]
 
 RESULTS = "results"  # the kind of a run that was made of outcomes
 FIELDS = ("task", "condition", "agent", "score", "seed")
@@ -24,6 +30,10 @@ READERS: Mapping[str, str] = MappingProxyType(
     {
         "table": "online_env.results.outcome_readers.table:TableReader",
         "inspect": "online_env.results.outcome_readers.inspect_log:InspectReader",
+        "harbor": "online_env.results.outcome_readers.harbor:HarborReader",
+        "agentlab": "online_env.results.outcome_readers.agentlab:AgentLabReader",
+        "cua_bench": "online_env.results.outcome_readers.cua_bench:CuaBenchReader",
+        "atif": "online_env.results.outcome_readers.atif:AtifReader",
         "osworld": "online_env.results.outcome_readers.osworld:OSWorldReader",
     }
 )
@@ -44,6 +54,9 @@ class EpisodeOutcome:
         score: 0..1; `None` if the episode has no outcome.
         seed: which repetition of the task it is; `None` if the source does not say.
         problem: why there is no score; empty if there is one.
+        version: of the harness that played it, with its name; empty if the source does not say.
+        content: what identifies the content of the task, such as a checksum; empty if the source
+            does not say.
     """
 
     agent: str
@@ -52,16 +65,41 @@ class EpisodeOutcome:
     score: float | None
     seed: int | None = None
     problem: str = ""
+    version: str = ""
+    content: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class OutcomeBatch:
+    """Many episodes in columns; the attributes are those of `EpisodeOutcome`.
+
+    Attributes:
+        agents: of each episode.
+        tasks: of each.
+        conditions: of each.
+        scores: of each.
+        seeds: of each; `None` if the source has no seeds.
+        problems: why an episode has no score, by its position; for every `None` in `scores`.
+    """
+
+    agents: Sequence[str]
+    tasks: Sequence[str]
+    conditions: Sequence[str]
+    scores: Sequence[float | None]
+    seeds: Sequence[int] | None
+    problems: Mapping[int, str]
 
 
 class OutcomeReader(Protocol):
     """Reads the results of one format."""
 
     def detect(self, source: Path) -> bool:
-        """Return whether a file or folder is of this format, from names alone."""
+        """Return whether a file or folder is of this format, from names and first bytes."""
         ...
 
-    def read(self, source: Path, columns: Mapping[str, str]) -> Iterator[EpisodeOutcome]:
+    def read(
+        self, source: Path, columns: Mapping[str, str]
+    ) -> Iterator[EpisodeOutcome] | Iterator[OutcomeBatch]:
         """Yield the outcomes of a source.
 
         Args:
@@ -73,6 +111,11 @@ class OutcomeReader(Protocol):
             OutcomeError: something in it is no result; the message names the place.
         """
         ...
+
+
+def is_result(source: Path) -> bool:
+    """Return whether a reader takes a source."""
+    return any(Lazy(place).load()().detect(source) for place in READERS.values())
 
 
 def find_reader(source: Path, name: str | None = None) -> OutcomeReader:
@@ -94,8 +137,9 @@ def find_reader(source: Path, name: str | None = None) -> OutcomeReader:
         raise OutcomeError(f"{source}: is not the folder of a run; give {report}")
     raise OutcomeError(
         f"{source}: is not the folder of a run (hijack bench and hijack score make one), no table"
-        " (.csv, .jsonl, .parquet), no log of Inspect (.eval, .json), and no folder of OSWorld with"
-        " a result.txt for each task; name the columns of a table with"
+        " (.csv, .jsonl, .parquet), no log of Inspect (.eval, .json), no job of Harbor, no study of"
+        " AgentLab, no run of cua-bench, no trajectory in ATIF, and no folder of OSWorld with a"
+        " result.txt for each task; name the columns of a table with"
         " --columns task=,condition=,agent=,score="
     )
 
@@ -107,6 +151,7 @@ def collect_run(
     columns: Mapping[str, str] = MappingProxyType({}),
     clean: str = CLEAN,
     common_tasks: bool = False,
+    unpaired: bool = False,
 ) -> Run:
     """Read several sources together, and return them as one run.
 
@@ -117,46 +162,102 @@ def collect_run(
         clean: the condition that the others are compared with.
         common_tasks: compare over the tasks that clean and corrupted conditions share, instead of
             refusing sets of tasks that differ.
+        unpaired: compare the conditions as samples of different tasks.
 
     Raises:
         OutcomeError: a source cannot be read, there is no outcome, or conditions cannot be paired.
     """
-    conditions: dict[str, None] = {}
-    records = list(_number_repeats(_read_all(sources, reader, columns), clean, conditions))
-    if not records:
+    if common_tasks and unpaired:
+        raise OutcomeError("--unpaired compares different tasks, --common-tasks the same; give one")
+    collected = _Collected()
+    starts: list[int] = []
+    for source in sources:
+        if not source.exists():
+            raise OutcomeError(f"{source}: is not there")
+        starts.append(len(collected.columns))
+        for outcome in find_reader(source, reader).read(source, columns):
+            collected.add(outcome)
+    if not len(collected.columns):
         raise OutcomeError(f"{', '.join(map(str, sources))}: no results in it")
-    if clean not in conditions and clean != CLEAN:
-        raise OutcomeError(f"--clean: no condition {clean!r}{suggest(clean, list(conditions))}")
-    if clean != CLEAN and CLEAN in conditions:
-        raise OutcomeError(
-            f"--clean {clean}: the results have a condition named {CLEAN}, too; leave --clean out,"
-            " or rename that condition"
-        )
-    labels = list(dict.fromkeys(record["corruption"] for record in records))
-    if len(sources) > 1:
-        _check_task_names({record["task"] for record in records})
-    records = _pair_tasks(records, common_tasks)
-    labels.sort(key=lambda label: label != CLEAN)
+    episodes = _rename_clean(collected.columns.columns(), clean)
+    if len(sources) > 1 and not unpaired:
+        _check_task_names(episodes.tasks)
+    _check_unique(episodes)
+    merged = _merged_cells(episodes, starts)
+    tasks = _tasks_by_cell(episodes)
+    if unpaired:
+        _check_unpaired(tasks)
+    else:
+        episodes = _pair_tasks(episodes, tasks, common_tasks)
+    reordered: Sequence[str] = ()
+    if unpaired:
+        episodes = replace(episodes, paired=False)
+    else:
+        episodes, reordered = _match_seeds(episodes)
+    conditions = [episodes.conditions[number] for number in _in_order(episodes.condition)]
     return Run(
         folder=sources[0],
         config={
             "kind": RESULTS,
             "source": " and ".join(source.name for source in sources[:2])
             + (f" and {len(sources) - 2} more" if len(sources) > 2 else ""),
-            "agents": list(dict.fromkeys(record["agent"] for record in records)),
-            "corruptions": labels,
+            "agents": [episodes.agents[number] for number in _in_order(episodes.agent)],
+            "corruptions": sorted(conditions, key=lambda label: label != CLEAN),
+            "merged": merged,
+            "seeds_matched_in_order": list(reordered),
+            "versions": {name: sorted(used) for name, used in sorted(collected.versions.items())},
         },
-        records=records,
+        records=episodes,
     )
 
 
-def _read_all(
-    sources: Sequence[Path], reader: str | None, columns: Mapping[str, str]
-) -> Iterator[EpisodeOutcome]:
-    for source in sources:
-        if not source.exists():
-            raise OutcomeError(f"{source}: is not there")
-        yield from find_reader(source, reader).read(source, columns)
+class _Collected:
+    """The outcomes of all sources.
+
+    Attributes:
+        columns: the outcomes.
+        versions: agents and conditions by the version of the harness that played them.
+    """
+
+    def __init__(self) -> None:
+        self.columns = OutcomeColumns()
+        self.versions: dict[str, set[str]] = {}
+        self._contents: dict[str, tuple[str, str]] = {}
+
+    def add(self, outcome: EpisodeOutcome | OutcomeBatch) -> None:
+        """Add an outcome, or many.
+
+        Raises:
+            OutcomeError: a task of the same name has other content.
+        """
+        if isinstance(outcome, OutcomeBatch):
+            self.columns.extend(
+                agents=outcome.agents,
+                tasks=outcome.tasks,
+                conditions=outcome.conditions,
+                scores=outcome.scores,
+                seeds=outcome.seeds,
+                problems=outcome.problems,
+            )
+            return
+        where = f"{outcome.agent} under {outcome.condition}"
+        if outcome.version:
+            self.versions.setdefault(outcome.version, set()).add(where)
+        content, first = self._contents.setdefault(outcome.task, (outcome.content, where))
+        if outcome.content != content:
+            raise OutcomeError(
+                f"the task {outcome.task} is not the same for {where} as for {first}: its content"
+                f" is {outcome.content or 'not stated'} and {content or 'not stated'}; play both on"
+                " one version of the task, or name another column with --columns task="
+            )
+        self.columns.extend(
+            agents=[outcome.agent],
+            tasks=[outcome.task],
+            conditions=[outcome.condition],
+            scores=[outcome.score],
+            seeds=[outcome.seed],
+            problems={} if outcome.score is not None else {0: outcome.problem},
+        )
 
 
 def parse_columns(text: str) -> dict[str, str]:
@@ -176,7 +277,27 @@ def parse_columns(text: str) -> dict[str, str]:
     return columns
 
 
-def _check_task_names(names: set[str]) -> None:
+def _rename_clean(episodes: EpisodeColumns, clean: str) -> EpisodeColumns:
+    """Return the episodes with the condition `clean` under the name that reports know.
+
+    Raises:
+        OutcomeError: there is no such condition, or another has that name.
+    """
+    conditions = episodes.conditions
+    if clean == CLEAN:
+        return episodes
+    if clean not in conditions:
+        raise OutcomeError(f"--clean: no condition {clean!r}{suggest(clean, list(conditions))}")
+    if CLEAN in conditions:
+        raise OutcomeError(
+            f"--clean {clean}: the results have a condition named {CLEAN}, too; leave --clean out,"
+            " or rename that condition"
+        )
+    names = tuple(CLEAN if name == clean else name for name in conditions)
+    return replace(episodes, conditions=names)
+
+
+def _check_task_names(names: Sequence[str]) -> None:
     """Check that tasks of several sources have names; numbers agree by chance.
 
     Raises:
@@ -190,88 +311,151 @@ def _check_task_names(names: set[str]) -> None:
         )
 
 
-def _number_repeats(
-    outcomes: Iterable[EpisodeOutcome], clean: str, conditions: dict[str, None]
-) -> Iterator[ResultRecord]:
-    """Yield records; outcomes without a seed are numbered in their order, task by task.
-
-    Args:
-        outcomes: of all sources.
-        clean: the condition that is named `clean` in records.
-        conditions: takes in the conditions as the sources name them.
+def _check_unique(episodes: EpisodeColumns) -> None:
+    """Check that no outcome is there twice.
 
     Raises:
-        OutcomeError: an outcome is there twice.
+        OutcomeError: one is.
     """
-    repeats: dict[tuple[str, str, str], int] = {}
-    seen: set[tuple[str, str, str, int]] = set()
-    for outcome in outcomes:
-        conditions[outcome.condition] = None
-        label = CLEAN if outcome.condition == clean else outcome.condition
-        case = outcome.agent, label, outcome.task
-        seed = outcome.seed
-        if seed is None:
-            seed = repeats.get(case, 0)
-            repeats[case] = seed + 1
-        if (*case, seed) in seen:
-            raise OutcomeError(
-                f"{outcome.agent} has two results of the task {outcome.task} under"
-                f" {outcome.condition} with seed {seed}; remove one, or name the column that tells"
-                " repetitions apart with --columns seed=COLUMN"
-            )
-        seen.add((*case, seed))
-        record: ResultRecord = {
-            "agent": intern(outcome.agent),
-            "task": intern(outcome.task),
-            "corruption": intern(label),
-            "seed": seed,
-            "status": "ok",
-            "score": outcome.score,
-        }
-        if outcome.score is None:
-            record["status"] = "invalid"
-            record["id"] = f"{outcome.task} under {label}, seed {seed}, {outcome.agent}"
-            record["problem"] = outcome.problem
-        yield record
+    at = episodes.find_repeat(episodes.number_cases())
+    if at is not None:
+        record = episodes[at]
+        raise OutcomeError(
+            f"{record['agent']} has two results of the task {record['task']} under"
+            f" {record['corruption']} with seed {record['seed']}; remove one, or name the column"
+            " that tells repetitions apart with --columns seed=COLUMN"
+        )
 
 
-def _pair_tasks(records: list[ResultRecord], common_tasks: bool) -> list[ResultRecord]:
-    """Return the records whose conditions can be compared task by task.
+def _merged_cells(episodes: EpisodeColumns, starts: Sequence[int]) -> list[str]:
+    """Return the agents and conditions that several sources have on the same tasks.
+
+    Args:
+        episodes: of all sources.
+        starts: the position of the first episode of each source.
+    """
+    keys = episodes.agent.astype(np.int64) * len(episodes.conditions) + episodes.condition
+    keys = keys * len(episodes.tasks) + episodes.task
+    merged: dict[str, None] = {}
+    seen = np.zeros(0, np.int64)
+    for source in np.split(keys, starts[1:]) if len(starts) > 1 else ():
+        own = np.unique(source)
+        for cell in np.unique(np.intersect1d(own, seen) // len(episodes.tasks)).tolist():
+            agent, condition = divmod(cell, len(episodes.conditions))
+            merged[f"{episodes.agents[agent]} under {episodes.conditions[condition]}"] = None
+        seen = np.union1d(seen, own)
+    return list(merged)
+
+
+def _in_order(numbers: TaskNumbers) -> list[int]:
+    """Return each number once, in the order of first appearance."""
+    values, first = np.unique(numbers, return_index=True)
+    return values[np.argsort(first)].tolist()
+
+
+def _tasks_by_cell(episodes: EpisodeColumns) -> dict[str, dict[str, TaskNumbers]]:
+    """Return the numbers of the tasks of each condition of each agent, in ascending order."""
+    tasks: dict[str, dict[str, TaskNumbers]] = {}
+    for (agent, label), cell in episodes.cells().items():
+        tasks.setdefault(agent, {})[label] = np.unique(episodes.task[cell.positions])
+    return tasks
+
+
+def _pair_tasks(
+    episodes: EpisodeColumns, tasks: Mapping[str, Mapping[str, TaskNumbers]], common_tasks: bool
+) -> EpisodeColumns:
+    """Return the episodes whose conditions can be compared task by task.
 
     Raises:
         OutcomeError: the conditions of an agent have other tasks, and `common_tasks` is not asked
             for; or they share none.
     """
-    tasks: dict[str, dict[str, set[str]]] = {}
-    for record in records:
-        by_label = tasks.setdefault(record["agent"], {})
-        by_label.setdefault(record["corruption"], set()).add(record["task"])
-    shared: dict[str, set[str]] = {}
+    chosen = np.ones(len(episodes), np.bool_)
     for agent, by_label in tasks.items():
-        shared[agent] = set.intersection(*by_label.values())
+        shared = _shared(by_label)
         base = by_label.get(CLEAN)
-        for label, names in by_label.items():
-            if base is None or names == base:
+        for label, numbers in by_label.items():
+            if base is None or np.array_equal(numbers, base):
                 continue
-            if not names & base:
-                raise OutcomeError(f"{_difference(agent, label, names, base)}; they share none")
+            difference = _difference(episodes, agent, label, numbers, base)
+            remedy = "--unpaired compares them as samples of different tasks"
+            if not np.intersect1d(numbers, base).size:
+                raise OutcomeError(f"{difference}; they share none, and {remedy}")
             if not common_tasks:
                 raise OutcomeError(
-                    f"{_difference(agent, label, names, base)}; --common-tasks reports the"
-                    f" {quantity(len(shared[agent]), 'task')} that all conditions have"
+                    f"{difference}; --common-tasks reports the {quantity(len(shared), 'task')} that"
+                    f" all conditions have, {remedy}"
                 )
-    if not common_tasks:
-        return records
-    if not all(shared.values()):
-        raise OutcomeError("--common-tasks: the conditions share no task")
-    return [record for record in records if record["task"] in shared[record["agent"]]]
+        if common_tasks and not len(shared):
+            raise OutcomeError("--common-tasks: the conditions share no task")
+        if common_tasks:
+            is_agent = episodes.agent == episodes.agents.index(agent)
+            chosen &= ~is_agent | np.isin(episodes.task, shared)
+    return episodes if chosen.all() else episodes.take(chosen)
 
 
-def _difference(agent: str, label: str, names: set[str], base: set[str]) -> str:
+def _shared(by_label: Mapping[str, TaskNumbers]) -> TaskNumbers:
+    """Return the tasks that all conditions have."""
+    first, *others = by_label.values()
+    for numbers in others:
+        first = np.intersect1d(first, numbers)
+    return first
+
+
+def _check_unpaired(tasks: Mapping[str, Mapping[str, TaskNumbers]]) -> None:
+    """Check that conditions that are to be compared as unpaired have other tasks than clean.
+
+    Raises:
+        OutcomeError: one has the same; taken as unpaired its interval would be too wide.
+    """
+    for agent, by_label in tasks.items():
+        base = by_label.get(CLEAN)
+        for label, numbers in by_label.items():
+            if label != CLEAN and base is not None and np.array_equal(numbers, base):
+                raise OutcomeError(
+                    f"--unpaired: {agent} was played on the same"
+                    f" {quantity(len(numbers), 'task')} clean and under {label}; leave --unpaired"
+                    " out, pairs tell more"
+                )
+
+
+def _match_seeds(episodes: EpisodeColumns) -> tuple[EpisodeColumns, Sequence[str]]:
+    """Return the episodes, renumbered where conditions were played with other seeds than clean.
+
+    Seeds are repetitions of a task. If a condition of an agent shares no seed with the clean one,
+    the first repetition of each task is matched with the first clean one, and so on.
+
+    Returns:
+        The episodes, and the agents that were renumbered.
+    """
+    cells = episodes.cells()
+    renumbered: dict[str, None] = {}
+    for (agent, _), cell in cells.items():
+        clean = cells.get((agent, CLEAN))
+        if clean is not None:
+            seeds = episodes.seed[clean.positions]
+            if not np.intersect1d(episodes.seed[cell.positions], seeds).size:
+                renumbered[agent] = None
+    if not renumbered:
+        return episodes, ()
+    seed = episodes.seed.copy()
+    for (agent, _), cell in cells.items():
+        if agent in renumbered:
+            seed[cell.positions] = episodes.rank_in_task(cell.positions)
+    return replace(episodes, seed=seed), tuple(renumbered)
+
+
+def _difference(
+    episodes: EpisodeColumns, agent: str, label: str, numbers: TaskNumbers, base: TaskNumbers
+) -> str:
     """Return how the tasks of a condition differ from those of the clean one."""
     parts = [
-        f"{quantity(len(only), 'task')} only {where} ({shorten_list(sorted(only), 3)})"
-        for only, where in ((names - base, f"under {label}"), (base - names, "clean"))
-        if only
+        f"{quantity(len(only), 'task')} only {where}"
+        f" ({shorten_list(sorted(episodes.tasks[number] for number in only.tolist()), 3)})"
+        for only, where in (
+            (np.setdiff1d(numbers, base), f"under {label}"),
+            (np.setdiff1d(base, numbers), "clean"),
+        )
+        if len(only)
     ]
     return f"{agent} was not played on the same tasks: {', '.join(parts)}"

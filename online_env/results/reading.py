@@ -24,6 +24,8 @@ from hijack_data.runs.run_log import (
 )
 from hijack_data.surrogates import has_half
 
+from .episode_columns import EpisodeColumns
+
 ResultRecord: TypeAlias = dict[str, Any]
 STATUSES = ("ok", "invalid", "error")
 MAX_LINE = 8 * 2**20
@@ -64,7 +66,7 @@ class Run:
 
     folder: Path
     config: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    records: list[ResultRecord] = field(default_factory=list[ResultRecord])
+    records: Sequence[ResultRecord] = field(default_factory=list[ResultRecord])
     damaged: list[Damage] = field(default_factory=list[Damage])
     episodes: tuple[str, ...] = ()
     left_out: tuple[int, ...] = ()
@@ -80,13 +82,23 @@ class Run:
         return "kind" not in self.config
 
     @cached_property
-    def last_attempts(self) -> list[ResultRecord]:
+    def last_attempts(self) -> Sequence[ResultRecord]:
         """The last record of each case: agent, condition, task, the task's seed and the seed."""
+        if isinstance(self.records, EpisodeColumns):
+            return self.records
         cases = {
             (r["agent"], r["corruption"], r["task"], r.get("task_seed"), r["seed"]): r
             for r in self.records
         }
         return list(cases.values())
+
+    @cached_property
+    def failures(self) -> list[ResultRecord]:
+        """The last attempts that are invalid or failed."""
+        last = self.last_attempts
+        if isinstance(last, EpisodeColumns):
+            return [last[position] for position in last.problems]
+        return [record for record in last if record["status"] != "ok"]
 
     @property
     def planned(self) -> int:
@@ -103,7 +115,7 @@ class Run:
             return len(self.unplayed)
         return max(0, self.planned - len(self.last_attempts)) if self.planned else 0
 
-    @property
+    @cached_property
     def unplayed(self) -> tuple[str, ...]:
         """The ids in `episodes` without a record."""
         played = {str(record.get("id")) for record in self.records}
@@ -124,11 +136,8 @@ def read(folder: Path) -> Run:
     if not (folder / RUN).exists() and (folder / EPISODES).is_dir():
         return _read_episodes(folder)
     head = read_head(folder)
-    run = Run(
-        folder=folder,
-        config=cast("Mapping[str, Any]", head.get("config") or {}),
-        episodes=tuple(head.get("episodes") or ()),
-    )
+    records: list[ResultRecord] = []
+    damaged: list[Damage] = []
     try:
         lines = read_regular(folder / RECORDS).split(b"\n")
     except OSError as error:
@@ -141,10 +150,16 @@ def read(folder: Path) -> Run:
             record = _parse_record(line)
             _check_new(record, line_by_id, number)
         except _DamagedError as damage:
-            run.damaged.append(Damage(number, str(damage)))
+            damaged.append(Damage(number, str(damage)))
         else:
-            run.records.append(record)
-    return run
+            records.append(record)
+    return Run(
+        folder=folder,
+        config=cast("Mapping[str, Any]", head.get("config") or {}),
+        records=records,
+        damaged=damaged,
+        episodes=tuple(head.get("episodes") or ()),
+    )
 
 
 def with_first_seeds(run: Run, count: int) -> Run:
@@ -212,18 +227,19 @@ def read_head(folder: Path) -> dict[str, Any]:
 
 def _read_episodes(folder: Path) -> Run:
     """Read the records of all episodes that ended, in the order of their ids."""
-    run = Run(folder=folder)
+    records: list[ResultRecord] = []
+    damaged: list[Damage] = []
     for path in sorted((folder / EPISODES).glob(f"*/{EPISODE}")):
         try:
-            run.records.append(_parse_record(read_regular(path)))
+            records.append(_parse_record(read_regular(path)))
         except OSError as error:
             problem = f"cannot be read ({error.strerror or error})"
         except _DamagedError as damage:
             problem = str(damage)
         else:
             continue
-        run.damaged.append(Damage(1, problem, str(path.relative_to(folder))))
-    return run
+        damaged.append(Damage(1, problem, str(path.relative_to(folder))))
+    return Run(folder=folder, records=records, damaged=damaged)
 
 
 def read_record(path: Path) -> ResultRecord:

@@ -1,13 +1,17 @@
 """Compute from the records of a run one row for each agent and corruption."""
 
 import importlib.util
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from functools import lru_cache
 from statistics import fmean
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, cast
+
+import numpy as np
 
 from hijack_data.corruption import corruption_names, find_corruption
 from hijack_data.plan import CLEAN
 
+from .episode_columns import CellEpisodes, CellKey, CellScores, EpisodeColumns, PairKey
 from .records import ResultRecord
 
 ScoreRow: TypeAlias = dict[str, Any]
@@ -26,16 +30,12 @@ COLUMNS = (
     "errors",
     "invalid",
 )
-# Agent and corruption.
-CellKey: TypeAlias = tuple[str, str]
-# The key of paired episodes: the task, the seed of its variant and the seed of the corruption's
-# draws.
-PairKey: TypeAlias = tuple[str, Any, int]
-Cases: TypeAlias = dict[PairKey, ResultRecord]
-ScoreByCase: TypeAlias = dict[PairKey, float]
+Cases: TypeAlias = Mapping[PairKey, ResultRecord]
+ScoreByCase: TypeAlias = Mapping[PairKey, float]
 ScoreByCell: TypeAlias = Mapping[CellKey, ScoreByCase]
-# The two scores and the task of each case.
-PairedCases: TypeAlias = tuple[list[float], list[float], list[str]]
+# The two scores and the task of each case; arrays, with numbers of tasks, for `EpisodeColumns`.
+ScoreLists: TypeAlias = tuple[Sequence[float], Sequence[Hashable]]
+PairedCases: TypeAlias = tuple[Sequence[float], Sequence[float], Sequence[Hashable]]
 
 
 class GroupedRecords(NamedTuple):
@@ -43,13 +43,18 @@ class GroupedRecords(NamedTuple):
 
     Attributes:
         last: the last attempt at each case.
-        attempts: all attempts; those that were repeated were paid for, too.
+        attempts: all attempts; those that were repeated were paid for, too. None of
+            `EpisodeColumns`, which do not say what an episode took.
         scored: the score of each case that counts for the agent.
+        pairs_by_cell: the pairs with clean that were asked for, each made once.
+        paired: whether conditions are compared case by case; else as samples of different tasks.
     """
 
-    last: dict[CellKey, Cases]
-    attempts: dict[CellKey, list[ResultRecord]]
-    scored: dict[CellKey, ScoreByCase]
+    last: Mapping[CellKey, Cases]
+    attempts: Mapping[CellKey, Sequence[ResultRecord]]
+    scored: ScoreByCell
+    pairs_by_cell: dict[CellKey, PairedCases]
+    paired: bool = True
 
 
 def rows(
@@ -81,9 +86,9 @@ def rows_by_group(
     agent_order = _positions([*agents, *(agent for agent, _ in groups.last)])
     label_order = _positions([*corruptions, *(label for _, label in groups.last)])
     keys = sorted(groups.last, key=lambda key: (agent_order[key[0]], label_order[key[1]]))
-    rows_made = [_row(*key, groups.last[key], groups.scored) for key in keys]
+    rows_made = [_row(*key, groups.last[key], groups) for key in keys]
     if can_infer():
-        _infer(rows_made, groups.scored)
+        _infer(rows_made, groups)
     return rows_made
 
 
@@ -139,50 +144,73 @@ def worst_labels(success: Mapping[str, float]) -> tuple[str, ...]:
 
 def pairs(before: ScoreByCase, after: ScoreByCase) -> PairedCases:
     """Return the two scores and the task of each case that has both, in the order of `after`."""
+    if isinstance(before, CellScores) and isinstance(after, CellScores):
+        paired = after.pair(before)
+        if paired is not None:
+            return cast("PairedCases", paired)
     cases = [case for case in after if case in before]
     return ([before[case] for case in cases], [after[case] for case in cases], task_names(cases))
+
+
+def score_lists(cell: ScoreByCase) -> ScoreLists:
+    """Return the scores of a cell, and the task of each."""
+    if isinstance(cell, CellScores):
+        return cast("ScoreLists", (cell.scores, cell.tasks))
+    return list(cell.values()), task_names(cell)
 
 
 def pairs_with_clean(agent: str, scores: ScoreByCell) -> PairedCases:
     """Return the cases of `pairs` of clean and each corruption of an agent, after each other."""
     clean = scores.get((agent, CLEAN), {})
-    clean_scores: list[float] = []
-    corrupted_scores: list[float] = []
-    tasks: list[str] = []
+    columns: tuple[list[Any], list[Any], list[Any]] = [], [], []
     for (name, label), cell in scores.items():
-        if name != agent or label == CLEAN:
-            continue
-        before, after, of_tasks = pairs(clean, cell)
-        clean_scores += before
-        corrupted_scores += after
-        tasks += of_tasks
-    return clean_scores, corrupted_scores, tasks
+        if name == agent and label != CLEAN:
+            for column, values in zip(columns, pairs(clean, cell), strict=True):
+                column += values.tolist() if isinstance(values, np.ndarray) else values
+    return columns
 
 
-def _infer(table: Sequence[ScoreRow], scores: ScoreByCell) -> None:
+def _infer(table: Sequence[ScoreRow], groups: GroupedRecords) -> None:
     """Add intervals and tests to rows, in place; the p values are adjusted for each agent."""
     from . import statistics  # scipy takes a second to load
 
     for row in table:
         if row["n"]:
-            cell = scores[row["agent"], row["corruption"]]
-            mean = statistics.mean_interval(list(cell.values()), task_names(cell))
+            cell = groups.scored[row["agent"], row["corruption"]]
+            mean = statistics.mean_interval(*score_lists(cell))
             row.update(ci_low=mean.low, ci_high=mean.high)
     compared = [row for row in table if row["delta"] is not None]
     tests: dict[str, dict[str, float]] = {}
     for row in compared:
-        cases = _with_clean(row, scores)
-        change = statistics.difference_interval(*cases)
+        key = row["agent"], row["corruption"]
+        p: float | None
+        if groups.paired:
+            cases = pairs_in_cell(key, groups)
+            change = statistics.difference_interval(*cases)
+            p = statistics.mcnemar_by_task(*cases)
+        else:
+            samples = samples_in_cell(key, groups)
+            change = statistics.unpaired_difference_interval(*samples)
+            p = statistics.welch_by_task(*samples)
         row.update(delta_low=change.low, delta_high=change.high)
-        tests.setdefault(row["agent"], {})[row["corruption"]] = statistics.mcnemar_by_task(*cases)
+        if p is not None:
+            tests.setdefault(row["agent"], {})[row["corruption"]] = p
     adjusted = {agent: statistics.holm(p_values) for agent, p_values in tests.items()}
     for row in compared:
-        row["p"] = adjusted[row["agent"]][row["corruption"]]
+        row["p"] = adjusted.get(row["agent"], {}).get(row["corruption"])
 
 
-def _with_clean(row: ScoreRow, scores: ScoreByCell) -> PairedCases:
-    agent = row["agent"]
-    return pairs(scores.get((agent, CLEAN), {}), scores[agent, row["corruption"]])
+def pairs_in_cell(key: CellKey, groups: GroupedRecords) -> PairedCases:
+    """Return the cases of a corruption that the clean condition has, too; none for clean."""
+    if key not in groups.pairs_by_cell:
+        clean = groups.scored.get((key[0], CLEAN), {}) if key[1] != CLEAN else {}
+        groups.pairs_by_cell[key] = pairs(clean, groups.scored[key])
+    return groups.pairs_by_cell[key]
+
+
+def samples_in_cell(key: CellKey, groups: GroupedRecords) -> tuple[ScoreLists, ScoreLists]:
+    """Return the clean scores of an agent, and those of a cell, each with their tasks."""
+    return score_lists(groups.scored[key[0], CLEAN]), score_lists(groups.scored[key])
 
 
 def latest(records: Iterable[ResultRecord]) -> dict[tuple[str, str, str, Any, int], ResultRecord]:
@@ -197,14 +225,18 @@ def latest(records: Iterable[ResultRecord]) -> dict[tuple[str, str, str, Any, in
 
 def group_records(records: Iterable[ResultRecord]) -> GroupedRecords:
     """Return the records of a run by agent and corruption."""
+    if isinstance(records, EpisodeColumns):
+        cells = records.cells()
+        scores = {key: cell.scored for key, cell in cells.items()}
+        return GroupedRecords(cells, dict.fromkeys(cells, ()), scores, {}, records.paired)
     attempts: dict[CellKey, list[ResultRecord]] = {}
-    last: dict[CellKey, Cases] = {}
+    last: dict[CellKey, dict[PairKey, ResultRecord]] = {}
     for record in records:
         cell = record["agent"], record["corruption"]
         case = record["task"], record.get("task_seed"), record["seed"]
         attempts.setdefault(cell, []).append(record)
         last.setdefault(cell, {})[case] = record
-    return GroupedRecords(last, attempts, {cell: scored(cases) for cell, cases in last.items()})
+    return GroupedRecords(last, attempts, {cell: scored(cases) for cell, cases in last.items()}, {})
 
 
 def count_unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, str]) -> int:
@@ -215,8 +247,7 @@ def count_unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, s
         corruptions: the name of each label; only a corruption with effects on the machine can come
             too late.
     """
-    acting = {name for name in corruption_names() if find_corruption(name).effects}
-    waiting = {label for label, name in corruptions.items() if name in acting}
+    waiting = _acting_labels(tuple(corruptions.items()))
     scored = [
         record
         for record in records
@@ -227,36 +258,62 @@ def count_unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, s
     return sum(not record.get("effects") for record in scored)
 
 
+@lru_cache(maxsize=4)
+def _acting_labels(corruptions: tuple[tuple[str, str], ...]) -> frozenset[str]:
+    """Return the labels, of labels and names, whose corruption has effects on the machine."""
+    acting = {name for name in corruption_names() if find_corruption(name).effects}
+    return frozenset(label for label, name in corruptions if name in acting)
+
+
 def _positions(listed: Sequence[str]) -> dict[str, int]:
     """Return the position of the first occurrence of each name."""
     return {name: position for position, name in enumerate(dict.fromkeys(listed))}
 
 
-def _row(agent: str, label: str, cases: Cases, scores: ScoreByCell) -> ScoreRow:
-    cell = scores[agent, label]
-    base = scores.get((agent, CLEAN), {}) if label != CLEAN else {}
-    clean_scores, corrupted_scores, _ = pairs(base, cell)
-    counted_records = [record for record in cases.values() if counts(record)]
+def _row(agent: str, label: str, cases: Cases, groups: GroupedRecords) -> ScoreRow:
+    cell = groups.scored[agent, label]
+    base = groups.scored.get((agent, CLEAN), {}) if label != CLEAN else {}
+    if groups.paired:
+        clean_scores, corrupted_scores, _ = pairs_in_cell((agent, label), groups)
+    else:
+        clean_scores, corrupted_scores = score_lists(base)[0], score_lists(cell)[0]
     row: ScoreRow = {
         **dict.fromkeys(COLUMNS),
         "agent": agent,
         "corruption": label,
         "n": len(cell),
-        "errors": sum(record["status"] == "error" for record in counted_records),
-        "invalid": len(cases) - len(counted_records),
+        "errors": _count_errors(cases),
+        "invalid": len(cases) - len(cell),
     }
     if cell:
-        row["success"] = fmean(cell.values())
-    if corrupted_scores:
+        row["success"] = fmean(score_lists(cell)[0])
+    if groups.paired and len(corrupted_scores):
         row["delta"] = (sum(corrupted_scores) - sum(clean_scores)) / len(corrupted_scores)
-    if sum(clean_scores):
-        row["retention"] = sum(corrupted_scores) / sum(clean_scores)
+    elif len(clean_scores) and len(corrupted_scores):
+        row["delta"] = fmean(corrupted_scores) - fmean(clean_scores)
+    if row["delta"] is not None and sum(clean_scores):
+        counts_apart = len(clean_scores) / len(corrupted_scores)  # 1 for pairs
+        row["retention"] = sum(corrupted_scores) / sum(clean_scores) * counts_apart
     return row
 
 
+def _count_errors(cases: Cases) -> int:
+    """Return how many episodes count although they have no score."""
+    if isinstance(cases, CellEpisodes):
+        return 0  # what other harnesses did not score is invalid
+    return sum(record["status"] == "error" and counts(record) for record in cases.values())
+
+
+@lru_cache(maxsize=1)
 def can_infer() -> bool:
     """Return whether scipy is installed, which intervals and tests need."""
     return importlib.util.find_spec("scipy") is not None
+
+
+def count_tasks(cell: ScoreByCase) -> int:
+    """Return how many tasks the cases of a cell are of, whatever their variants."""
+    tasks = score_lists(cell)[1]
+    return len(np.unique(tasks)) if isinstance(tasks, np.ndarray) else len(set(tasks))
 
 
 def task_names(cases: Iterable[PairKey]) -> list[str]:
@@ -286,13 +343,15 @@ def counts(record: ResultRecord) -> bool:
     return cause == "agent" or (cause == "machine" and (record.get("attempt") or 0) > 0)
 
 
-def scored(cases: Cases) -> ScoreByCase:
+def scored(cases: Cases) -> dict[PairKey, float]:
     """Return the score (0..1) of each case that counts for the agent; an error scores 0."""
     return {case: _score(record) for case, record in cases.items() if counts(record)}
 
 
 def count_partial(records: Iterable[ResultRecord]) -> int:
     """Return how many of the last attempts count and have a score that is neither 0 nor 1."""
+    if isinstance(records, EpisodeColumns):
+        return int(((records.score > 0) & (records.score < 1)).sum())
     return sum(counts(record) and 0 < _score(record) < 1 for record in records)
 
 

@@ -1,7 +1,7 @@
 """Statistics of a benchmark: paired tests, power, summaries of success, and the intervals.
 
-The power of a paired t test comes from scipy's noncentral t distribution. The intervals are in
-`intervals`, and are reached through this module, too.
+The power of a paired t test comes from the noncentral t distribution of `student_t`. The intervals
+are in `intervals`, and are reached through this module, too.
 
 All scores are success rates in 0..1.
 """
@@ -9,11 +9,13 @@ All scores are success rates in 0..1.
 from collections.abc import Hashable, Mapping, Sequence
 from functools import lru_cache
 from math import comb, sqrt
+from typing import Any, cast
 
 import numpy as np
 
 from hijack_data.errors import ParameterError
 
+from . import student_t
 from .intervals import (
     LEVEL,
     Interval,
@@ -27,7 +29,11 @@ from .intervals import (
     grand_mean_interval,
     mean_interval,
     retention_interval,
+    scores_by_task,
+    unpaired_difference_interval,
+    unpaired_retention_interval,
 )
+from .unpaired_test import welch_by_task
 
 __all__ = [
     "Interval",
@@ -41,10 +47,16 @@ __all__ = [
     "mean_corruption_error",
     "mean_interval",
     "paper_average",
+    "pass_hat",
     "pass_hat_k",
     "retention_interval",
+    "unpaired_difference_interval",
+    "unpaired_retention_interval",
+    "welch_by_task",
 ]
 
+MAX_TOTALS = 1024  # of a sign-flip test, before it drops those less likely than UNLIKELY
+UNLIKELY = 1e-40
 EFFECT_TOLERANCE = 1e-9  # of the difference that is searched for, in standard deviations
 
 
@@ -65,19 +77,25 @@ def mcnemar_by_task(
     check_pairs(clean, corrupted)
     check_scores(clean, tasks)
     check_scores(corrupted, tasks)
-    before = [float(score == 1.0) for score in clean]
-    after = [float(score == 1.0) for score in corrupted]
-    sums, _ = differences_by_task(before, after, tasks)
+    before = (np.asarray(clean, np.float64) == 1.0).astype(np.float64)
+    after = (np.asarray(corrupted, np.float64) == 1.0).astype(np.float64)
+    sums, _ = differences_by_task(cast("Any", before), cast("Any", after), tasks)
     sizes = np.abs(sums).astype(np.int64)
-    # Of each total that some signs give, from the least one: each task moves it up or down.
-    chances = np.ones(1)
+    # Of each total that some signs give, from the least one, in steps of two: a task adds its size
+    # twice, or nothing.
+    chances, first, dropped = np.ones(1), 0, 0.0
     for size in sizes[sizes > 0]:
-        moved = np.zeros(len(chances) + 2 * size)
+        moved = np.zeros(len(chances) + size)
         moved[: len(chances)] += chances / 2
-        moved[2 * size :] += chances / 2
+        moved[size:] += chances / 2
         chances = moved
-    totals = np.arange(-sizes.sum(), sizes.sum() + 1)
-    return min(1.0, float(chances[np.abs(totals) >= abs(sums.sum())].sum()))
+        if len(chances) > MAX_TOTALS:  # thousands of tasks: without totals that do not happen
+            likely = np.flatnonzero(chances > UNLIKELY)
+            start, stop = int(likely[0]), int(likely[-1]) + 1
+            dropped += float(chances[:start].sum() + chances[stop:].sum())
+            chances, first = chances[start:stop], first + start
+    totals = 2 * np.arange(first, first + len(chances)) - sizes.sum()
+    return min(1.0, float(chances[np.abs(totals) >= abs(sums.sum())].sum()) + dropped)
 
 
 def holm(p_values: Mapping[str, float]) -> dict[str, float]:
@@ -122,14 +140,13 @@ def detectable_difference(
 @lru_cache(maxsize=64)
 def _detectable_effect(tasks: int, power: float, level: float) -> float:
     """Return the difference that a paired t test finds, in standard deviations of the tasks."""
-    from scipy.special import nctdtr, stdtrit  # a second less to load than scipy.stats
-
     freedom = tasks - 1
-    limit = float(stdtrit(freedom, (1 + level) / 2))
+    limit = student_t.quantile((1 + level) / 2, freedom)
 
     def missed(effect: float) -> float:
         shift = effect * sqrt(tasks)
-        return float(nctdtr(freedom, shift, limit) - nctdtr(freedom, shift, -limit))
+        upper = student_t.noncentral_cdf(limit, freedom, shift)
+        return upper - student_t.noncentral_cdf(-limit, freedom, shift)
 
     low, high = 0.0, 1.0
     while missed(high) > 1 - power:
@@ -160,6 +177,28 @@ def pass_hat_k(solved: Mapping[Hashable, Sequence[bool]], k: int) -> float | Non
         return None
     shares = [comb(sum(outcomes), k) / comb(len(outcomes), k) for outcomes in enough]
     return float(np.mean(shares))
+
+
+def pass_hat(scores: Sequence[float], tasks: Sequence[Hashable]) -> tuple[float, ...]:
+    """Return `pass_hat_k` for k = 1 up to the number of episodes that every task has.
+
+    Args:
+        scores: of each episode, 0..1; it is solved if its score is 1.
+        tasks: the task of each.
+
+    Raises:
+        ParameterError: there are no episodes, the two lists differ in length, or a score is not a
+            number in 0..1.
+    """
+    solved, counts = scores_by_task(cast("Any", np.asarray(scores) == 1.0), tasks)
+    # Few tasks differ in both numbers, so each pair of them is computed once.
+    outcomes = list(zip(solved.astype(int).tolist(), counts.astype(int).tolist(), strict=True))
+    distinct = set(outcomes)
+    values: list[float] = []
+    for k in range(1, int(counts.min()) + 1):
+        share = {(won, count): comb(won, k) / comb(count, k) for won, count in distinct}
+        values.append(float(np.mean([share[outcome] for outcome in outcomes])))
+    return tuple(values)
 
 
 def mean_corruption_error(

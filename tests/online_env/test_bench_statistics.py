@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from scipy.special import nctdtr, stdtr, stdtrit
 from scipy.stats import binomtest, permutation_test
 
 from hijack_data.errors import ParameterError
 from online_env.results import statistics as s
+from online_env.results.student_t import noncentral_cdf, quantile
 
 # Paper, main table: Clean, then the nine corruptions, then the printed "Average"; in percent.
 PAPER = {
@@ -153,9 +155,26 @@ def test_more_tasks_show_smaller_differences():
     assert many == pytest.approx(2.8 * math.sqrt(0.25 * 0.75 / 200), rel=0.02)
 
 
+@pytest.mark.parametrize("freedom", [1, 2, 7, 48, 368, 5000])
+def test_student_t_is_scipys(freedom):
+    assert quantile(0.975, freedom) == pytest.approx(float(stdtrit(freedom, 0.975)), rel=1e-10)
+    for shift in (0.5, 2.8):
+        for value in (-2.1, 1.97, 4.3):
+            expected = float(nctdtr(freedom, shift, value))
+            assert noncentral_cdf(value, freedom, shift) == pytest.approx(expected, abs=1e-10)
+    fraction = freedom + 0.37
+    assert noncentral_cdf(-4.0, fraction, 0.0) == pytest.approx(float(stdtr(fraction, -4.0)))
+
+
 def test_no_power_without_spread():
     assert s.detectable_difference([1, 1, 1], [0, 0, 0], list("abc")) is None
     assert s.detectable_difference([1, 0], [0, 0], list("ab")) is None
+
+
+def test_pass_hat_is_that_of_every_k():
+    scores, tasks = [1, 1, 0, 1, 0, 0, 1, 1], ["a", "a", "a", "b", "b", "c", "c", "c"]
+    solved = {"a": [True, True, False], "b": [True, False], "c": [False, True, True]}
+    assert s.pass_hat(scores, tasks) == (s.pass_hat_k(solved, 1), s.pass_hat_k(solved, 2))
 
 
 def test_pass_hat_k():

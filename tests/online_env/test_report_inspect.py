@@ -77,3 +77,15 @@ def test_logs_of_inspect_are_read_and_an_error_is_no_zero(log_format, tmp_path):
         collect_run(sources, columns={"score": "mach"})
     with pytest.raises(OutcomeError, match="neither metadata nor task arguments have 'noise'"):
         collect_run(sources, columns={"condition": "noise"})
+
+
+def test_a_log_whose_samples_have_no_id_is_refused(tmp_path):
+    import json
+
+    (path, *_) = sorted(inspect_logs(tmp_path, "json").glob("*.json"))
+    log = json.loads(path.read_text())
+    for sample in log["samples"]:
+        del sample["id"]
+    path.write_text(json.dumps(log))
+    with pytest.raises(OutcomeError, match="is no log of Inspect"):
+        collect_run([path])

@@ -2,10 +2,15 @@
 
 import csv
 import json
+import subprocess
+import sys
 
+import numpy as np
 import pytest
 
 pytest.importorskip("scipy", reason="needs the extra [online]")
+
+from scipy import stats
 
 from hijack_data.cli import main
 from online_env.report import ReportError, build_report, formats
@@ -62,12 +67,207 @@ def test_a_table_gives_the_report_of_the_same_scores(write, suffix, tmp_path):
 
 def test_what_is_no_outcome_is_not_a_zero(tmp_path):
     listed = rows()
-    listed[-1]["score"] = None
-    listed[-2]["score"] = float("nan")
-    for write, name in ((write_csv, "a.csv"), (write_parquet, "a.parquet")):
-        report = build_report(collect_run([write(tmp_path / name, listed)]))
-        cell = report.cell("mine", "marks")
+    listed[-1]["score"] = listed[-2]["score"] = None
+    for write, name in (
+        (write_csv, "a.csv"),
+        (write_jsonl, "a.jsonl"),
+        (write_parquet, "a.parquet"),
+    ):
+        run = collect_run([write(tmp_path / name, listed)])
+        cell = build_report(run).cell("mine", "marks")
         assert (cell.n, cell.invalid, cell.success) == (4, 2, 0.5)
+        assert [record["id"] for record in run.failures] == [
+            f"t{number} under marks, seed 0, mine" for number in (4, 5)
+        ]
+
+
+@pytest.mark.parametrize(
+    ("write", "name", "place"),
+    [
+        (write_csv, "a.csv", "line 13"),
+        (write_jsonl, "a.jsonl", "line 12"),
+        (write_parquet, "a.parquet", "row 12"),
+    ],
+)
+@pytest.mark.parametrize(
+    ("value", "said"), [(float("nan"), "is NaN; leave it empty"), (float("inf"), "is not in 0..1")]
+)
+def test_nan_and_infinity_are_refused_with_their_row(value, said, write, name, place, tmp_path):
+    listed = rows()
+    listed[-1]["score"] = value
+    listed = [{**row, "score": float(row["score"])} for row in listed]
+    with pytest.raises(OutcomeError) as error:
+        collect_run([write(tmp_path / name, listed)])
+    assert f"{name}: {place}: the score" in str(error.value)
+    assert said in str(error.value)
+
+
+def test_a_column_that_only_later_lines_have_is_refused(tmp_path):
+    listed = rows()
+    listed[3]["seed"] = 1
+    with pytest.raises(OutcomeError, match="line 4: has 'seed', which the first line has not"):
+        collect_run([write_jsonl(tmp_path / "r.jsonl", listed)])
+    path = tmp_path / "r.csv"
+    path.write_text("task,score,score\na,1,0\n")
+    with pytest.raises(OutcomeError, match="has two columns 'score'"):
+        collect_run([path])
+
+
+def test_one_task_one_seed_and_no_clean_run_are_said(tmp_path):
+    single = [row for row in rows() if row["task"] == "t0"]
+    notes = build_report(collect_run([write_csv(tmp_path / "one.csv", single)])).notes
+    assert any(note.startswith("mine: played on one task, so") for note in notes)
+    assert any(note.startswith("mine: one result of each task and condition") for note in notes)
+    marked = [row for row in rows() if row["condition"] == "marks"]
+    report = build_report(collect_run([write_csv(tmp_path / "marked.csv", marked)]))
+    assert report.cells[0].delta is None
+    assert any(note.startswith("The run has no clean condition") for note in report.notes)
+
+
+def test_sources_with_the_same_agent_and_condition_are_said_to_be_repetitions(tmp_path):
+    sources = [write_csv(tmp_path / f"{name}.csv", rows()) for name in "ab"]
+    run = collect_run(sources)
+    report = build_report(run)
+    note = "Several sources have mine under clean, mine under marks on the same tasks"
+    assert any(text.startswith(note) for text in report.notes)
+    assert report.cell("mine", "marks").n == 12
+    assert (len(run.records), run.records[-1]["seed"]) == (24, 1)
+
+
+def test_other_seeds_than_the_clean_ones_are_matched_in_their_order(tmp_path):
+    listed = [
+        {**row, "seed": seed + 100 * (row["condition"] == "marks")}
+        for seed in range(3)
+        for row in rows()
+    ]
+    same = [row for seed in range(3) for row in rows(seed=seed)]
+    report = build_report(collect_run([write_csv(tmp_path / "r.csv", listed)]))
+    assert any(
+        note.startswith("mine: a condition was played with other seeds") for note in report.notes
+    )
+    expected = build_report(collect_run([write_csv(tmp_path / "same.csv", same)]))
+    assert report.cells == expected.cells
+
+
+def gpqa(tmp_path):
+    """The design of inspect_ai#4206: 198 items, 5 epochs, two conditions; returns scores, too."""
+    random = np.random.default_rng(4206)
+    ability = random.beta(1, 1, 198)
+    scores = {
+        label: (random.random((198, 5)) < np.clip(ability + shift, 0, 1)[:, None]).astype(float)
+        for label, shift in (("clean", 0.0), ("prompt", -0.04))
+    }
+    listed = [
+        {"task": f"item {item}", "condition": label, "agent": "m", "seed": epoch, "score": score}
+        for label, values in scores.items()
+        for (item, epoch), score in np.ndenumerate(values)
+    ]
+    return listed, scores
+
+
+def wilson_by_item(scores):
+    """Wilson's interval over items, by statsmodels or by hand: one prior item, as in the docs."""
+    items, mean = len(scores), scores.mean()
+    chance, spread = mean * (1 - mean), scores.mean(axis=1).var(ddof=1)
+    trials = items / min(1.0, (spread + 1 / items) / (chance + 1 / items))
+    try:
+        from statsmodels.stats.proportion import proportion_confint
+    except ImportError:
+        z = stats.norm.ppf(0.975)
+        middle = (mean + z * z / 2 / trials) / (1 + z * z / trials)
+        half = z / (1 + z * z / trials) * np.sqrt(chance / trials + z * z / 4 / trials**2)
+        return middle - half, middle + half
+    return proportion_confint(mean * trials, trials, method="wilson")
+
+
+def test_198_items_with_5_epochs_agree_with_scipy_and_statsmodels(tmp_path):
+    listed, scores = gpqa(tmp_path)
+    report = build_report(collect_run([write_jsonl(tmp_path / "r.jsonl", listed)]))
+    base, cell = report.cell("m", "clean"), report.cell("m", "prompt")
+    assert (cell.n, cell.tasks, cell.success) == (990, 198, pytest.approx(scores["prompt"].mean()))
+    for row, values in ((base, scores["clean"]), (cell, scores["prompt"])):
+        assert (row.ci_low, row.ci_high) == pytest.approx(wilson_by_item(values), abs=1e-9)
+    means = {label: values.mean(axis=1) for label, values in scores.items()}
+    differences = means["prompt"] - means["clean"]
+    paired_t = stats.ttest_1samp(differences, 0).confidence_interval(0.95)
+    assert cell.delta == pytest.approx(differences.mean())
+    assert (cell.delta_low, cell.delta_high) == pytest.approx(tuple(paired_t), abs=0.004)
+    flips = np.random.default_rng(0).choice([-1, 1], (100_000, 198)) @ differences
+    assert cell.p == pytest.approx((abs(flips) >= abs(differences.sum()) - 1e-9).mean(), abs=0.006)
+    power = stats.nct.sf(
+        stats.t.ppf(0.975, 197), 197, cell.detectable / differences.std(ddof=1) * np.sqrt(198)
+    )
+    assert power == pytest.approx(0.8, abs=1e-4)
+
+
+def test_different_tasks_are_compared_as_unpaired_only_when_told(tmp_path, capsys):
+    listed, scores = gpqa(tmp_path)
+    for row in listed:
+        row["task"] = f"{row['condition']} {row['task']}"
+    path = write_jsonl(tmp_path / "r.jsonl", listed)
+    with pytest.raises(OutcomeError, match="they share none, and --unpaired compares them"):
+        collect_run([path])
+    report = build_report(collect_run([path], unpaired=True))
+    cell = report.cell("m", "prompt")
+    before, after = (values.mean(axis=1) for values in scores.values())
+    welch = stats.ttest_ind(after, before, equal_var=False)
+    assert cell.p == pytest.approx(welch.pvalue)
+    assert cell.delta == pytest.approx(after.mean() - before.mean())
+    ends = [wilson_by_item(values) for values in scores.values()]
+    below = np.hypot(after.mean() - ends[1][0], ends[0][1] - before.mean())
+    assert cell.delta_low == pytest.approx(cell.delta - below)
+    assert (cell.delta_low, cell.delta_high) == pytest.approx(
+        tuple(welch.confidence_interval(0.95)), abs=0.004
+    )
+    assert cell.retention == pytest.approx(after.mean() / before.mean())
+    assert (report.is_paired, cell.detectable) == (False, None)
+    with pytest.raises(SystemExit):
+        main(["report", str(path), "--unpaired"])
+    said = capsys.readouterr().out
+    assert "p is of Welch's t test over tasks" in said
+    assert "Unpaired: each agent was played clean and corrupted on different tasks" in said
+    same = write_csv(tmp_path / "same.csv", rows())
+    with pytest.raises(OutcomeError, match="on the same 6 tasks clean and under marks"):
+        collect_run([same], unpaired=True)
+
+
+def test_a_sharp_difference_without_spread_has_the_exact_p(tmp_path):
+    listed = [
+        {"task": f"{label} {number}", "condition": label, "score": score}
+        for label, score in (("clean", 1), ("marks", 0))
+        for number in range(4)
+    ]
+    run = collect_run([write_csv(tmp_path / "r.csv", listed)], unpaired=True)
+    assert build_report(run).cell("r", "marks").p == pytest.approx(2 / 70)
+
+
+def test_many_rows_take_little_memory(tmp_path):
+    """300,000 rows grow a process by less than 150 MiB; as dictionaries they took 600."""
+    path = tmp_path / "r.csv"
+    lines = (
+        f"t{task},{label},{seed},{(task + seed) % 2}\n"
+        for label in ("clean", "marks")
+        for task in range(30_000)
+        for seed in range(5)
+    )
+    with path.open("w") as file:
+        file.write("task,condition,seed,score\n")
+        file.writelines(lines)
+    code = (
+        "import resource, sys\n"
+        "from pathlib import Path\n"
+        "from online_env.report import build_report\n"
+        "from online_env.results.outcomes import collect_run\n"
+        "start = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "report = build_report(collect_run([Path(sys.argv[1])]))\n"
+        "print(report.cells[0].n, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - start)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(path)], check=True, capture_output=True, text=True
+    )
+    count, grown = map(int, done.stdout.split())
+    assert count == 150_000
+    assert grown < 150 * 1024
 
 
 def test_seeds_repeat_a_task_and_do_not_make_it_several_cases(tmp_path):
@@ -142,7 +342,8 @@ def test_tasks_that_differ_are_refused_with_the_difference(tmp_path):
         collect_run([path])
     assert str(error.value) == (
         "mine was not played on the same tasks: 1 task only under marks (other), 1 task only clean"
-        " (t0); --common-tasks reports the 5 tasks that all conditions have"
+        " (t0); --common-tasks reports the 5 tasks that all conditions have, --unpaired compares"
+        " them as samples of different tasks"
     )
     report = build_report(collect_run([path], common_tasks=True))
     assert success(report) == {"clean": 4 / 5, "marks": 1 / 5}

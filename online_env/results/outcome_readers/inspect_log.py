@@ -1,5 +1,6 @@
 """Logs of Inspect, `.eval` or JSON, through its public functions."""
 
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from math import isnan
 from pathlib import Path
@@ -83,7 +84,18 @@ def _outcome(path: Path, log: Any, sample: Any, columns: Mapping[str, str]) -> E
         score=score,
         seed=seed,
         problem=problem,
+        version=f"inspect_ai {log.eval.packages.get('inspect_ai', 'of no stated version')}",
+        content=_content(log, sample) if task is None else "",
     )
+
+
+def _content(log: Any, sample: Any) -> str:
+    """Return what identifies a sample: a number that Inspect gave says little without its input."""
+    version = f"version {log.eval.task_version}"
+    if not isinstance(sample.id, int):
+        return version
+    digest = hashlib.sha256(repr(sample.input).encode(errors="replace")).hexdigest()
+    return f"{version}, input {digest[:8]}"
 
 
 def _value(log: Any, sample: Any, field: str, columns: Mapping[str, str], place: str) -> Any:

@@ -1,7 +1,9 @@
 """Folders of results as OSWorld's scripts leave them: `.../MODEL/DOMAIN/TASK/result.txt`.
 
-Above the model are the action space and the observation, in runs of OSWorld and OSWorld-Verified;
-runs under corruptions have a folder with the name of the corruption anywhere above the domain.
+OSWorld and OSWorld-Verified write `ACTION_SPACE/OBSERVATION/MODEL/DOMAIN/TASK`. The authors of
+AgentHijack write `ACTION_SPACE/OBSERVATION/NOISE/MODEL/DOMAIN/TASK`, and with several machines
+`.../MODEL/TRIAL/DOMAIN/TASK`, where TRIAL is a number. The noise is read wherever a folder has the
+name of a corruption, also where it is the source itself, or the folder that the source lies in.
 """
 
 import os
@@ -9,11 +11,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hijack_data.corruption import corruption_names
 from hijack_data.errors import shorten_list
 from hijack_data.plan import CLEAN
 
 from ..outcomes import EpisodeOutcome, OutcomeError
+from .result_folders import condition_name
 
 RESULT = "result.txt"
 _TASK_FILES = frozenset({RESULT, "traj.jsonl", "runtime.log"})  # any of these makes a task's folder
@@ -27,12 +29,14 @@ class _Layout:
 
     Attributes:
         agent: the folder of the model; `None` if the source is it.
-        condition: the folder of the corruption; `None` if all is clean.
+        condition: the folder of the corruption; `None` if none below the source is named so.
+        trial: the folder of the repetition; `None` if there is none.
         protocol: the folders of action space and observation.
     """
 
     agent: int | None
     condition: int | None
+    trial: int | None
     protocol: tuple[int, ...]
 
 
@@ -62,18 +66,20 @@ class OSWorldReader:
         folders = sorted(_task_folders(source))
         above = {folder: folder.relative_to(source).parts[:-2] for folder in folders}
         layout = _find_layout(source, list(above.values()), columns)
+        outer = _outer_condition(source)
         protocols = {tuple(parts[at] for at in layout.protocol) for parts in above.values()}
         for folder, parts in above.items():
             agent = source.resolve().name if layout.agent is None else parts[layout.agent]
             if len(protocols) > 1:  # models may have been played in two ways
                 agent += f" ({'/'.join(parts[at] for at in layout.protocol)})"
-            label = CLEAN if layout.condition is None else parts[layout.condition]
+            label = outer if layout.condition is None else parts[layout.condition]
             score = _read_score(folder / RESULT)
             yield EpisodeOutcome(
                 agent=agent,
                 task=f"{folder.parent.name}/{folder.name}",
-                condition=_condition(label) or label,
+                condition=condition_name(label) or label,
                 score=score,
+                seed=None if layout.trial is None else int(parts[layout.trial]),
                 problem="" if score is not None else f"has no {RESULT}",
             )
 
@@ -106,12 +112,15 @@ def _find_layout(
     agent = _stated(source, values, columns, "agent")
     protocol: list[int] = []
     others: list[int] = []
+    trial: int | None = None
     for at, names in enumerate(values):
-        unknown = [name for name in names if _condition(name) is None]
+        unknown = [name for name in names if condition_name(name) is None]
         if at in (condition, agent):
             continue
         if set(names) <= _ACTION_SPACES | _OBSERVATIONS:
             protocol.append(at)
+        elif at == len(values) - 1 and all(map(str.isdecimal, names)):
+            trial = at
         elif len(unknown) == len(names):
             others.append(at)
         elif unknown or condition is not None:
@@ -122,6 +131,10 @@ def _find_layout(
         else:
             condition = at
     varying = [at for at in others if len(values[at]) > 1]
+    # After action space and observation comes the model: another folder may be a condition.
+    inner = [at for at in others if at > max(protocol, default=-1)]
+    if len(varying) <= (agent is None) < len(inner):
+        varying = inner
     if len(varying) > (agent is None):
         raise OutcomeError(
             f"{source}: it is not clear what its folders say"
@@ -130,7 +143,13 @@ def _find_layout(
         )
     if agent is None:
         agent = next(iter([*varying, *others[::-1]]), None)
-    return _Layout(agent, condition, tuple(protocol))
+    return _Layout(agent, condition, trial, tuple(protocol))
+
+
+def _outer_condition(source: Path) -> str:
+    """Return the condition that the source, or the folder that it lies in, is named after."""
+    place = source.resolve()
+    return condition_name(place.name) or condition_name(place.parent.name) or CLEAN
 
 
 def _stated(
@@ -152,19 +171,6 @@ def _stated(
     return int(number) - 1
 
 
-def _condition(part: str) -> str | None:
-    """Return the corruption that a folder is named after, whatever joins its words."""
-    plain = _plain(part)
-    for name in (CLEAN, *corruption_names()):
-        if plain == _plain(name):
-            return name
-    return None
-
-
-def _plain(text: str) -> str:
-    return "".join(filter(str.isalnum, text.lower()))
-
-
 def _read_score(path: Path) -> float | None:
     """Return the score in a `result.txt`; `None` if there is no such file.
 
@@ -177,11 +183,11 @@ def _read_score(path: Path) -> float | None:
         return None
     except OSError as error:
         raise OutcomeError(f"{path}: cannot be read ({error.strerror or error})") from None
-    try:
-        score = float(text)
+    try:  # OSWorld writes what its evaluator returns, which may be a bool
+        score = float(text) if text not in ("True", "False") else float(text == "True")
     except ValueError:
         score = -1.0
-    if not 0 <= score <= 1:
+    if not 0 <= score <= 1:  # nor NaN
         raise OutcomeError(
             f"{path}: must hold a score from 0 to 1, got {text[:60]!r}; remove the file if the"
             " episode has no outcome"

@@ -2,7 +2,10 @@
 
 import csv
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +13,27 @@ from hijack_data.errors import short_repr, suggest
 from hijack_data.plan import CLEAN
 
 from ...extra import require
-from ..outcomes import FIELDS, EpisodeOutcome, OutcomeError
+from ..outcomes import FIELDS, OutcomeBatch, OutcomeError
 
 _REQUIRED = ("task", "score")
-_NO_SCORE = ("", "nan", "none", "null", "n/a", "na")
-_BATCH = 65_536  # rows of a Parquet file that are in memory at once
+_NO_SCORE = ("", "none", "null", "n/a", "na")
+_BATCH = 65_536  # rows that are in memory as Python objects at once
+_MAX_SEED = 2**63
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Rows:
+    """Some rows of a table.
+
+    Attributes:
+        columns: the values of each column, by its name.
+        unit: what the numbers count, `line` or `row`.
+        numbers: which line or row of the file each is, from 1.
+    """
+
+    columns: Mapping[str, Sequence[Any]]
+    unit: str
+    numbers: Sequence[int]
 
 
 class TableReader:
@@ -28,7 +47,7 @@ class TableReader:
         """Return whether the name of a file is that of a table."""
         return source.is_file() and source.suffix.lower() in _ROWS
 
-    def read(self, source: Path, columns: Mapping[str, str]) -> Iterator[EpisodeOutcome]:
+    def read(self, source: Path, columns: Mapping[str, str]) -> Iterator[OutcomeBatch]:
         """Yield the outcomes of a table.
 
         Args:
@@ -42,18 +61,18 @@ class TableReader:
             names = ", ".join(_ROWS)
             raise OutcomeError(f"{source}: is no table; its name must end with one of {names}")
         names = {field: columns.get(field, field) for field in FIELDS}
-        checked: set[str] = set()
+        fields: set[str] = set()
         try:
-            for place, row in _ROWS[source.suffix.lower()](source):
-                if not checked:
-                    checked = _check_columns(source, row, names, columns)
-                yield _outcome(row, names, checked, f"{source}: {place}")
+            for rows in _ROWS[source.suffix.lower()](source, list(names.values())):
+                if not fields:
+                    fields = _check_columns(source, rows.columns, names, columns)
+                yield _batch(source, rows, {field: names[field] for field in fields})
         except (OSError, UnicodeDecodeError, csv.Error) as error:
             raise OutcomeError(f"{source}: cannot be read ({error})") from None
 
 
 def _check_columns(
-    source: Path, row: Mapping[str, Any], names: Mapping[str, str], stated: Mapping[str, str]
+    source: Path, available: Iterable[str], names: Mapping[str, str], stated: Mapping[str, str]
 ) -> set[str]:
     """Return the fields that a table has.
 
@@ -61,47 +80,84 @@ def _check_columns(
         OutcomeError: one that was stated, or that is required, is not there.
     """
     for field, column in names.items():
-        if column not in row and (field in stated or field in _REQUIRED):
+        if column not in available and (field in stated or field in _REQUIRED):
             raise OutcomeError(
-                f"{source}: has no column {column!r}{suggest(column, list(row))}; name that of the"
-                f" {field} with --columns {field}=COLUMN"
+                f"{source}: has no column {column!r}{suggest(column, list(available))}; name that"
+                f" of the {field} with --columns {field}=COLUMN"
             )
-    return {field for field, column in names.items() if column in row}
+    return {field for field, column in names.items() if column in available}
 
 
-def _outcome(
-    row: Mapping[str, Any], names: Mapping[str, str], fields: set[str], place: str
-) -> EpisodeOutcome:
-    values = {field: row.get(names[field]) for field in fields}
-    task = values["task"]
-    if task is None or task == "":
-        raise OutcomeError(f"{place}: has no task")
-    score = _score(values["score"], place)
-    return EpisodeOutcome(
-        agent=_name(values, "agent", Path(place.rpartition(": ")[0]).stem, place),
-        task=str(task),
-        condition=_name(values, "condition", CLEAN, place),
-        score=score,
-        seed=_seed(values.get("seed"), place) if "seed" in fields else None,
-        problem="" if score is not None else "the table has no score",
+def _batch(source: Path, rows: _Rows, names: Mapping[str, str]) -> OutcomeBatch:
+    """Return the outcomes of some rows.
+
+    Args:
+        source: the file, for messages.
+        rows: the rows.
+        names: the column of each field that the table has.
+
+    Raises:
+        OutcomeError: a value is no result.
+    """
+    count = len(rows.numbers)
+    values = {field: rows.columns[column] for field, column in names.items()}
+
+    def place(position: int) -> str:
+        return f"{source}: {rows.unit} {rows.numbers[position]}"
+
+    scores = _scores(values["score"], place)
+    return OutcomeBatch(
+        agents=_names(values, "agent", place) if "agent" in values else [source.stem] * count,
+        tasks=_names(values, "task", place),
+        conditions=_names(values, "condition", place) if "condition" in values else [CLEAN] * count,
+        scores=scores,
+        seeds=_seeds(values["seed"], place) if "seed" in values else None,
+        problems={
+            position: "the table has no score"
+            for position, score in (enumerate(scores) if None in scores else ())
+            if score is None
+        },
     )
 
 
-def _name(values: Mapping[str, Any], field: str, default: str, place: str) -> str:
-    """Return the agent or the condition of a row.
+def _names(values: Mapping[str, Sequence[Any]], field: str, place: Any) -> Sequence[str]:
+    """Return the agents, conditions or tasks of some rows.
 
     Raises:
-        OutcomeError: the table has the column, and the row has no value in it.
+        OutcomeError: a row has no value in the column.
     """
-    if field not in values:
-        return default
-    value = values[field]
-    if value is None or value == "":
-        raise OutcomeError(f"{place}: has no {field}; fill the column in every row")
-    return str(value)
+    column = values[field]
+    kinds = set(map(type, column))
+    if kinds <= {str} and "" not in column:
+        return column
+    for position, value in enumerate(column):
+        if value is None or value == "" or value != value:
+            raise OutcomeError(f"{place(position)}: has no {field}; fill the column in every row")
+        if not isinstance(value, str | int):
+            raise OutcomeError(
+                f"{place(position)}: the {field} {short_repr(value)} is neither a text nor a whole"
+                " number"
+            )
+    return [str(value) for value in column]
 
 
-def _score(value: Any, place: str) -> float | None:
+def _scores(column: Sequence[Any], place: Any) -> Sequence[float | None]:
+    """Return the scores of some rows, `None` where the table has none.
+
+    Raises:
+        OutcomeError: one is not a number in 0..1.
+    """
+    kinds = set(map(type, column))
+    if kinds <= {int, float} and min(column) >= 0 and max(column) <= 1 and not _has_nan(column):
+        return column
+    return [_score(value, position, place) for position, value in enumerate(column)]
+
+
+def _has_nan(column: Sequence[float]) -> bool:
+    return isnan(sum(column))
+
+
+def _score(value: Any, position: int, place: Any) -> float | None:
     """Return a score, or `None` where the table has none.
 
     Raises:
@@ -115,62 +171,121 @@ def _score(value: Any, place: str) -> float | None:
         number = float(value)
     except (TypeError, ValueError):
         raise OutcomeError(
-            f"{place}: the score {short_repr(value)} is no number; leave it empty if the episode"
-            " has no outcome"
+            f"{place(position)}: the score {short_repr(value)} is no number; leave it empty if the"
+            " episode has no outcome"
         ) from None
-    if number != number:  # NaN
-        return None
+    if isnan(number):
+        raise OutcomeError(
+            f"{place(position)}: the score is NaN; leave it empty if the episode has no outcome"
+        )
     if not 0 <= number <= 1:
-        raise OutcomeError(f"{place}: the score {number:g} is not in 0..1; scale the column")
+        raise OutcomeError(
+            f"{place(position)}: the score {number:g} is not in 0..1; scale the column"
+        )
     return number
 
 
-def _seed(value: Any, place: str) -> int:
+def _seeds(column: Sequence[Any], place: Any) -> Sequence[int]:
+    """Return the seeds of some rows.
+
+    Raises:
+        OutcomeError: one is no whole number, or has more than 63 bits.
+    """
+    if set(map(type, column)) <= {int} and min(column) >= -_MAX_SEED and max(column) < _MAX_SEED:
+        return column
+    return [_seed(value, position, place) for position, value in enumerate(column)]
+
+
+def _seed(value: Any, position: int, place: Any) -> int:
     try:
-        if isinstance(value, float) and not value.is_integer():
+        if isinstance(value, bool) or (isinstance(value, float) and not value.is_integer()):
             raise ValueError
-        return int(value)
-    except (TypeError, ValueError):
-        raise OutcomeError(f"{place}: the seed {short_repr(value)} is no whole number") from None
+        seed = int(value)
+    except (TypeError, ValueError, OverflowError):
+        raise OutcomeError(
+            f"{place(position)}: the seed {short_repr(value)} is no whole number"
+        ) from None
+    if not -_MAX_SEED <= seed < _MAX_SEED:
+        raise OutcomeError(f"{place(position)}: the seed {short_repr(value)} has more than 63 bits")
+    return seed
 
 
-def _csv_rows(source: Path) -> Iterator[tuple[str, Mapping[str, Any]]]:
+def _csv_rows(source: Path, wanted: Sequence[str]) -> Iterator[_Rows]:
     with source.open(encoding="utf-8-sig", newline="") as file:
-        reader = csv.DictReader(file, strict=True)
-        for row in reader:
-            if None in row or None in row.values():
-                raise OutcomeError(
-                    f"{source}: line {reader.line_num}: has not as many values as the first line"
-                )
-            yield f"line {reader.line_num}", row
-
-
-def _json_rows(source: Path) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    with source.open(encoding="utf-8") as file:
-        for number, line in enumerate(file, 1):
-            if not line.strip():
+        reader = csv.reader(file, strict=True)
+        header = next(reader, [])
+        _check_header(source, header)
+        columns = {name: at for at, name in enumerate(header) if name in wanted}
+        while batch := [(reader.line_num, row) for row in islice(reader, _BATCH)]:
+            numbers = [number for number, row in batch if row]
+            rows = [row for _, row in batch if row]
+            if not rows:
                 continue
-            try:
-                row = json.loads(line)
-            except (ValueError, RecursionError):
-                raise OutcomeError(f"{source}: line {number}: is not JSON") from None
-            if not isinstance(row, dict):
-                raise OutcomeError(f"{source}: line {number}: is no object")
-            yield f"line {number}", row
+            if set(map(len, rows)) - {len(header)}:
+                bad = next(at for at, row in enumerate(rows) if len(row) != len(header))
+                raise OutcomeError(
+                    f"{source}: line {numbers[bad]}: has not as many values as the first line"
+                )
+            values = {name: [row[at] for row in rows] for name, at in columns.items()}
+            yield _Rows(columns=values, unit="line", numbers=numbers)
 
 
-def _parquet_rows(source: Path) -> Iterator[tuple[str, Mapping[str, Any]]]:
+def _check_header(source: Path, header: Sequence[str]) -> None:
+    """Check that columns have names of their own.
+
+    Raises:
+        OutcomeError: two have the same.
+    """
+    twice = next((name for name in header if header.count(name) > 1), None)
+    if twice is not None:
+        raise OutcomeError(f"{source}: has two columns {twice!r}; rename one")
+
+
+def _json_rows(source: Path, wanted: Sequence[str]) -> Iterator[_Rows]:
+    with source.open(encoding="utf-8") as file:
+        first: set[str] | None = None
+        numbered = ((number, line) for number, line in enumerate(file, 1) if not line.isspace())
+        while batch := list(islice(numbered, _BATCH)):
+            rows = [_json_object(source, number, line) for number, line in batch]
+            if first is None:
+                first = set(rows[0])
+            columns = {name: [row.get(name) for row in rows] for name in wanted if name in first}
+            for name in wanted:
+                # A column that only some rows have would be left out without a word.
+                late = next((at for at, row in enumerate(rows) if name in row), None)
+                if name not in first and late is not None:
+                    raise OutcomeError(
+                        f"{source}: line {batch[late][0]}: has {name!r}, which the first line has"
+                        " not; write it in every line"
+                    )
+            yield _Rows(columns=columns, unit="line", numbers=[number for number, _ in batch])
+
+
+def _json_object(source: Path, number: int, line: str) -> dict[str, Any]:
+    try:
+        row: object = json.loads(line)
+    except (ValueError, RecursionError):
+        raise OutcomeError(f"{source}: line {number}: is not JSON") from None
+    if not isinstance(row, dict):
+        raise OutcomeError(f"{source}: line {number}: is no object")
+    return row
+
+
+def _parquet_rows(source: Path, wanted: Sequence[str]) -> Iterator[_Rows]:
     require("a table in Parquet", ("pyarrow",))
     import pyarrow as pa
     from pyarrow import parquet
 
     try:
         file = parquet.ParquetFile(source)
-        number = 0
-        for batch in file.iter_batches(_BATCH):
-            for row in batch.to_pylist():
-                number += 1
-                yield f"row {number}", row
+        _check_header(source, file.schema_arrow.names)
+        columns = [name for name in file.schema_arrow.names if name in wanted]
+        start = 1
+        for batch in file.iter_batches(_BATCH, columns=columns):
+            numbers = range(start, start + batch.num_rows)
+            values = {name: batch.column(name).to_pylist() for name in columns}
+            yield _Rows(columns=values, unit="row", numbers=numbers)
+            start += batch.num_rows
     except pa.ArrowException as error:
         raise OutcomeError(f"{source}: is no Parquet ({error})") from None
 
