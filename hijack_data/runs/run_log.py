@@ -46,6 +46,8 @@ FRAMES = "frames"
 SEAL = "seal.json"
 SIGNATURE = "seal.json.sig"
 SCORE_RUN = "score"  # `config.kind` of a run of `hijack score`; one of `hijack bench` has no kind
+# In `config` of a run that ends once a retention is shown: see `online_env/results/stop_rule.py`.
+UNTIL_RETENTION = "until_retention"
 # In a record of such a run: the row of the dataset; such a record has no folder in `episodes`.
 ROW = "row"
 LINKS = ("previous", "episode_sha256")  # in a line of `records.jsonl`, but not in `episode.json`
