@@ -29,6 +29,7 @@ A record states what its agent was given in addition to instruction and pictures
 
 import hashlib
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 FORMAT = "agenthijack-run"
@@ -60,6 +61,11 @@ CUT = "cut"  # in a step: those of `said` and `raw` that were longer; absent if 
 _LONGEST = 200  # characters of an id, which is the name of a folder
 _FOREIGN = re.compile(r"[^\w.+-]+", re.ASCII)
 _USUAL = re.compile(r"[:/]")  # of names such as file.py:Class and trajectory/step
+
+
+def draw_task_order(tasks: Iterable[str], seed: int) -> tuple[str, ...]:
+    """Return tasks in the random order in which a run with `UNTIL_RETENTION` plays them."""
+    return tuple(sorted(tasks, key=lambda task: digest_of(f"{seed}/{task}".encode())))
 
 
 def find_run(folder: Path) -> Path:

@@ -37,6 +37,7 @@ from .machine_options import MORE, machine_options
         "recovery",
         "replay",
         "sign",
+        "until_retention",
     ),
 )
 @click.argument("config", shell_complete=complete_configuration("benchmark"))
@@ -95,6 +96,12 @@ from .machine_options import MORE, machine_options
     type=FiniteRange(0),
     metavar="USD",
     help="Begin no episode once the models have cost that much; --resume goes on.",
+)
+@click.option(
+    "--until-retention",
+    type=FiniteRange(0, 1, min_open=True, max_open=True),
+    metavar="R",
+    help="Play tasks in a random order, and end once a retention above R is shown (95 %).",
 )
 @click.option(
     "--replay",

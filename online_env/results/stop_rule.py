@@ -14,7 +14,7 @@ import numpy as np
 
 from hijack_data.errors import ParameterError
 from hijack_data.plan import CLEAN
-from hijack_data.runs.run_log import UNTIL_RETENTION
+from hijack_data.runs.run_log import UNTIL_RETENTION, draw_task_order
 
 from .intervals import LEVEL
 from .mean_bounds import BettingSequence
@@ -61,7 +61,13 @@ class StopRule:
                 f"{UNTIL_RETENTION}: retention needs seeds, the clean condition and a corruption;"
                 " see --seeds and --corruptions"
             )
-        return cls(**data)
+        rule = cls(**data)
+        tasks = config.get("tasks")
+        if not isinstance(tasks, list) or tasks != list(draw_task_order(tasks, rule.seed)):
+            raise ParameterError(
+                f"{UNTIL_RETENTION}: tasks are not in the order that its seed draws"
+            )
+        return rule
 
     def __post_init__(self) -> None:
         """Check the numbers.
@@ -77,6 +83,9 @@ class StopRule:
                 raise ParameterError(
                     f"{UNTIL_RETENTION}.{name} must be above {low:g} and below 1, got {value!r}"
                 )
+
+        if isinstance(self.seed, bool) or not isinstance(self.seed, int):
+            raise ParameterError(f"{UNTIL_RETENTION}.seed must be an integer, got {self.seed!r}")
 
     def to_data(self) -> dict[str, Any]:
         """Return the rule as JSON data."""
@@ -98,6 +107,38 @@ class StopRule:
         """
         bets, _, _ = settle_bets(config, episodes, records)
         return bets.stop(self.retention, self.confidence)
+
+
+class SequentialTest:
+    """The test of a run while it is played.
+
+    Args:
+        rule: when the run ends.
+        config: of the run.
+        episodes: ids of all planned episodes, task by task.
+        records: those so far.
+    """
+
+    def __init__(
+        self,
+        rule: StopRule,
+        config: Mapping[str, Any],
+        episodes: Sequence[str],
+        records: Sequence[ResultRecord],
+    ) -> None:
+        self._rule = rule
+        self._config = config
+        self._episodes = episodes
+        self._records = list(records)
+        self.is_over = self._stops()
+
+    def add(self, record: ResultRecord) -> None:
+        """Count an episode that has ended."""
+        self._records.append(record)
+        self.is_over = self.is_over or self._stops()
+
+    def _stops(self) -> bool:
+        return self._rule.stop(self._config, self._episodes, self._records) is not None
 
 
 def settle_bets(

@@ -8,7 +8,7 @@ from typing import Any
 
 from ...building.build_report import Findings
 
-# Statistics are those of `online_env`; imported by name, since the packages do not import each other.
+# Statistics are those of `online_env`, which `pipelines` does not import but by name.
 _CERTIFICATE = "online_env.report.certificate"
 _READING = "online_env.results.reading"
 
