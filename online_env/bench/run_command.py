@@ -31,6 +31,7 @@ from .pools import LOCAL, EpisodePool, open_pool
 from .progress import ProgressDisplay
 from .providers import check_installed
 from .runner import needs_attempt, run_jobs
+from .sample_size import sample_size_lines
 from .workers import LocalPool, WorkerSetup, default_desktops, open_stage, references
 
 
@@ -62,6 +63,7 @@ def run_command(
     agent_memory: float | None,
     sign: str | None,
     dry_run: bool,
+    detect: float | None,
 ) -> None:
     """Run a benchmark; the arguments are the options of `hijack bench`.
 
@@ -90,6 +92,13 @@ def run_command(
     models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
     prepare(benchmark.agents, models, None if dry_run else out)
     planned_jobs = jobs(benchmark)
+    if detect is not None:
+        if not dry_run:
+            raise click.UsageError("--detect plans a run; give it with --dry-run")
+        at_once = desktops or _room(benchmark)
+        for line in sample_size_lines(benchmark, detect, history_near(out), at_once):
+            echo(line)
+        return
     if dry_run:
         remaining = (
             planned_jobs if out is None else _remaining_jobs(benchmark, planned_jobs, out, resume)

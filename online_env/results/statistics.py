@@ -34,6 +34,7 @@ __all__ = [
     "PairedScores",
     "Scores",
     "detectable_difference",
+    "detectable_effect",
     "difference_interval",
     "grand_mean_interval",
     "holm",
@@ -116,12 +117,18 @@ def detectable_difference(
     if len(means) < 3 or are_alike(means):
         return None
     spread = float(np.std(means, ddof=1))
-    return min(1.0, _detectable_effect(len(sums), power, level) * spread)
+    return min(1.0, detectable_effect(len(sums), power, level) * spread)
 
 
 @lru_cache(maxsize=64)
-def _detectable_effect(tasks: int, power: float, level: float) -> float:
-    """Return the difference that a paired t test finds, in standard deviations of the tasks."""
+def detectable_effect(tasks: int, power: float, level: float) -> float:
+    """Return the difference that a paired t test finds, in standard deviations of the tasks.
+
+    Args:
+        tasks: how many, at least 2.
+        power: the probability to find it, between 0 and 1.
+        level: the confidence level of the two-sided test.
+    """
     from scipy.special import nctdtr, stdtrit  # a second less to load than scipy.stats
 
     freedom = tasks - 1

@@ -22,6 +22,7 @@ from online_env.report.certificate import CertificateError, certificate_problems
 from online_env.results import mean_bounds as bounds
 from online_env.results import reading, records
 from online_env.results.stop_rule import SequentialTest
+from pipelines.proof.rebuild import rebuild
 
 from support.reported import made, read_run, scored
 
@@ -159,7 +160,7 @@ def test_verify_computes_it_again_and_names_every_field_that_differs(tmp_path):
         changed.write_text(json.dumps({**data, key: [] if value != [] else ["x"]}))
         (problem,) = certificate_problems(changed, run)
         assert key in problem
-    for change in ({"confidence": 0.9}, {"missing_as_lost": True}, {"agent": "b"}):
+    for change in ({"confidence": 0.9}, {"agent": "b"}, {"until_retention": {"retention": 0.8}}):
         changed.write_text(json.dumps({**data, **change}))
         assert certificate_problems(changed, run)
     found[-1]["score"] = 1.0
@@ -232,7 +233,9 @@ def test_a_run_ends_once_the_retention_is_shown_and_its_certificate_says_so(
     assert half.missing
     with pytest.raises(CertificateError, match="planned episodes are missing"):
         certify(half)
+    assert any("planned episodes" in problem for problem in rebuild(folder).problems)
     run = play(folder, benchmark, lambda task: True, monkeypatch, at_once=at_once)
+    assert not any("planned episodes" in problem for problem in rebuild(folder).problems)
     assert run.missing == 0
     assert len(run.records) - len(run.episodes) < at_once
     assert run.planned < 90  # of 180
