@@ -99,13 +99,12 @@ def loss_variance(history: History, agent: str, labels: Sequence[str]) -> LossVa
         agent: its name.
         labels: the conditions.
     """
-    measured = [
-        _analyse(by_task)
+    measured = {
+        label: _analyse(by_task)
         for label in labels
         if len(by_task := history.losses.get((agent, label), {})) > 2
-    ]
-    known = [(between, within) for between, within in measured if between + within > 0]
-    if not known:
+    }
+    if not any(map(sum, measured.values())):
         return LossVariance(
             between=UNKNOWN_VARIANCE,
             within=0.0,
@@ -114,10 +113,11 @@ def loss_variance(history: History, agent: str, labels: Sequence[str]) -> LossVa
                 " and seeds that tell no more than one"
             ),
         )
-    between, within = max(known, key=sum)
-    source = f"losses as in {counted(len(known), 'condition')} of earlier runs"
+    worst = max(measured, key=lambda label: sum(measured[label]))
+    between, within = measured[worst]
+    source = f"the losses of tasks differ as in earlier runs under {worst}, where they differ most"
     if not within:
-        source += ", which have one seed a task: more of them count as no help"
+        source += "; these have one seed a task, so more seeds count as no help"
     return LossVariance(between=between, within=within, source=source)
 
 

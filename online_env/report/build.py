@@ -13,6 +13,7 @@ from ..results.parts import part_rows
 from ..results.reading import Run
 from .app_success import app_successes
 from .cells import compute_cells, feasible_and_not
+from .further_tests import MARGIN, measure_changes, severity_curves, test_equivalence
 from .identity import run_identity
 from .model import ReportError, RunReport, from_data
 from .notes import early_end_note, fraction_note, pairing_note, recovery_note, report_notes
@@ -20,25 +21,28 @@ from .summaries import summarise_agents
 from .unplayable import counted_records, unplayable_note
 
 
-def load_report(path: Path, reference: str = "") -> RunReport:
+def load_report(path: Path, reference: str = "", margin: float | None = None) -> RunReport:
     """Return the report of a run's folder, or the one in a file `report.json`.
 
     Args:
         path: the folder, or the file.
         reference: the reference agent of mCE; a file keeps its own.
+        margin: the loss, a share, that equivalence tests refute; likewise.
 
     Raises:
         ReportError: the run has no episodes, or the file is not a report.
         RunError: The folder is not a run, or the run is of a newer version.
     """
     if not path.is_file():
-        return build_report(reading.read(path), reference=reference)
+        return build_report(reading.read(path), reference=reference, margin=margin or MARGIN)
     report = read_report(path)
     if reference and reference != report.reference:
         raise ReportError(
             f"{path}: is a finished report, whose reference agent is {report.reference!r}; give the"
             " folder of the run for another --reference"
         )
+    if margin is not None and any(row.margin != margin for row in report.equivalences):
+        raise ReportError(f"{path}: is a finished report; give the folder of the run for --margin")
     return report
 
 
@@ -64,12 +68,13 @@ def read_report(path: Path) -> RunReport:
     return from_data(data, str(path))
 
 
-def build_report(run: Run, *, reference: str = "") -> RunReport:
+def build_report(run: Run, *, reference: str = "", margin: float = MARGIN) -> RunReport:
     """Return the report of a run.
 
     Args:
         run: a run of `hijack bench` or `hijack score`, or the episodes logged by an environment.
         reference: the agent of the run that is the reference of mCE; empty for no mCE.
+        margin: the loss, a share above 0, that equivalence tests refute.
 
     Raises:
         ReportError: the run has no episodes.
@@ -93,6 +98,9 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
         feasible=tuple(feasible),
         infeasible=tuple(infeasible),
         applications=tuple(app_successes(groups)),
+        measures=tuple(measure_changes(groups)),
+        equivalences=tuple(test_equivalence(groups, margin)),
+        curves=tuple(severity_curves(identity, groups, reference)),
         parts=tuple(_parts(run)),
         reference=reference,
     )

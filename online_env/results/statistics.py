@@ -7,6 +7,7 @@ All scores are success rates in 0..1.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from math import comb, sqrt
 
@@ -32,6 +33,7 @@ from .intervals import (
 __all__ = [
     "Interval",
     "PairedScores",
+    "PairedTest",
     "Scores",
     "detectable_difference",
     "detectable_effect",
@@ -41,6 +43,7 @@ __all__ = [
     "mcnemar_by_task",
     "mean_corruption_error",
     "mean_interval",
+    "paired_t",
     "paper_average",
     "pass_hat_k",
     "retention_interval",
@@ -145,6 +148,42 @@ def detectable_effect(tasks: int, power: float, level: float) -> float:
         middle = (low + high) / 2
         low, high = (middle, high) if missed(middle) > 1 - power else (low, middle)
     return high
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairedTest:
+    """A paired t test.
+
+    Attributes:
+        low: lower end of the interval of the mean difference.
+        high: upper end.
+        p: two-sided.
+    """
+
+    low: float
+    high: float
+    p: float
+
+
+def paired_t(differences: Sequence[float], *, level: float = LEVEL) -> PairedTest | None:
+    """Return the paired t test of tasks' differences, such as in steps or tokens.
+
+    Args:
+        differences: one for each task, of any unit.
+        level: the confidence level, between 0 and 1.
+
+    Returns:
+        `None` with fewer than two tasks, or if all differ by the same amount.
+    """
+    from scipy.special import stdtr, stdtrit
+
+    values = np.asarray(differences, np.float64)
+    if len(values) < 2 or are_alike(values):
+        return None
+    mean, error = float(values.mean()), float(values.std(ddof=1)) / sqrt(len(values))
+    half = float(stdtrit(len(values) - 1, (1 + level) / 2)) * error
+    p = 2 * float(stdtr(len(values) - 1, -abs(mean) / error))
+    return PairedTest(low=mean - half, high=mean + half, p=p)
 
 
 def pass_hat_k(solved: Mapping[Hashable, Sequence[bool]], k: int) -> float | None:
