@@ -230,8 +230,8 @@ class MeasureChange:
         corruption: the label of the condition.
         measure: `score`, `steps`, `seconds`, `tokens` or `usd`, an episode.
         tasks: with the measure under both conditions.
-        clean: its mean, clean.
-        corrupted: its mean under the condition.
+        mean_clean: its mean, clean.
+        mean_corrupted: its mean under the condition.
         change: the difference.
         change_low: lower end of its 95 % interval; `None` with fewer than three tasks, or if all
             differ by the same amount.
@@ -243,8 +243,8 @@ class MeasureChange:
     corruption: str
     measure: str
     tasks: int
-    clean: float
-    corrupted: float
+    mean_clean: float
+    mean_corrupted: float
     change: float
     change_low: float | None = None
     change_high: float | None = None

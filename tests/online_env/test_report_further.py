@@ -44,12 +44,12 @@ def test_steps_and_tokens_have_scipys_paired_interval_and_holm_by_measure(tmp_pa
     tests = [stats.ttest_rel(marks + 1, clean), stats.ttest_rel(pop_ups, clean)]
     interval = tests[0].confidence_interval()
     row = rows["marks", "steps"]
-    assert (row.tasks, row.clean) == (24, pytest.approx(clean.mean()))
+    assert (row.tasks, row.mean_clean) == (24, pytest.approx(clean.mean()))
     assert (row.change_low, row.change_high) == pytest.approx((interval.low, interval.high))
     adjusted = statistics.holm({"marks": tests[0].pvalue, "pop_ups": tests[1].pvalue})
     assert row.p == pytest.approx(adjusted["marks"])
     assert rows["pop_ups", "steps"].p == pytest.approx(adjusted["pop_ups"])
-    assert rows["marks", "tokens"].clean == 120
+    assert rows["marks", "tokens"].mean_clean == 120
     assert rows["marks", "usd"].change_low is None  # all tasks differ by nothing
     assert from_data(report.to_data(), "here") == report
     assert "| a | marks | steps | 24 |" in as_markdown(ReportDocument(report=report))
