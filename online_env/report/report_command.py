@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import click
 
 from hijack_data.cli.completion import complete
-from hijack_data.cli.options import FiniteRange
+from hijack_data.cli.options import BriefCommand, FiniteRange
 from hijack_data.cli.terminal import console, echo
 from hijack_data.file_io import make_folder, write_atomic
 from hijack_data.plan import CLEAN
@@ -69,7 +69,7 @@ def _output_options(command: Command) -> Command:
     return format_name(out(as_json(command)))
 
 
-@click.command()
+@click.command(cls=BriefCommand, more=("margin", "common_tasks"))
 @click.argument(
     "sources", nargs=-1, required=True, metavar="SOURCE...", type=click.Path(path_type=Path)
 )
