@@ -21,6 +21,7 @@ from online_env.bench.jobs import jobs
 from online_env.report.certificate import CertificateError, certificate_problems, certify
 from online_env.results import mean_bounds as bounds
 from online_env.results import reading, records
+from online_env.results.outcomes import collect_run
 from online_env.results.stop_rule import SequentialTest
 from pipelines.proof.rebuild import rebuild
 
@@ -133,6 +134,22 @@ def test_what_has_no_score_is_refused_or_lost_as_asked(tmp_path):
         records.append_all(tmp_path / "part", [made("a", "t0")])
     with pytest.raises(CertificateError, match="planned episodes are missing"):
         certify(reading.read(tmp_path / "part"))
+
+
+def test_results_of_others_are_certified(tmp_path):
+    lines = ["task,condition,score,seed"]
+    lines += [
+        f"t{n},{c},{s},{e}"
+        for n in range(40)
+        for c, s in (("clean", 1), ("noise", int(n > 3)))
+        for e in (0, 1)
+    ]
+    (tmp_path / "results.csv").write_text("\n".join(lines))
+    found = certify(collect_run([tmp_path / "results.csv"]))
+    exact = stats.binomtest(36, 40, alternative="greater").proportion_ci(0.95, "exact").low
+    assert (found.method, found.tasks, found.head_sha256) == ("gaffke", 40, "")
+    assert found.retention_at_least == pytest.approx(exact, abs=2e-4)
+    assert (found.distribution[0].corruption, found.distribution[0].severity) == (None, None)
 
 
 def hijack(*words):
