@@ -13,7 +13,7 @@ from ..results.parts import part_rows
 from ..results.reading import Run
 from .app_success import app_successes
 from .cells import compute_cells, feasible_and_not
-from .further_tests import MARGIN, measure_changes, severity_curves, test_equivalence
+from .further_tests import MARGIN, equivalence_tests, measure_changes, severity_curves
 from .identity import run_identity
 from .model import ReportError, RunReport, from_data
 from .notes import early_end_note, fraction_note, pairing_note, recovery_note, report_notes
@@ -41,7 +41,7 @@ def load_report(path: Path, reference: str = "", margin: float | None = None) ->
             f"{path}: is a finished report, whose reference agent is {report.reference!r}; give the"
             " folder of the run for another --reference"
         )
-    if margin is not None and any(row.margin != margin for row in report.equivalences):
+    if margin is not None and {row.margin for row in report.equivalences} != {margin}:
         raise ReportError(f"{path}: is a finished report; give the folder of the run for --margin")
     return report
 
@@ -99,7 +99,7 @@ def build_report(run: Run, *, reference: str = "", margin: float = MARGIN) -> Ru
         infeasible=tuple(infeasible),
         applications=tuple(app_successes(groups)),
         measures=tuple(measure_changes(groups)),
-        equivalences=tuple(test_equivalence(groups, margin)),
+        equivalences=tuple(equivalence_tests(groups, margin)),
         curves=tuple(severity_curves(identity, groups, reference)),
         parts=tuple(_parts(run)),
         reference=reference,

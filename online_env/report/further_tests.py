@@ -103,7 +103,7 @@ def _measure_change(
     )
 
 
-def test_equivalence(groups: scores.GroupedRecords, margin: float) -> Iterator[Equivalence]:
+def equivalence_tests(groups: scores.GroupedRecords, margin: float) -> Iterator[Equivalence]:
     """Yield for each agent and corruption whether no more than a margin is lost.
 
     Args:

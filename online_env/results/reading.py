@@ -159,11 +159,12 @@ def _without_undue(run: Run) -> Run:
 
     try:
         rule = StopRule.read(run.config)
+        due = run.episodes
+        if rule is not None:
+            due = rule.due_episodes(run.config, run.episodes, run.records)
     except HijackError as error:
         raise RunError(f"{run.folder / RUN}: config.{error}") from None
-    if rule is None:
-        return run
-    return replace(run, episodes=rule.due_episodes(run.config, run.episodes, run.records))
+    return replace(run, episodes=due)
 
 
 def with_first_seeds(run: Run, count: int) -> Run:

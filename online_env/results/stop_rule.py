@@ -129,16 +129,17 @@ class SequentialTest:
         self._rule = rule
         self._config = config
         self._episodes = episodes
-        self._records = list(records)
+        self._last = {first_id(record): record for record in records}
         self.is_over = self._stops()
 
     def add(self, record: ResultRecord) -> None:
         """Count an episode that has ended."""
-        self._records.append(record)
+        self._last[first_id(record)] = record
         self.is_over = self.is_over or self._stops()
 
     def _stops(self) -> bool:
-        return self._rule.stop(self._config, self._episodes, self._records) is not None
+        bets, _, _ = _settle(self._config, self._episodes, self._last)
+        return bets.stop(self._rule.retention, self._rule.confidence) is not None
 
 
 def settle_bets(
@@ -152,12 +153,25 @@ def settle_bets(
     Args:
         config: of the run, which has one agent.
         episodes: ids of all planned episodes, task by task.
-        records: all attempts, in any order.
+        records: all attempts, in their order.
 
     Returns:
         The bets, the number of episodes in them with a score, and the ids of those without.
+
+    Raises:
+        ParameterError: the episodes are not task by task.
     """
-    last = {first_id(record): record for record in records}
+    return _settle(config, episodes, {first_id(record): record for record in records})
+
+
+def _settle(
+    config: Mapping[str, Any], episodes: Sequence[str], last: Mapping[str, ResultRecord]
+) -> tuple[BettingSequence, int, tuple[str, ...]]:
+    """Return what `settle_bets` does, of the last attempt at each episode, by its first id.
+
+    Raises:
+        ParameterError: as there.
+    """
     size = _episodes_per_task(config)
     clean: list[float] = []
     corrupted: list[float] = []
@@ -173,6 +187,8 @@ def settle_bets(
                 missing.append(name)
             score = score_value(last[name]) if counts(last[name]) else float(is_clean)
             values[not is_clean].append(score)
+        if len(values[0]) != len(config["seeds"]):
+            raise ParameterError(f"{UNTIL_RETENTION}: episodes are not task by task: {task[0]}")
         clean.append(float(np.mean(values[0])))
         corrupted.append(float(np.mean(values[1])))
     bets = BettingSequence(clean=np.array(clean), corrupted=np.array(corrupted))

@@ -55,7 +55,7 @@ def score_tasks(
     score, or that is not there, is `missing`.
 
     Args:
-        records: all attempts, in any order.
+        records: all attempts, in their order.
         agent: its name.
         weights: of each condition; they add up to 1.
 
