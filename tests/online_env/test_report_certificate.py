@@ -22,9 +22,10 @@ from online_env.report.certificate import CertificateError, certificate_problems
 from online_env.results import mean_bounds as bounds
 from online_env.results import reading, records
 from online_env.results.outcomes import collect_run
-from online_env.results.stop_rule import SequentialTest
+from online_env.results.stop_rule import SequentialTest, StopRule
 from pipelines.proof.rebuild import rebuild
 
+from support.recorded import AGENT, PLANNERS, Episodes, Silent, Straw, config, no_machine
 from support.reported import made, read_run, scored
 
 
@@ -198,14 +199,6 @@ BENCH = Bench(
 )
 
 
-class Listener:
-    def begins(self, *_):
-        pass
-
-    def ended(self, *_):
-        pass
-
-
 def play(folder, benchmark, kept, monkeypatch, limit=None, at_once=1):
     """Play what is left of a run, up to a number of episodes; `kept` says which are solved."""
     from online_env.bench import jobs as jobs_module
@@ -231,7 +224,7 @@ def play(folder, benchmark, kept, monkeypatch, limit=None, at_once=1):
             score = float(job.corruption == "clean" or kept(job.task))
             return made(job.agent, job.task, job.corruption, score, job.seed) | {"id": job.id}
 
-        runner.run_jobs(listed, folder, 0, episode, Listener(), earlier, at_once=at_once, test=test)
+        runner.run_jobs(listed, folder, 0, episode, Silent(), earlier, at_once=at_once, test=test)
     except KeyboardInterrupt:
         pass
     finally:
@@ -265,6 +258,32 @@ def test_a_run_ends_once_the_retention_is_shown_and_its_certificate_says_so(
     assert certificate_problems(path, run) == []
     again = play(folder, benchmark, lambda task: True, monkeypatch)
     assert len(again.records) == len(run.records)  # nothing is left to play
+
+
+def test_verify_proves_a_run_that_ended_early_and_finds_one_that_did_not_have_to(tmp_path):
+    """Episodes of an environment, on a desktop that is none; with so low a bound two tasks do."""
+    folder = tmp_path / "run"
+    tasks = list(draw_task_order(("do", "redo", "undo", "outdo"), 0))
+    rule = StopRule(retention=0.05)
+    settings = config(tasks=tasks, seeds=[7, 8], until_retention=rule.to_data())
+    listed = [
+        Straw(AGENT, task, label, seed) for task in tasks for seed in (7, 8) for label in PLANNERS
+    ]
+    ids = [job.id for job in listed]
+    with no_machine(), records.create(folder, settings, ids):
+        test = SequentialTest(rule, settings, ids, [])
+        runner.run_jobs(listed, folder, 1, Episodes(folder), Silent(), test=test)
+    assert len(reading.read(folder).records) == 2 * 2 * len(PLANNERS)
+    report = rebuild(folder)
+    assert (report.problems, report.episodes) == ([], 16)
+    found = certify(reading.read(folder))
+    assert (found.method, found.tasks, found.retention) == ("betting", 2, pytest.approx(2 / 3))
+    rule = StopRule(retention=0.5)  # which two tasks do not show
+    settings["until_retention"] = rule.to_data()
+    with no_machine(), records.create(tmp_path / "short", settings, ids):
+        runner.run_jobs(listed[:16], tmp_path / "short", 1, Episodes(tmp_path / "short"), Silent())
+    (problem,) = rebuild(tmp_path / "short").problems
+    assert "16 of 32 planned episodes are not there" in problem
 
 
 def test_a_run_that_does_not_keep_so_much_is_played_to_its_end(tmp_path, monkeypatch):
