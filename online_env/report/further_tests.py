@@ -46,12 +46,13 @@ def _usd(record: ResultRecord) -> float | None:
     return float(usd) if is_amount(usd) else None
 
 
-MEASURES: Mapping[str, Callable[[ResultRecord], float | None]] = {
-    "score": scores.score_value,
-    "steps": _amount("steps"),
-    "seconds": _amount("seconds"),
-    "tokens": _tokens,
-    "usd": _usd,
+# By name, the field of a record that it is read from, and how.
+MEASURES: Mapping[str, tuple[str, Callable[[ResultRecord], float | None]]] = {
+    "score": ("score", scores.score_value),
+    "steps": ("steps", _amount("steps")),
+    "seconds": ("seconds", _amount("seconds")),
+    "tokens": ("usage", _tokens),
+    "usd": ("usage", _usd),
 }
 
 
@@ -65,7 +66,11 @@ def measure_changes(groups: scores.GroupedRecords) -> Iterator[MeasureChange]:
         return
     has_partial = any(0 < score < 1 for cell in groups.scored.values() for score in cell.values())
     rows: list[MeasureChange] = []
-    measures = {name: read for name, read in MEASURES.items() if name != "score" or has_partial}
+    measures = {
+        name: read
+        for name, (field, read) in MEASURES.items()
+        if (has_partial if name == "score" else _has_field(groups, field))
+    }
     values = {
         (key, name): _values(cases, read)
         for key, cases in groups.last.items()
@@ -81,6 +86,11 @@ def measure_changes(groups: scores.GroupedRecords) -> Iterator[MeasureChange]:
                 means = _task_means(before, tasks), _task_means(after, tasks)
                 rows.append(_measure_change(agent, label, name, *means))
     yield from _adjusted(rows, lambda row: (row.agent, row.measure))
+
+
+def _has_field(groups: scores.GroupedRecords, field: str) -> bool:
+    """Return whether a record has a field, of which results of other harnesses have few."""
+    return any(field in record for cases in groups.last.values() for record in cases.values())
 
 
 def _measure_change(
