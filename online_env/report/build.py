@@ -86,6 +86,11 @@ def build_report(run: Run, *, reference: str = "", margin: float = MARGIN) -> Ru
     groups = scores.group_records(counted_records(run))
     cells = compute_cells(run, groups)
     agents = list(dict.fromkeys(cell.agent for cell in cells))
+    place = {(cell.agent, cell.corruption): number for number, cell in enumerate(cells)}
+    measures = sorted(measure_changes(groups), key=lambda row: place[row.agent, row.corruption])
+    equivalences = sorted(
+        equivalence_tests(groups, margin), key=lambda row: place[row.agent, row.corruption]
+    )
     if reference and reference not in agents:
         raise UnknownNameError(
             f"--reference: {reference!r} is not in {run.folder}{suggest(reference, agents)}"
@@ -98,8 +103,8 @@ def build_report(run: Run, *, reference: str = "", margin: float = MARGIN) -> Ru
         feasible=tuple(feasible),
         infeasible=tuple(infeasible),
         applications=tuple(app_successes(groups)),
-        measures=tuple(measure_changes(groups)),
-        equivalences=tuple(equivalence_tests(groups, margin)),
+        measures=tuple(measures),
+        equivalences=tuple(equivalences),
         curves=tuple(severity_curves(identity, groups, reference)),
         parts=tuple(_parts(run)),
         reference=reference,
