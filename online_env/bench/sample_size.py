@@ -13,7 +13,7 @@ from statistics import fmean
 
 import numpy as np
 
-from hijack_data.errors import counted
+from hijack_data.errors import quantity
 from hijack_data.plan import CLEAN
 
 from ..extra import require
@@ -69,7 +69,7 @@ def sample_size_lines(
     level = 1 - SIGNIFICANCE / max(1, len(labels))
     yield (
         f"to show a loss of {points:g} points with a probability of {100 * POWER:.0f} %, at p <"
-        f" {SIGNIFICANCE:g} adjusted for {counted(len(labels), 'corruption')} (Holm):"
+        f" {SIGNIFICANCE:g} adjusted for {quantity(len(labels), 'corruption')} (Holm):"
     )
     estimates = expected(bench, jobs(bench), history)
     case_count = len(bench.tasks) * len(bench.seeds)
@@ -79,15 +79,15 @@ def sample_size_lines(
         for seeds in SEEDS if variance.within else (1,):
             tasks = tasks_needed(points / 100, variance.spread(seeds), level)
             cases = tasks * seeds
-            yield f"  {counted(tasks, 'task')} x {counted(seeds, 'seed')}: " + _costs(
+            yield f"  {quantity(tasks, 'task')} x {quantity(seeds, 'seed')}: " + _costs(
                 estimates, cases / case_count, desktops, cases * len(bench.planners)
             )
         seen = detectable_effect(len(bench.tasks), POWER, level) if len(bench.tasks) > 2 else None
         if seen is not None:
             seen *= variance.spread(len(bench.seeds))
             yield (
-                f"  {bench.source}, {counted(len(bench.tasks), 'task')} x"
-                f" {counted(len(bench.seeds), 'seed')}, shows {min(100.0, 100 * seen):.1f} points"
+                f"  {bench.source}, {quantity(len(bench.tasks), 'task')} x"
+                f" {quantity(len(bench.seeds), 'seed')}, shows {min(100.0, 100 * seen):.1f} points"
             )
 
 
@@ -155,7 +155,7 @@ def _costs(
     """Return the episodes, time and money of a run that is `factor` times as large as planned."""
     seconds = factor * sum(item.seconds for item in estimates) / desktops
     about = "at most" if any(item.basis == "limit" for item in estimates) else "about"
-    text = f"{counted(episodes, 'episode')}, {about} {format_duration(seconds)}"
+    text = f"{quantity(episodes, 'episode')}, {about} {format_duration(seconds)}"
     if any(item.usd is None for item in estimates):
         return f"{text}, money not known"
     usd = factor * sum(item.usd or 0.0 for item in estimates)

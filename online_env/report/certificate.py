@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.corruption import find_corruption
-from hijack_data.errors import HijackError, ParameterError, UnknownNameError, some_of, suggest
+from hijack_data.errors import HijackError, ParameterError, UnknownNameError, shorten_list, suggest
 from hijack_data.file_io import read_versioned_json
 from hijack_data.plan import CLEAN
-from hijack_data.runs.run_log import RECORDS, digest_of, file_digest
+from hijack_data.runs.run_log import RECORDS, file_digest, sha256_hex
 
 from ..extra import require
 from ..results.mean_bounds import clopper_pearson_lower, gaffke_retention_bound
@@ -175,7 +175,7 @@ def certify(
     if tasks.missing and not missing_as_lost:
         raise CertificateError(
             f"{run.folder}: {len(tasks.missing)} cases have no score, such as"
-            f" {some_of(tasks.missing, 3)}; play them again, or count them as lost with"
+            f" {shorten_list(tasks.missing, 3)}; play them again, or count them as lost with"
             " --missing-as-lost, which can only lower the bound"
         )
     least = math.floor(bound * 10**DIGITS) / 10**DIGITS
@@ -184,7 +184,7 @@ def certify(
     return Certificate(
         statement=(
             f"{name} keeps at least {100 * least:.2f} % of its clean success, with"
-            f" {100 * confidence:g} % confidence, over {some_of(list(shares), len(shares))}"
+            f" {100 * confidence:g} % confidence, over {shorten_list(list(shares), len(shares))}"
             f" ({len(tasks.tasks)} tasks)"
         ),
         agent=name,
@@ -392,4 +392,4 @@ def _scores_digest(run: Run, agent: str, shares: Mapping[str, float]) -> str:
         for r in run.last_attempts
         if r["agent"] == agent and r["corruption"] in (CLEAN, *shares)
     )
-    return digest_of("\n".join(lines).encode())
+    return sha256_hex("\n".join(lines).encode())
