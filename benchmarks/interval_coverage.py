@@ -1,8 +1,9 @@
-"""How often the intervals of a report hold the true value, and whether a better result has a lower one.
+"""How often the intervals of a report, and the certificate of a run, hold the true value.
 
 Benchmarks are simulated: tasks differ in how often they are solved (a beta distribution), the seeds
 of a task are drawn from its own probability, and the corruption lowers it by a share that differs
-by task. An interval of 95 % should hold the true value in 95 of 100 benchmarks.
+by task. An interval of 95 % should hold the true value in 95 of 100 benchmarks, and so should the
+one-sided bound of a certificate. A second part shows whether a better result has a lower interval.
 
     python benchmarks/interval_coverage.py
 """
@@ -12,15 +13,18 @@ from collections.abc import Sequence
 import numpy as np
 from common import machine, table
 
-from online_env.results import statistics
+from online_env.results import mean_bounds, statistics
 
 BENCHMARKS = 1000
-TASKS = (12, 24, 122)
-SEEDS = (1, 3)
+SETTINGS = ((12, 1), (12, 5), (24, 1), (24, 3), (122, 1), (122, 3), (369, 1), (369, 5))
+CONDITIONS = 9  # of a benchmark that is certified over several
+KEPT = (0.99, 0.9, 0.5)
+STEPS = 12.0  # mean of a task's steps, which are exponential over tasks
 RATES = (0.05, 0.3, 0.5, 0.9, 0.95, 0.99)
 SHARES_KEPT = (0.95, 0.5, 0.05)
 CLEAN_RATES = (0.5, 0.95)
 CONCENTRATION = 1.0  # of the beta distribution: low, so most tasks are solved always or never
+CERTIFIED = 20  # benchmarks whose bounds are averaged
 IMPROVED = 300  # drawn benchmarks of which single failures become successes
 
 
@@ -68,6 +72,79 @@ def pair_coverage(rate: float, kept: float, tasks: int, seeds: int) -> tuple[flo
     return held / BENCHMARKS, held_kept / max(1, with_retention)
 
 
+def grand_mean_coverage(rate: float, tasks: int, seeds: int) -> float:
+    """Return the share of benchmarks whose interval of the mean over conditions holds the rate."""
+    rng = np.random.default_rng(3)
+    names = [task for task in range(tasks) for _ in range(seeds)]
+    held = 0
+    for _ in range(BENCHMARKS):
+        solved = draw_tasks(rng, rate, tasks)
+        cells = [(draw_scores(rng, solved, seeds), names) for _ in range(CONDITIONS)]
+        mean = statistics.grand_mean_interval(cells)
+        held += mean.low <= rate <= mean.high
+    return held / BENCHMARKS
+
+
+def steps_coverage(tasks: int, seeds: int) -> float:
+    """Return the share of benchmarks whose paired t interval holds the true change of steps.
+
+    Tasks take exponential numbers of steps, and a corruption makes them longer by a share that is
+    exponential, too: skewed, as steps and tokens are.
+    """
+    rng = np.random.default_rng(4)
+    held = 0
+    for _ in range(BENCHMARKS):
+        task_steps = rng.exponential(STEPS, tasks)
+        slower = 1 + rng.exponential(0.3, tasks)
+        noise = rng.gamma(4, 1 / 4, (2, seeds, tasks)).mean(axis=1)
+        test = statistics.paired_t((task_steps * (slower * noise[0] - noise[1])).tolist())
+        held += test is not None and test.low <= 0.3 * STEPS <= test.high
+    return held / BENCHMARKS
+
+
+def certificate_coverage(kept: float, clean_rate: float, tasks: int, seeds: int) -> list[float]:
+    """Return the shares of benchmarks whose certified retention is not above the true one.
+
+    They are those of Clopper-Pearson (one condition, one seed), of Gaffke's bound over nine
+    conditions with some seeds, and of a run of these that would end once a bound is above the true
+    retention: 1 minus the error of the sequential test.
+    """
+    rng = np.random.default_rng(5)
+    held = np.zeros(3)
+    for _ in range(BENCHMARKS):
+        solved = draw_tasks(rng, clean_rate, tasks)
+        shares = np.stack([draw_tasks(rng, kept, tasks) for _ in range(CONDITIONS)])
+        once = rng.random(tasks) < solved
+        still = rng.random(tasks) < shares[0]  # of the tasks that were solved clean
+        trials = int(once.sum())
+        low = mean_bounds.clopper_pearson_lower(int((once & still).sum()), trials) if trials else 0
+        clean = (rng.random((seeds, tasks)) < solved).astype(float)
+        after = (rng.random((seeds, CONDITIONS, tasks)) < solved * shares).astype(float)
+        before, corrupted = clean.mean(axis=0), after.mean(axis=(0, 1))
+        bets = mean_bounds.BettingSequence(clean=before, corrupted=corrupted)
+        gaffke = is_above = False
+        if before.any():
+            values = corrupted - kept * before
+            gaffke = mean_bounds.mean_p_value(values, -kept) <= 0.05
+            is_above = bets.stop(kept) is not None
+        held += [low <= kept, not gaffke, not is_above]
+    return (held / BENCHMARKS).tolist()
+
+
+def certified(tasks: int, seeds: int, kept: float) -> list[float]:
+    """Return the mean bounds of retention: Gaffke's, and that of betting."""
+    rng = np.random.default_rng(6)
+    total = np.zeros(2)
+    for _ in range(CERTIFIED):
+        solved = draw_tasks(rng, 0.95, tasks)
+        shares = np.stack([draw_tasks(rng, kept, tasks) for _ in range(CONDITIONS)])
+        clean = (rng.random((seeds, tasks)) < solved).mean(axis=0)
+        after = (rng.random((seeds, CONDITIONS, tasks)) < solved * shares).mean(axis=(0, 1))
+        bets = mean_bounds.BettingSequence(clean=clean, corrupted=after)
+        total += [mean_bounds.gaffke_retention_bound(clean, after), bets.bound()]
+    return (total / CERTIFIED).tolist()
+
+
 def falls(tasks: int, seeds: int) -> tuple[float, float]:
     """Return how much an end falls, and the width grows, when one failure becomes a success.
 
@@ -96,7 +173,7 @@ def percent(shares: Sequence[float]) -> list[str]:
 
 
 def main() -> None:
-    settings = [(tasks, seeds) for tasks in TASKS for seeds in SEEDS]
+    settings = SETTINGS
     heads = [f"{tasks} x {seeds}" for tasks, seeds in settings]
     print(machine())
     print(f"\nPercent of {BENCHMARKS:,} simulated benchmarks whose 95 % interval holds the truth;")
@@ -111,7 +188,31 @@ def main() -> None:
             name = f"{100 * rate:g} % clean, {100 * kept:g} % of it kept"
             rows.append(["difference", name, *percent([pair[0] for pair in pairs])])
             rows.append(["retention", name, *percent([pair[1] for pair in pairs])])
+    for rate in (0.05, 0.5, 0.95):
+        shares = [grand_mean_coverage(rate, *one) for one in settings]
+        rows.append(["mean over 9", f"{100 * rate:g} %", *percent(shares)])
+    steps = [steps_coverage(*one) for one in settings]
+    rows.append(["steps (paired t)", "skewed, 30 % more", *percent(steps)])
     print(table(("interval of", "truth", *heads), rows))
+    print("\nPercent of certificates (95 %, one-sided) whose bound is not above the truth:\n")
+    rows = []
+    methods = ("Clopper-Pearson, 1 x 1", "Gaffke, 9 conditions", "betting, looked at after each")
+    for clean_rate in (0.95, 0.5):
+        for kept in KEPT:
+            columns = [certificate_coverage(kept, clean_rate, *one) for one in settings]
+            for place, method in enumerate(methods):
+                name = f"{100 * clean_rate:g} % clean, {100 * kept:g} % of it kept"
+                rows.append([method, name, *percent([column[place] for column in columns])])
+    print(table(("method", "truth", *heads), rows))
+    print("\nMean certified retention in percent, 95 % clean:\n")
+    rows = []
+    for kept in KEPT:
+        columns = [certified(*one, kept) for one in settings]
+        for place, method in enumerate(methods[1:]):
+            rows.append(
+                [method, f"{100 * kept:g} % kept", *percent([column[place] for column in columns])]
+            )
+    print(table(("method", "truth", *heads), rows))
     ends = [falls(*one) for one in settings]
     print(
         "\nOne more success, in points: how much the most an end of the interval of a mean falls,"

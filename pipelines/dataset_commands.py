@@ -279,16 +279,26 @@ def inspect(source: tuple[str, ...], format_: str | None, as_json: bool, **optio
     ),
 )
 @click.option("--key", metavar="PUB", help="Of a run: the SSH public key that must have signed it.")
+@click.option("--run", metavar="RUN", help="Of a certificate.json: the run that it is about.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def verify(folder: str, source: tuple[str, ...], key: str | None, as_json: bool) -> None:
+def verify(
+    folder: str, source: tuple[str, ...], key: str | None, run: str | None, as_json: bool
+) -> None:
     """Check every byte, picture, plan and label of a dataset, or of a run."""
     from .proof.rebuild import is_run, rebuild
+    from .proof.run_checks.certificate import check_certificate
     from .proof.verify import verify as verify_dataset
 
-    if is_run(folder):
+    if Path(folder).is_file() or run is not None:
+        if run is None:
+            raise click.UsageError(f"{folder}: a certificate is computed again with --run RUN")
+        if source or key is not None:
+            raise click.UsageError("--source and --key do not go with a certificate")
+        report: Findings = check_certificate(Path(folder), Path(run))
+    elif is_run(folder):
         if source:
             raise click.UsageError("--source goes with a dataset; a run holds its own recordings")
-        report: Findings = rebuild(folder, key)
+        report = rebuild(folder, key)
     else:
         if key is not None:
             raise click.UsageError("--key is for runs: a dataset is not signed")

@@ -54,6 +54,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "suite",
         "reports",
         "results_of_others",
+        "certificate",
         "write_a_task",
     ),
     "Results": (

@@ -54,6 +54,7 @@ COMMANDS = {
     "report": "online_env.report.report_command:report",
     "compare": "online_env.report.report_command:compare_command",
     "gate": "online_env.report.report_command:gate",
+    "certify": "online_env.report.certify_command:certify_command",
     "leaderboard": "online_env.report.report_command:leaderboard_command",
     "tasks": "online_env.task_commands:tasks",
     "osworld": "online_env.osworld.osworld_commands:osworld",

@@ -42,6 +42,10 @@ SECTIONS = {
             "Compare a run case by case with an earlier one: hijack compare runs/new runs/old."
         ),
         "gate": "Exit with 1 if a score is too low: hijack gate RUNS --fail-under retention=0.8.",
+        "certify": (
+            "Certify how much of its clean success an agent keeps: hijack certify RUNS -o"
+            " FILE.json."
+        ),
         "leaderboard": "Rank the agents of all runs in a folder on one page.",
         "sign": "Sign a run for its recipients, after verifying it: hijack sign RUNS --key KEY.",
         "tasks": "List the tasks of the suite, which come with the library.",

@@ -29,6 +29,7 @@ A record states what its agent was given in addition to instruction and pictures
 
 import hashlib
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 FORMAT = "agenthijack-run"
@@ -46,6 +47,8 @@ FRAMES = "frames"
 SEAL = "seal.json"
 SIGNATURE = "seal.json.sig"
 SCORE_RUN = "score"  # `config.kind` of a run of `hijack score`; one of `hijack bench` has no kind
+# In `config` of a run that ends once a retention is shown: see `online_env/results/stop_rule.py`.
+UNTIL_RETENTION = "until_retention"
 # In a record of such a run: the row of the dataset; such a record has no folder in `episodes`.
 ROW = "row"
 LINKS = ("previous", "episode_sha256")  # in a line of `records.jsonl`, but not in `episode.json`
@@ -58,6 +61,11 @@ CUT = "cut"  # in a step: those of `said` and `raw` that were longer; absent if 
 _LONGEST = 200  # characters of an id, which is the name of a folder
 _FOREIGN = re.compile(r"[^\w.+-]+", re.ASCII)
 _USUAL = re.compile(r"[:/]")  # of names such as file.py:Class and trajectory/step
+
+
+def draw_task_order(tasks: Iterable[str], seed: int) -> tuple[str, ...]:
+    """Return tasks in the random order in which a run with `UNTIL_RETENTION` plays them."""
+    return tuple(sorted(tasks, key=lambda task: sha256_hex(f"{seed}/{task}".encode())))
 
 
 def find_run(folder: Path) -> Path:

@@ -28,6 +28,7 @@ from .machine_options import MORE, machine_options
     more=(
         *MORE,
         "agent_memory",
+        "detect",
         "engine",
         "environment_errors",
         "in_process",
@@ -37,6 +38,7 @@ from .machine_options import MORE, machine_options
         "recovery",
         "replay",
         "sign",
+        "until_retention",
     ),
 )
 @click.argument("config", shell_complete=complete_configuration("benchmark"))
@@ -97,6 +99,12 @@ from .machine_options import MORE, machine_options
     help="Begin no episode once the models have cost that much; --resume goes on.",
 )
 @click.option(
+    "--until-retention",
+    type=FiniteRange(0, 1, min_open=True, max_open=True),
+    metavar="R",
+    help="Play tasks in a random order, and end once a retention above R is shown (95 %).",
+)
+@click.option(
     "--replay",
     type=click.Path(path_type=Path),
     metavar="RUNS",
@@ -106,6 +114,12 @@ from .machine_options import MORE, machine_options
 @agent_memory_option
 @click.option("--sign", metavar="KEY", help="Sign the run at its end with this SSH key.")
 @click.option("--dry-run", is_flag=True, help="List the episodes with an estimate, and run none.")
+@click.option(
+    "--detect",
+    type=FiniteRange(0, 100, min_open=True),
+    metavar="POINTS",
+    help="With --dry-run: the tasks and seeds that show such a loss, with hours and cost.",
+)
 def bench(**options: Any) -> None:
     """Run agents on a live desktop, clean and corrupted.
 

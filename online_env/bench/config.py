@@ -32,12 +32,14 @@ from hijack_data.params import Parameter
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
 from hijack_data.registry import Registry, is_ours
+from hijack_data.runs.run_log import UNTIL_RETENTION, draw_task_order
 from hijack_data.types import Size
 
 from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
 from ..choices import ERROR_ORDERS, POLICIES, ErrorOrder, Recovery
+from ..results.stop_rule import StopRule
 from ..tasks import TASKS, Task, families, task_sets
 from ..tasks.machines import MachineSettings
 from .providers import EMBEDDED, OSWORLD, PROVIDERS
@@ -108,6 +110,7 @@ class Bench:
         in_process: whether agents of users run in the process of the runner, for debugging.
         agent_memory: GiB that the process of an agent and all that it starts may use; 0 for three
             quarters of the machine's memory.
+        until_retention: when the run ends before all is played; `None` for never.
     """
 
     source: str = ""
@@ -130,6 +133,7 @@ class Bench:
     episode_timeout: int = 3600
     in_process: bool = False
     agent_memory: float = 0.0
+    until_retention: StopRule | None = None
 
     def settings(self, agent: str, log: Path | None = None) -> "EvalSettings":
         """Return the settings of the episodes of an agent.
@@ -194,6 +198,8 @@ class Bench:
             data["in_process"] = True
         if self.agent_memory:
             data["agent_memory"] = self.agent_memory
+        if self.until_retention is not None:
+            data[UNTIL_RETENTION] = self.until_retention.to_data()
         code = dict(self._code())
         if code:
             data["code"] = code
@@ -308,6 +314,22 @@ def override(
         bench = replace(bench, corruptions=_planners(bench, corruption))
     if seeds is not None:
         bench = replace(bench, seeds=tuple(range(seeds)))
+    return bench
+
+
+def end_at_retention(bench: Bench, retention: float | None) -> Bench:
+    """Return the benchmark that ends once a retention is shown; unchanged if it is `None`.
+
+    Its tasks are put into a random order, since one that begins with easy tasks would end too soon.
+
+    Raises:
+        ParameterError: it has several agents, or no condition to compare.
+    """
+    if retention is None:
+        return bench
+    rule = StopRule(retention=retention)
+    bench = replace(bench, until_retention=rule, tasks=draw_task_order(bench.tasks, rule.seed))
+    StopRule.read(bench.to_data())
     return bench
 
 

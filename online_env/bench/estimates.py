@@ -11,9 +11,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import fmean
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, cast
 
 from hijack_data.errors import HijackError
+from hijack_data.plan import CLEAN
 from hijack_data.runs.amounts import is_amount
 from hijack_data.runs.run_log import EPISODES, RUN
 
@@ -65,6 +66,7 @@ class History:
         seconds: By agent, task and corruption; also by agent and task, and by agent alone.
         steps: Likewise.
         usd: Likewise, for episodes with known cost.
+        losses: By agent and corruption, and by task: corrupted minus clean score of each seed.
         step_bytes: Disk space of a step; `None` without an earlier episode.
         runs: How many runs were read.
     """
@@ -72,6 +74,7 @@ class History:
     seconds: Mapping[tuple[str, ...], list[float]] = field(default_factory=dict[Any, Any])
     steps: Mapping[tuple[str, ...], list[float]] = field(default_factory=dict[Any, Any])
     usd: Mapping[tuple[str, ...], list[float]] = field(default_factory=dict[Any, Any])
+    losses: Mapping[tuple[str, str], dict[str, list[float]]] = field(default_factory=dict[Any, Any])
     step_bytes: float | None = None
     runs: int = 0
 
@@ -236,6 +239,7 @@ def read_history(folders: Sequence[Path]) -> History:
             continue
         for record in run.records[:remaining]:
             _count(history, record)
+        _add_losses(history, run.records[:remaining])
         remaining -= len(run.records[:remaining])
         sizes += _sizes(folder, run.records[: MAX_MEASURED_FOLDERS - len(sizes)])
     step_bytes = fmean(sizes) if sizes else None
@@ -243,6 +247,7 @@ def read_history(folders: Sequence[Path]) -> History:
         seconds=history.seconds,
         steps=history.steps,
         usd=history.usd,
+        losses=history.losses,
         step_bytes=step_bytes,
         runs=history.runs,
     )
@@ -263,6 +268,18 @@ def _count(history: History, record: ResultRecord) -> None:
         by_key: dict[tuple[str, ...], list[float]] = getattr(history, name)
         for count in (3, 2, 1):
             by_key.setdefault(key[:count], []).append(float(value))
+
+
+def _add_losses(history: History, records: Sequence[ResultRecord]) -> None:
+    """Add how much less each case scored corrupted than clean."""
+    cells = scores.group_records(records).scored
+    losses: dict[tuple[str, str], dict[str, list[float]]] = cast("Any", history.losses)
+    for (agent, label), cell in cells.items():
+        if label == CLEAN:
+            continue
+        cases = scores.pairs(cells.get((agent, CLEAN), {}), cell)
+        for clean, corrupted, task in zip(*cases, strict=True):
+            losses.setdefault((agent, label), {}).setdefault(task, []).append(corrupted - clean)
 
 
 def _sizes(folder: Path, records: Sequence[ResultRecord]) -> Iterator[float]:

@@ -39,12 +39,16 @@ def jobs(bench: Bench) -> list[Job]:
     """Return all jobs in the order of the run.
 
     Every agent plays a task under every corruption before the next task begins, so that every cell
-    of the table has its first results early.
+    of the table has its first results early. A run that may end early plays a task with all its
+    seeds, so that each task is one independent case.
     """
+    if bench.until_retention is not None:
+        cases = [(seed, task) for task in bench.tasks for seed in bench.seeds]
+    else:
+        cases = [(seed, task) for seed in bench.seeds for task in bench.tasks]
     return [
         Job(agent, task, corruption, seed)
-        for seed in bench.seeds
-        for task in bench.tasks
+        for seed, task in cases
         for corruption in bench.planners
         for agent in bench.agents
     ]

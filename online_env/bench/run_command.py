@@ -19,8 +19,9 @@ from ..errors import CostLimitError
 from ..report.outcome import exit_code
 from ..report.terminal import show
 from ..results import costs, records
+from ..results.stop_rule import SequentialTest
 from ..tasks import find_family
-from .config import Bench, load_bench, on_machines, override
+from .config import Bench, end_at_retention, load_bench, on_machines, override
 from .episodes import LiveEpisodes
 from .estimates import estimate, history_near
 from .jobs import Job, attempts, jobs
@@ -30,6 +31,7 @@ from .pools import LOCAL, EpisodePool, open_pool
 from .progress import ProgressDisplay
 from .providers import check_installed
 from .runner import needs_attempt, run_jobs
+from .sample_size import sample_size_lines
 from .workers import LocalPool, WorkerSetup, default_desktops, open_stage, references
 
 
@@ -55,11 +57,13 @@ def run_command(
     resume: bool,
     prompts: Path | None,
     max_cost: float | None,
+    until_retention: float | None,
     replay: Path | None,
     in_process: bool,
     agent_memory: float | None,
     sign: str | None,
     dry_run: bool,
+    detect: float | None,
 ) -> None:
     """Run a benchmark; the arguments are the options of `hijack bench`.
 
@@ -83,10 +87,18 @@ def run_command(
         extras.require("text_boxes", "ocr", ("rapidocr", "onnxruntime"))
     benchmark = on_machines(benchmark, vm, machines, vm_options, reset_command)
     benchmark = only_playable(benchmark, unplayable, echo)
+    benchmark = end_at_retention(benchmark, until_retention)
     check_agents(benchmark)
     models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
     prepare(benchmark.agents, models, None if dry_run else out)
     planned_jobs = jobs(benchmark)
+    if detect is not None:
+        if not dry_run:
+            raise click.UsageError("--detect plans a run; give it with --dry-run")
+        at_once = desktops or _room(benchmark)
+        for line in sample_size_lines(benchmark, detect, history_near(out), at_once):
+            echo(line)
+        return
     if dry_run:
         remaining = (
             planned_jobs if out is None else _remaining_jobs(benchmark, planned_jobs, out, resume)
@@ -140,11 +152,25 @@ def _remaining_jobs(
 
 def _due_jobs(benchmark: Bench, earlier: Mapping[Job, Sequence[records.ResultRecord]]) -> list[Job]:
     """Return the jobs that need another attempt, given the earlier ones of each."""
+    test = _test(benchmark, earlier)
+    is_over = test is not None and test.is_over
     return [
         job
         for job, attempt_records in earlier.items()
         if needs_attempt(attempt_records, benchmark.retries)
+        and not (is_over and not attempt_records)
     ]
+
+
+def _test(
+    benchmark: Bench, earlier: Mapping[Job, Sequence[records.ResultRecord]]
+) -> SequentialTest | None:
+    """Return the test that ends a run early, if there is one."""
+    if benchmark.until_retention is None:
+        return None
+    played = [record for attempt_records in earlier.values() for record in attempt_records]
+    ids = [job.id for job in earlier]
+    return SequentialTest(benchmark.until_retention, benchmark.to_data(), ids, played)
 
 
 def _begin_run(
@@ -230,6 +256,7 @@ def _play(
             stop=stop or (lambda: None),
             budget=budget,
             place=pool.place,
+            test=_test(benchmark, earlier),
         )
 
     with display:

@@ -12,6 +12,7 @@ from ..errors import CostLimitError
 from ..results import records
 from ..results.costs import Budget
 from ..results.records import ResultRecord
+from ..results.stop_rule import SequentialTest
 from .jobs import Job
 
 
@@ -39,6 +40,7 @@ def run_jobs(
     stop: Callable[[], object] = lambda: None,
     budget: Budget | None = None,
     place: Callable[[], AbstractContextManager[object]] = nullcontext,
+    test: SequentialTest | None = None,
 ) -> Counter[str]:
     """Run every job and append a record for each attempt.
 
@@ -58,12 +60,13 @@ def run_jobs(
         budget: The budget. Once it is spent, no further attempt begins, running attempts are
             finished, and its `CostLimitError` is raised.
         place: Returns a context that is entered before each attempt and waits for a desktop.
+        test: Once it is over, no further job begins; those that have begun are finished.
 
     Returns:
         How many jobs ended `"ok"`, `"invalid"` and `"error"`.
     """
     before = earlier or {}
-    run = _Run(folder, retries, episode, listener, budget, place)
+    run = _Run(folder, retries, episode, listener, budget, place, test)
     numbered = list(enumerate(listed, 1))
     outcomes: Counter[str] = Counter()
     if at_once == 1:
@@ -105,6 +108,7 @@ class _Run:
         listener: RunListener,
         budget: Budget | None,
         place: Callable[[], AbstractContextManager[object]],
+        test: SequentialTest | None,
     ) -> None:
         self._folder = folder
         self._retries = retries
@@ -112,6 +116,7 @@ class _Run:
         self._listener = listener
         self._budget = budget
         self._place = place
+        self._test = test
         self._one_at_a_time = threading.Lock()
         self.stopped = False
         self.refused: CostLimitError | None = None
@@ -122,7 +127,7 @@ class _Run:
         while needs_attempt(attempt_records, self._retries):
             with self._place():
                 with self._one_at_a_time:
-                    if not self._may_begin():
+                    if not self._may_begin(is_first=not attempt_records):
                         return "left"
                     self._listener.begins(job, number, len(attempt_records))
                 record = self._episode(job, len(attempt_records))
@@ -133,11 +138,15 @@ class _Run:
                 records.append(self._folder, record)
                 if self._budget is not None:
                     self._budget.add(record)
+                if self._test is not None:
+                    self._test.add(record)
                 self._listener.ended(job, number, record)
             attempt_records.append(record)
         return attempt_records[-1]["status"]
 
-    def _may_begin(self) -> bool:
+    def _may_begin(self, is_first: bool) -> bool:
+        if is_first and self._test is not None and self._test.is_over:
+            return False
         if self.refused is None and self._budget is not None:
             try:
                 self._budget.check()

@@ -13,32 +13,36 @@ from ..results.parts import part_rows
 from ..results.reading import Run
 from .app_success import app_successes
 from .cells import compute_cells, feasible_and_not
+from .further_tests import MARGIN, equivalence_tests, measure_changes, severity_curves
 from .identity import run_identity
 from .model import ReportError, RunReport, from_data
-from .notes import design_notes, fraction_note, recovery_note, report_notes
+from .notes import design_notes, early_end_note, fraction_note, recovery_note, report_notes
 from .summaries import summarise_agents
 from .unplayable import counted_records, unplayable_note
 
 
-def load_report(path: Path, reference: str = "") -> RunReport:
+def load_report(path: Path, reference: str = "", margin: float | None = None) -> RunReport:
     """Return the report of a run's folder, or the one in a file `report.json`.
 
     Args:
         path: the folder, or the file.
         reference: the reference agent of mCE; a file keeps its own.
+        margin: the loss, a share, that equivalence tests refute; likewise.
 
     Raises:
         ReportError: the run has no episodes, or the file is not a report.
         RunError: The folder is not a run, or the run is of a newer version.
     """
     if not path.is_file():
-        return build_report(reading.read(path), reference=reference)
+        return build_report(reading.read(path), reference=reference, margin=margin or MARGIN)
     report = read_report(path)
     if reference and reference != report.reference:
         raise ReportError(
             f"{path}: is a finished report, whose reference agent is {report.reference!r}; give the"
             " folder of the run for another --reference"
         )
+    if margin is not None and {row.margin for row in report.equivalences} != {margin}:
+        raise ReportError(f"{path}: is a finished report; give the folder of the run for --margin")
     return report
 
 
@@ -64,13 +68,17 @@ def read_report(path: Path) -> RunReport:
     return from_data(data, str(path))
 
 
-def build_report(run: Run, *, reference: str = "", by_feasibility: bool = True) -> RunReport:
+def build_report(
+    run: Run, *, reference: str = "", full: bool = True, margin: float = MARGIN
+) -> RunReport:
     """Return the report of a run.
 
     Args:
         run: a run of `hijack bench` or `hijack score`, or the episodes logged by an environment.
         reference: the agent of the run that is the reference of mCE; empty for no mCE.
-        by_feasibility: compute the cells of feasible and of infeasible tasks, too.
+        full: compute what a short form does not show, too: cells of feasible and of infeasible
+            tasks, tests of measures and of equivalence, severity curves.
+        margin: the loss, a share above 0, that equivalence tests refute.
 
     Raises:
         ReportError: the run has no episodes.
@@ -82,11 +90,14 @@ def build_report(run: Run, *, reference: str = "", by_feasibility: bool = True) 
     groups = scores.group_records(counted_records(run))
     cells = compute_cells(run, groups)
     agents = list(dict.fromkeys(cell.agent for cell in cells))
+    place = {(cell.agent, cell.corruption): number for number, cell in enumerate(cells)}
+    measures = measure_changes(groups) if full else []
+    equivalences = equivalence_tests(groups, margin) if full else []
     if reference and reference not in agents:
         raise UnknownNameError(
             f"--reference: {reference!r} is not in {run.folder}{suggest(reference, agents)}"
         )
-    feasible, infeasible = feasible_and_not(run) if by_feasibility else ([], [])
+    feasible, infeasible = feasible_and_not(run) if full else ([], [])
     report = RunReport(
         run=identity,
         cells=tuple(cells),
@@ -94,10 +105,14 @@ def build_report(run: Run, *, reference: str = "", by_feasibility: bool = True) 
         feasible=tuple(feasible),
         infeasible=tuple(infeasible),
         applications=tuple(app_successes(groups)),
+        measures=tuple(sorted(measures, key=lambda row: place[row.agent, row.corruption])),
+        equivalences=tuple(sorted(equivalences, key=lambda row: place[row.agent, row.corruption])),
+        curves=tuple(severity_curves(identity, groups, reference)) if full else (),
         parts=tuple(_parts(run)),
         reference=reference,
     )
     notes = (
+        *early_end_note(run),
         *unplayable_note(run),
         *recovery_note(run),
         *fraction_note(run),

@@ -45,6 +45,7 @@ FORMATS_BY_OPTION: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         COMPARISON: (TERMINAL, "json", "csv", "markdown", "html"),
         "--reference": (TERMINAL, "json", "markdown", "html"),
+        "--margin": (TERMINAL, "json", "markdown", "html"),
         "--paper": (TERMINAL, "json", "latex", "markdown", "html"),
         "--full": (TERMINAL,),
     }

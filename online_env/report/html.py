@@ -19,6 +19,7 @@ from .ablations import find_ablations, level_table
 from .conclusions import conclude, report_extent, report_title
 from .document import ReportDocument
 from .figures import LEFT, RIGHT, WIDTH, retention_panels, success_panels
+from .further_tables import further_tables
 from .identity import RunIdentity
 from .level_figure import grouped_panel
 from .model import RunReport
@@ -63,6 +64,10 @@ def as_html(document: ReportDocument) -> str:
         applications=app_table(report) if report.applications else None,
         compared=without_empty_columns(*compared_table(compared.cells)) if compared else None,
         paper=paper_rows(document.paper) if document.paper else None,
+        further=[
+            (table.title, without_empty_columns(table.headings, table.rows))
+            for table in further_tables(report)
+        ],
         has_ceiling=any(cell.ceiling is not None for cell in report.cells),
     )
 

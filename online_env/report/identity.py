@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hijack_data.config.files import available
-from hijack_data.corruption import make_corruption
+from hijack_data.corruption import find_corruption, make_corruption
 from hijack_data.errors import HijackError
 from hijack_data.runs.amounts import is_amount
 from hijack_data.runs.run_log import RUN, sha256_hex
@@ -131,14 +131,41 @@ def changed_parameters(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     Labels of corruptions that are not installed here are left out.
     """
     changed: dict[str, dict[str, Any]] = {}
-    for label, name, settings in _entries(config.get("corruptions")):
+    for label, name, parameters in corruption_entries(config):
         with suppress(HijackError):
             default = make_corruption(name).params()
-            parameters = {key: value for key, value in settings.items() if key != _LABEL_KEY}
             changed[label] = {
                 key: parameters[key] for key in parameters if default.get(key) != parameters[key]
             }
     return changed
+
+
+def corruption_entries(config: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+    """Yield label, name and parameters of the conditions of a configuration, in its order."""
+    for label, name, settings in _entries(config.get("corruptions")):
+        yield label, name, {key: value for key, value in settings.items() if key != _LABEL_KEY}
+
+
+def severity_level(name: str, parameters: Mapping[str, Any]) -> int | None:
+    """Return the level of a corruption, 1 to 5, that has these parameters.
+
+    Args:
+        name: of the corruption.
+        parameters: those that are set; the others are at their defaults.
+
+    Returns:
+        `None` if no level has them, or the corruption has no levels.
+    """
+    with suppress(HijackError):
+        kind = find_corruption(name)
+        values = json.loads(json.dumps({**kind().params(), **parameters}))
+        levels = [
+            level
+            for level in range(1, len(kind.severities) + 1)
+            if json.loads(json.dumps(kind.at(level).params())) == values
+        ]
+        return levels[0] if len(levels) == 1 else None
+    return None
 
 
 def _changed(config: Mapping[str, Any]) -> Iterator[str]:

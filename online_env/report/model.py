@@ -29,10 +29,11 @@ _SHARES = frozenset(
     [
         *("success", "ci_low", "ci_high", "p", "ceiling"),
         *("clean", "corrupted", "corrupted_low", "corrupted_high", "worst_success"),
-        *("nine", "paper_average"),
+        *("nine", "paper_average", "margin", "area", "area_low", "area_high"),
     ]
 )
-_CHANGES = frozenset({"delta", "delta_low", "delta_high"})
+_CHANGES = frozenset({"delta", "delta_low", "delta_high", "loss"})
+_AMOUNT_CHANGES = frozenset({"change", "change_low", "change_high"})
 YEAR_10000 = 253_402_300_800  # in seconds since 1970
 _ROUNDING = 1e-9  # rounding tolerance: a mean may exceed its range by this much
 # Keys of the file that are not fields of the report.
@@ -224,6 +225,91 @@ class AgentSummary:
 
 
 @dataclass(frozen=True, kw_only=True)
+class MeasureChange:
+    """What an agent spends, or scores in part, under a condition, beside the same cases clean.
+
+    Each task counts once. The interval and p are those of the paired t test over tasks.
+
+    Attributes:
+        agent: its name.
+        corruption: the label of the condition.
+        measure: `score`, `steps`, `seconds`, `tokens` or `usd`, an episode.
+        tasks: with the measure under both conditions.
+        mean_clean: its mean, clean.
+        mean_corrupted: its mean under the condition.
+        change: the difference.
+        change_low: lower end of its 95 % interval; `None` with fewer than three tasks, or if all
+            differ by the same amount.
+        change_high: upper end, likewise.
+        p: two-sided, adjusted for the conditions of the agent and the measure (Holm).
+    """
+
+    agent: str
+    corruption: str
+    measure: str
+    tasks: int
+    mean_clean: float
+    mean_corrupted: float
+    change: float
+    change_low: float | None = None
+    change_high: float | None = None
+    p: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Equivalence:
+    """Whether a condition is shown to cost no more than a margin (a test of non-inferiority).
+
+    Attributes:
+        agent: its name.
+        corruption: the label of the condition.
+        margin: the loss, a share, that is refuted.
+        tasks: the cases of the test.
+        loss: mean of the tasks' losses.
+        p: one-sided, by Gaffke's method, adjusted for the conditions of the agent (Holm).
+    """
+
+    agent: str
+    corruption: str
+    margin: float
+    tasks: int
+    loss: float
+    p: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeverityCurve:
+    """Success of an agent by the severity of a corruption.
+
+    Attributes:
+        agent: its name.
+        corruption: the name of the corruption.
+        levels: those that were played, of 1 to 5, each once.
+        success: the success at each.
+        area: mean success over the five levels; `None` unless all were played.
+        area_low: lower end of its 95 % interval.
+        area_high: upper end.
+        delta: mean difference to clean over the five levels, likewise.
+        delta_low: lower end of its interval.
+        delta_high: upper end.
+        ce: sum of the errors divided by that of the reference agent (the corruption error of
+            Hendrycks and Dietterich, 2019); `None` without one, or if it has no errors.
+    """
+
+    agent: str
+    corruption: str
+    levels: tuple[int, ...]
+    success: tuple[float, ...]
+    area: float | None = None
+    area_low: float | None = None
+    area_high: float | None = None
+    delta: float | None = None
+    delta_low: float | None = None
+    delta_high: float | None = None
+    ce: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class AppSuccess:
     """An agent in one application.
 
@@ -254,6 +340,9 @@ class RunReport:
         feasible: the cells of the feasible tasks; empty if all tasks are.
         infeasible: the cells of the infeasible tasks.
         applications: a row for each agent and application; empty if all tasks have the same one.
+        measures: a row for each agent, corruption and measure that the records have.
+        equivalences: a row for each agent and corruption.
+        curves: a row for each agent and corruption that was played at several severities.
         parts: for a scoring run, the results other than the success (`scoring.parts.part_rows`).
         reference: the reference agent of `mce`; empty for none.
         notes: sentences that a reader has to know.
@@ -265,6 +354,9 @@ class RunReport:
     feasible: tuple[Cell, ...] = ()
     infeasible: tuple[Cell, ...] = ()
     applications: tuple[AppSuccess, ...] = ()
+    measures: tuple[MeasureChange, ...] = ()
+    equivalences: tuple[Equivalence, ...] = ()
+    curves: tuple[SeverityCurve, ...] = ()
     parts: tuple[Mapping[str, Any], ...] = ()
     reference: str = ""
     notes: tuple[str, ...] = ()
@@ -357,6 +449,8 @@ def _check_range(key: str, value: object, place: str) -> None:
     problem = ""
     if isinstance(value, int | float):
         low = -1 if key in _CHANGES else 0
+        if key in _AMOUNT_CHANGES:
+            low = -MAX_AMOUNT
         high = 1 if key in _CHANGES | _SHARES else MAX_AMOUNT
         if key == "created":
             high = YEAR_10000 - 1

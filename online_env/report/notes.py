@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from hijack_data.errors import quantity, shorten_list
 from hijack_data.plan import CLEAN
 from hijack_data.runs.privileged_inputs import describe_privileged_inputs
+from hijack_data.runs.run_log import UNTIL_RETENTION
 
 from ..results import scores
 from ..results.outcomes import RESULTS
@@ -114,6 +115,26 @@ def _partner_note(groups: scores.GroupedRecords) -> Iterator[str]:
             f"{quantity(sum(unpaired.values()), 'result')} without a clean one of the same task and"
             f" seed: in the success, and in no delta, retention or test ({listed})."
         )
+
+
+def early_end_note(run: Run) -> Iterator[str]:
+    """Yield whether a run that could end early has shown its retention, and after which task."""
+    if UNTIL_RETENTION not in run.config:
+        return
+    from ..results.stop_rule import StopRule, settle_bets
+
+    rule = StopRule.read(run.config)
+    if rule is None:
+        return
+    bets, _, _ = settle_bets(run.config, run.episodes, run.records)
+    stop = bets.stop(rule.retention, rule.confidence)
+    tasks = f"{len(bets.clean) if stop is None else stop} of {len(run.config['tasks'])} tasks"
+    shown = "is shown" if stop is not None else "is not shown so far"
+    yield (
+        f"After {tasks} a retention above {rule.retention:g} {shown} with"
+        f" {100 * rule.confidence:g} % confidence, at which the run was to end: success and"
+        " intervals here are of the tasks that it played; hijack certify has the bound."
+    )
 
 
 def partial_note(partial: int) -> Iterator[str]:

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import click
 
 from hijack_data.cli.completion import complete
+from hijack_data.cli.options import BriefCommand, FiniteRange
 from hijack_data.cli.terminal import console, echo
 from hijack_data.file_io import make_folder, write_atomic
 from hijack_data.plan import CLEAN
@@ -38,6 +39,7 @@ from .formats import (
     choose_format,
     write,
 )
+from .further_tests import MARGIN
 from .identity import agent_names, corruptions_by_label
 from .model import ReportError, RunReport
 from .outcome import exit_code, missing_line
@@ -66,13 +68,19 @@ def _output_options(command: Command) -> Command:
     return format_name(out(as_json(command)))
 
 
-@click.command()
+@click.command(cls=BriefCommand, more=("margin", "common_tasks"))
 @click.argument(
     "sources", nargs=-1, required=True, metavar="SOURCE...", type=click.Path(path_type=Path)
 )
 @_output_options
 @click.option("--seeds", type=click.IntRange(1), metavar="N", help="Seeds 0 to N-1 only.")
 @click.option("--reference", metavar="AGENT", help="Agent of the run that mCE refers to.")
+@click.option(
+    "--margin",
+    type=FiniteRange(0, 100, min_open=True, max_open=True),
+    metavar="POINTS",
+    help="Loss that the tests of equivalence refute.  [default: 5]",
+)
 @click.option("--paper", is_flag=True, help="Set the agents beside the paper's main table.")
 @click.option("--full", is_flag=True, help="Print all tables and notes.")
 @click.option(
@@ -98,6 +106,7 @@ def report(
     as_json: bool,
     seeds: int | None,
     reference: str | None,
+    margin: float | None,
     paper: bool,
     full: bool,
     reader: str | None,
@@ -137,7 +146,8 @@ def report(
         )
     if seeds and runs.is_file():
         raise ReportError("--seeds chooses episodes of a run; give the folder of one")
-    options = {"--paper": paper, "--reference": reference, "--full": full}
+    share = None if margin is None else margin / 100
+    options = {"--margin": margin, "--paper": paper, "--reference": reference, "--full": full}
     beside = [name for name, value in options.items() if value]
     for option in [*beside, *([f"--format {format_name}"] if format_name else [])]:
         if as_json:
@@ -145,7 +155,7 @@ def report(
                 f"--json is a list of rows, without {option}; give --format json alone"
             )
     if _is_own(runs) and runs.is_file():
-        finished = load_report(runs, reference or "")
+        finished = load_report(runs, reference or "", share)
         if as_json:
             cells = [{name: getattr(cell, name) for name in COLUMNS} for cell in finished.cells]
             _output(json.dumps(cells, indent=1) + "\n", out)
@@ -159,9 +169,9 @@ def report(
         raise SystemExit(_finish(run))
     format = _format(format_name, out, beside)
     if format == TERMINAL and out is None:
-        terminal.show(run, reference or "", paper=paper, full=full)
+        terminal.show(run, reference or "", paper=paper, full=full, margin=share or MARGIN)
         raise SystemExit(_finish(run))
-    built = build_report(run, reference=reference or "")
+    built = build_report(run, reference=reference or "", margin=share or MARGIN)
     _write(_document(built, paper=paper, full=full), format, out)
     raise SystemExit(_finish(run))
 

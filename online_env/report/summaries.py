@@ -29,6 +29,7 @@ def summarise_agents(
     by_agent: dict[str, dict[str, Cell]] = {}
     for cell in cells:
         by_agent.setdefault(cell.agent, {})[cell.corruption] = cell
+    names = identity.corruptions
     errors = {agent: _errors(agent_cells) for agent, agent_cells in by_agent.items()}
     return [
         AgentSummary(
@@ -40,7 +41,7 @@ def summarise_agents(
             **_retention(agent, groups),
             **_interval([groups.scored[agent, label] for label in agent_cells if label != CLEAN]),
             **_inputs_and_usage(agent, agent_cells, groups),
-            mce=_mce(errors[agent], errors.get(reference, {})),
+            mce=_mce(errors[agent], errors.get(reference, {}), names),
         )
         for agent, agent_cells in by_agent.items()
     ]
@@ -130,22 +131,31 @@ def _interval(cells: Sequence[scores.ScoreByCase]) -> dict[str, float]:
     return {"corrupted_low": interval.low, "corrupted_high": interval.high}
 
 
-def _mce(agent_errors: Mapping[str, float], reference_errors: Mapping[str, float]) -> float | None:
+def _mce(
+    agent_errors: Mapping[str, float],
+    reference_errors: Mapping[str, float],
+    names: Mapping[str, str],
+) -> float | None:
     """Return the mean corruption error over the corruptions that both agents have.
 
+    The errors of a corruption's severities are added first.
+
     Args:
-        agent_errors: the errors of an agent, by corruption.
+        agent_errors: the errors of an agent, by label.
         reference_errors: those of the reference agent.
+        names: the corruption of each label.
     """
     shared = [label for label in agent_errors if label in reference_errors]
     if not shared or not scores.can_infer():
         return None
     from ..results.statistics import mean_corruption_error
 
-    return mean_corruption_error(
-        {label: agent_errors[label] for label in shared},
-        {label: reference_errors[label] for label in shared},
-    )
+    sums: tuple[dict[str, float], dict[str, float]] = {}, {}
+    for label in shared:
+        name = names.get(label, label)
+        for total, errors in zip(sums, (agent_errors, reference_errors), strict=True):
+            total[name] = total.get(name, 0.0) + errors[label]
+    return mean_corruption_error(*sums)
 
 
 def _errors(cells: Mapping[str, Cell]) -> dict[str, float]:

@@ -12,6 +12,7 @@ from .ablations import find_ablations, level_table
 from .compare import ComparedCell, RunComparison
 from .conclusions import conclude, report_extent, report_title
 from .document import ReportDocument
+from .further_tables import further_tables
 from .model import AppSuccess, Cell, RunReport
 from .paper import PaperTable
 
@@ -102,6 +103,9 @@ def as_markdown(document: ReportDocument) -> str:
     for ablation in find_ablations(report):
         table = markdown_table(*level_table(report, ablation))
         parts += [f"### {_safe(ablation.title)}", table]
+    if document.comparison is None:
+        for title, headings, rows in further_tables(report):
+            parts += [f"### {_safe(title)}", markdown_table(headings, rows)]
     if report.parts:
         parts += ["Right, by part:", markdown_table(*parts_table(report.parts))]
     if document.paper is not None:

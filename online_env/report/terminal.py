@@ -24,6 +24,8 @@ from .build import build_report
 from .compare import RunComparison
 from .conclusions import conclude, report_extent, report_title
 from .document import ReportDocument
+from .further_tables import further_tables
+from .further_tests import MARGIN
 from .identity import agent_names, corruptions_by_label
 from .model import AgentSummary, Cell, RunReport
 from .outcome import missing_line
@@ -72,7 +74,14 @@ def score_rows(run: Run, records: Sequence[ResultRecord]) -> list[scores.ScoreRo
     return scores.rows(records, agent_names(run.config), list(corruptions_by_label(run.config)))
 
 
-def show(run: Run, reference: str = "", *, paper: bool = False, full: bool = False) -> None:
+def show(
+    run: Run,
+    reference: str = "",
+    *,
+    paper: bool = False,
+    full: bool = False,
+    margin: float = MARGIN,
+) -> None:
     """Print the report of a run; a run without episodes gives an empty table.
 
     Args:
@@ -80,13 +89,14 @@ def show(run: Run, reference: str = "", *, paper: bool = False, full: bool = Fal
         reference: the reference agent of mCE; empty for none.
         paper: print the paper's table, with the agents below it.
         full: print every table, note and failed episode, not only what fits a screen.
+        margin: the loss, a share, that equivalence tests refute.
     """
     screen = console()
     if not run.records:
         screen.print(main_table(()))
         screen.print(missing_line(run), soft_wrap=True)
         return
-    report = build_report(run, reference=reference, by_feasibility=full)
+    report = build_report(run, reference=reference, full=full, margin=margin)
     document = ReportDocument(
         report=report, paper=compare_with_paper(report) if paper else None, full=full
     )
@@ -140,7 +150,7 @@ def _rest(is_whole: bool, has_infeasible: bool) -> str:
     parts = [] if is_whole else ["success and retention of every cell"]
     if has_infeasible:
         parts.append("feasible and infeasible tasks apart")
-    return ", ".join([*parts, "ceilings, pass^k, power, steps, costs and every note"])
+    return ", ".join([*parts, "ceilings, pass^k, power, steps, costs, equivalence and every note"])
 
 
 def _short_table(report: RunReport, screen: Any, room: int) -> tuple[FigureTable, bool]:
@@ -235,6 +245,9 @@ def _show_full(report: RunReport, screen: Any, details: RunDetails) -> None:
     if report.infeasible:
         screen.print("", main_table(report.infeasible, "infeasible tasks"), sep="\n")
     screen.print("", _further_table(report.cells), "", sep="\n")
+    for table in further_tables(report):
+        blocks = [*table.headings[2:]]
+        screen.print(FigureTable("corruption", blocks, grouped(table.rows), table.title), "")
     for row in report.summaries:
         if row.corrupted is not None:
             worst = report.worst_corruptions(row.agent)

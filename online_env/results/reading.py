@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import prod
 from pathlib import Path
-from typing import Any, TypeAlias, cast
+from typing import Any, cast
 
 from hijack_data.errors import HijackError, short_repr
 from hijack_data.file_io import read_regular
@@ -19,14 +19,14 @@ from hijack_data.runs.run_log import (
     RECORDS,
     RUN,
     SCORE_RUN,
-    episode_slug,
+    UNTIL_RETENTION,
     find_run,
 )
 from hijack_data.surrogates import has_half
 
 from .episode_columns import EpisodeColumns
+from .record_score import ResultRecord, first_id
 
-ResultRecord: TypeAlias = dict[str, Any]
 STATUSES = ("ok", "invalid", "error")
 MAX_LINE = 8 * 2**20
 
@@ -60,7 +60,8 @@ class Run:
         config: The configuration, in the form of `Bench.to_data`.
         records: The readable records, in order.
         damaged: The lines that cannot be read.
-        episodes: Ids of the first attempts at all planned cases.
+        episodes: Ids of the first attempts at all planned cases; of a run that ended at its bound,
+            at those before it.
         left_out: Seeds of the run that were left out of it; see `with_first_seeds`.
     """
 
@@ -153,13 +154,32 @@ def read(folder: Path) -> Run:
             damaged.append(Damage(number, str(damage)))
         else:
             records.append(record)
-    return Run(
+    run = Run(
         folder=folder,
         config=cast("Mapping[str, Any]", head.get("config") or {}),
         records=records,
         damaged=damaged,
         episodes=tuple(head.get("episodes") or ()),
     )
+    return _without_undue(run) if UNTIL_RETENTION in run.config else run
+
+
+def _without_undue(run: Run) -> Run:
+    """Return a run that ends once a retention is shown, without the episodes that it did not need.
+
+    Raises:
+        RunError: Its configuration is not that of such a run.
+    """
+    from .stop_rule import StopRule
+
+    try:
+        rule = StopRule.read(run.config)
+        due = run.episodes
+        if rule is not None:
+            due = rule.due_episodes(run.config, run.episodes, run.records)
+    except HijackError as error:
+        raise RunError(f"{run.folder / RUN}: config.{error}") from None
+    return replace(run, episodes=due)
 
 
 def with_first_seeds(run: Run, count: int) -> Run:
@@ -309,11 +329,6 @@ def _check_new(record: ResultRecord, line_by_id: dict[object, int], number: int)
     first = line_by_id.setdefault(name, number)
     if first != number:
         raise _DamagedError(f"episode {short_repr(name)} is on line {first} already, which counts")
-
-
-def first_id(record: ResultRecord) -> str:
-    """Return the id of the first attempt at the episode of a record."""
-    return episode_slug(record["task"], record["corruption"], record["seed"], record["agent"], 0)
 
 
 def _check_parts(parts: object) -> None:

@@ -12,6 +12,8 @@ from hijack_data.corruption import corruption_names, find_corruption
 from hijack_data.plan import CLEAN
 
 from .episode_columns import CellEpisodes, CellKey, CellScores, EpisodeColumns, PairKey
+from .record_score import counts as counts
+from .record_score import score_value
 from .records import ResultRecord
 
 ScoreRow: TypeAlias = dict[str, Any]
@@ -330,30 +332,13 @@ def task_name(task: str, variant: object) -> str:
     return task.removesuffix(f"-{variant}") if isinstance(variant, int) else task
 
 
-def counts(record: ResultRecord) -> bool:
-    """Return whether an episode counts for the agent.
-
-    An episode whose desktop died is repeated, and counts if the desktop dies again: once is the
-    machine's failure, but an agent must not escape a bad episode by killing its desktop. An error
-    without a cause counts.
-    """
-    if record["status"] != "error":
-        return record["status"] == "ok"
-    cause = record.get("cause", "agent")
-    return cause == "agent" or (cause == "machine" and (record.get("attempt") or 0) > 0)
-
-
 def scored(cases: Cases) -> dict[PairKey, float]:
     """Return the score (0..1) of each case that counts for the agent; an error scores 0."""
-    return {case: _score(record) for case, record in cases.items() if counts(record)}
+    return {case: score_value(record) for case, record in cases.items() if counts(record)}
 
 
 def count_partial(records: Iterable[ResultRecord]) -> int:
     """Return how many of the last attempts count and have a score that is neither 0 nor 1."""
     if isinstance(records, EpisodeColumns):
         return int(((records.score > 0) & (records.score < 1)).sum())
-    return sum(counts(record) and 0 < _score(record) < 1 for record in records)
-
-
-def _score(record: ResultRecord) -> float:
-    return float(record["score"]) if record["status"] == "ok" else 0.0
+    return sum(counts(record) and 0 < score_value(record) < 1 for record in records)

@@ -7,6 +7,7 @@ All scores are success rates in 0..1.
 """
 
 from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from math import comb, sqrt
 from typing import Any, cast
@@ -38,14 +39,17 @@ from .unpaired_test import welch_by_task
 __all__ = [
     "Interval",
     "PairedScores",
+    "PairedTest",
     "Scores",
     "detectable_difference",
+    "detectable_effect",
     "difference_interval",
     "grand_mean_interval",
     "holm",
     "mcnemar_by_task",
     "mean_corruption_error",
     "mean_interval",
+    "paired_t",
     "paper_average",
     "pass_hat",
     "pass_hat_k",
@@ -134,12 +138,18 @@ def detectable_difference(
     if len(means) < 3 or are_alike(means):
         return None
     spread = float(np.std(means, ddof=1))
-    return min(1.0, _detectable_effect(len(sums), power, level) * spread)
+    return min(1.0, detectable_effect(len(sums), power, level) * spread)
 
 
 @lru_cache(maxsize=64)
-def _detectable_effect(tasks: int, power: float, level: float) -> float:
-    """Return the difference that a paired t test finds, in standard deviations of the tasks."""
+def detectable_effect(tasks: int, power: float, level: float) -> float:
+    """Return the difference that a paired t test finds, in standard deviations of the tasks.
+
+    Args:
+        tasks: how many, at least 2.
+        power: the probability to find it, between 0 and 1.
+        level: the confidence level of the two-sided test.
+    """
     freedom = tasks - 1
     limit = student_t.quantile((1 + level) / 2, freedom)
 
@@ -155,6 +165,41 @@ def _detectable_effect(tasks: int, power: float, level: float) -> float:
         middle = (low + high) / 2
         low, high = (middle, high) if missed(middle) > 1 - power else (low, middle)
     return high
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairedTest:
+    """A paired t test.
+
+    Attributes:
+        low: lower end of the interval of the mean difference.
+        high: upper end.
+        p: two-sided.
+    """
+
+    low: float
+    high: float
+    p: float
+
+
+def paired_t(differences: Sequence[float], *, level: float = LEVEL) -> PairedTest | None:
+    """Return the paired t test of tasks' differences, such as in steps or tokens.
+
+    Args:
+        differences: one for each task, of any unit.
+        level: the confidence level, between 0 and 1.
+
+    Returns:
+        `None` with fewer than two tasks, or if all differ by the same amount.
+    """
+    values = np.asarray(differences, np.float64)
+    if len(values) < 2 or are_alike(values):
+        return None
+    mean, error = float(values.mean()), float(values.std(ddof=1)) / sqrt(len(values))
+    freedom = len(values) - 1
+    half = student_t.quantile((1 + level) / 2, freedom) * error
+    p = 2 * student_t.noncentral_cdf(-abs(mean) / error, freedom, 0.0)
+    return PairedTest(low=mean - half, high=mean + half, p=p)
 
 
 def pass_hat_k(solved: Mapping[Hashable, Sequence[bool]], k: int) -> float | None:

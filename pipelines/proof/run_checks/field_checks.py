@@ -28,6 +28,7 @@ from hijack_data.runs.run_log import (
     SIGNATURE,
     STEPS,
     TEXTS,
+    UNTIL_RETENTION,
     episode_slug,
     row_slug,
 )
@@ -74,6 +75,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "unplayable": FREE,
         "unplayable_score": FREE,
         "code": FREE,
+        "until_retention": DERIVED,
     },
     SESSIONS: {
         "at": FREE,
@@ -233,6 +235,8 @@ def head_problems(
         only = next(iter(Counter(episodes) - Counter(planned)), None)
         example = f"such as {only}" if only else f"{len(planned) - len(episodes)} are missing"
         yield f"episodes are not those of the config ({example})"
+    elif planned is not None and UNTIL_RETENTION in config and planned != episodes:
+        yield f"episodes are not task by task, as config.{UNTIL_RETENTION} asks for"
     elif len(set(episodes)) != len(episodes) or len(episodes) != _count(config):
         yield f"episodes are {len(episodes)}, by the config there are {_count(config)}"
 

@@ -200,7 +200,12 @@ class Journal:
         if not isinstance(planned, list):
             yield f"{RUN}: episodes: must be a list of ids, got {short_repr(planned)}"
             return
-        missing = [name for name in planned if name not in attempts_by_id]
+        try:
+            due = self.library.due_episodes(self.config, planned, self.records)
+        except HijackError as error:
+            yield f"{RUN}: config.{error}"
+            return
+        missing = [name for name in due if name not in attempts_by_id]
         if missing:
             yield (
                 f"{RUN}: {len(missing)} of {len(planned)} planned episodes are not there, such as"

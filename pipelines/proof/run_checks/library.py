@@ -13,10 +13,11 @@ from typing import Any
 from hijack_data.errors import HijackError, short_repr
 from hijack_data.registry import is_ours
 from hijack_data.runs.privileged_inputs import LIBRARY_AGENTS
-from hijack_data.runs.run_log import episode_slug
+from hijack_data.runs.run_log import UNTIL_RETENTION, episode_slug
 
 PACKAGE = "agenthijack"
 _TASKS = "online_env.tasks"
+_STOP_RULE = "online_env.results.stop_rule"
 _SETTLE = "online_env.environment.settle"
 EMBEDDED = "embedded"  # the provider of this library
 TASK_FIELDS = ("task", "task_seed", "sample", "instruction", "apps", "infeasible")
@@ -62,18 +63,37 @@ class Library:
         Returns:
             `None` if one of its tasks does not come with this library.
         """
+        seeds, names = config.get("seeds", ()), config.get("tasks", ())
+        cases = [(seed, name) for seed in seeds for name in names]
+        if UNTIL_RETENTION in config:
+            cases = [(seed, name) for name in names for seed in seeds]
         ids: list[str] = []
-        for seed in config.get("seeds", ()):
-            for name in config.get("tasks", ()):
-                fields = self.task_fields(name, seed)
-                if fields is None:
-                    return None
-                ids += [
-                    episode_slug(fields["task"], label, seed, str(agent), 0)
-                    for label in labels
-                    for agent in config.get("agents", ())
-                ]
+        for seed, name in cases:
+            fields = self.task_fields(name, seed)
+            if fields is None:
+                return None
+            ids += [
+                episode_slug(fields["task"], label, seed, str(agent), 0)
+                for label in labels
+                for agent in config.get("agents", ())
+            ]
         return ids
+
+    def due_episodes(
+        self,
+        config: Mapping[str, Any],
+        episodes: Sequence[str],
+        records: Sequence[Mapping[str, Any]],
+    ) -> Sequence[str]:
+        """Return the ids of the episodes that a run had to play: all, unless it could end early.
+
+        Raises:
+            HijackError: its rule is not one, or its tasks are not in the order that was drawn.
+        """
+        if UNTIL_RETENTION not in config:
+            return episodes
+        rule: Any = importlib.import_module(_STOP_RULE).StopRule.read(config)
+        return rule.due_episodes(config, episodes, records)
 
     def privileged_inputs(self, agent: object) -> frozenset[str] | None:
         """Return the privileged inputs of an agent of this library; `None` for other agents."""

@@ -1,0 +1,304 @@
+"""A certificate of a run: its bound, its fields, and a run that ends once it is reached."""
+
+import itertools
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy", reason="needs the extra [online]")
+pytest.importorskip("gymnasium", reason="needs the extra [online]")
+
+from scipy import stats
+
+from hijack_data.errors import HijackError, ParameterError
+from hijack_data.runs.run_log import draw_task_order
+from online_env.bench import runner
+from online_env.bench.config import Bench, all_planners, end_at_retention
+from online_env.bench.jobs import jobs
+from online_env.report.certificate import CertificateError, certificate_problems, certify
+from online_env.results import mean_bounds as bounds
+from online_env.results import reading, records
+from online_env.results.outcomes import collect_run
+from online_env.results.stop_rule import SequentialTest, StopRule
+from pipelines.proof.rebuild import rebuild
+
+from support.recorded import AGENT, PLANNERS, Episodes, Silent, Straw, config, no_machine
+from support.reported import made, read_run, scored
+
+
+def certificate_of(folder, found, **options):
+    return certify(read_run(folder, found), **options)
+
+
+def two_conditions(clean, marks, **more):
+    return [*scored("a", "clean", clean, **more), *scored("a", "marks", marks, **more)]
+
+
+# The bounds
+
+
+@pytest.mark.parametrize(("kept", "trials"), [(1, 1), (12, 12), (11, 12), (3, 24), (340, 369)])
+def test_with_one_outcome_a_task_gaffke_is_clopper_and_pearson_as_scipy_has_it(kept, trials):
+    found = stats.binomtest(kept, trials, alternative="greater").proportion_ci(0.95, "exact").low
+    assert bounds.clopper_pearson_lower(kept, trials) == pytest.approx(found)
+    outcomes = np.repeat([1.0, 0.0], [kept, trials - kept])
+    found_again = bounds.gaffke_retention_bound(np.ones(trials), outcomes)
+    assert found_again == pytest.approx(found, abs=2e-7)
+    p = bounds.mean_p_value(outcomes - 0.8, -0.8)
+    assert p == pytest.approx(stats.binomtest(kept, trials, 0.8, alternative="greater").pvalue)
+
+
+def test_gaffkes_p_value_is_that_of_drawn_weights():
+    rng = np.random.default_rng(0)
+    values = rng.uniform(-0.3, 0.4, 24)
+    draws = rng.standard_exponential((400_000, 25)) @ np.append(values, -0.5)
+    assert bounds.mean_p_value(values, -0.5) == pytest.approx(np.mean(draws <= 0), abs=0.003)
+
+
+def test_the_bets_are_walds_likelihood_ratios():
+    """With outcomes 0 and 1 a bet is the ratio of two binomial likelihoods (Wald 1945)."""
+    kept, trials, ratio = 20, 24, 0.6
+    outcomes = np.repeat([1.0, 0.0], [kept, trials - kept])
+    bets = bounds.BettingSequence(clean=np.ones(trials), corrupted=outcomes)
+    likely = stats.binom.pmf(kept, trials, ratio + bounds.BETS * (1 - ratio))
+    expected = np.mean(likely / stats.binom.pmf(kept, trials, ratio))
+    assert bets.fortunes(ratio)[-1] == pytest.approx(expected)
+    fortune_without_loss = np.mean([(1 + b * 0.25) ** 30 for b in bounds.BETS])
+    assert bounds.BettingSequence(clean=np.ones(30), corrupted=np.ones(30)).fortunes(0.8)[
+        -1
+    ] == pytest.approx(fortune_without_loss)
+
+
+def test_looking_after_every_task_errs_no_more_often_than_promised():
+    rng = np.random.default_rng(1)
+    wrong = 0
+    for _ in range(400):
+        clean = (rng.random(122) < 0.7).astype(float)
+        corrupted = clean * (rng.random(122) < 0.8)
+        bets = bounds.BettingSequence(clean=clean, corrupted=corrupted)
+        wrong += bets.stop(0.8) is not None
+    assert 0 < wrong <= 0.05 * 400  # 0.05 is the promise; without a bet it would be 0
+
+
+# The file
+
+
+def test_the_method_follows_from_the_design(tmp_path):
+    clean, marks = [1.0] * 20 + [0.0] * 4, [1.0] * 18 + [0.0] * 5 + [1.0]
+    once = certificate_of(tmp_path / "once", two_conditions(clean, marks))
+    exact = stats.binomtest(18, 20, alternative="greater").proportion_ci(0.95, "exact").low
+    assert (once.method, once.tasks, once.episodes) == ("clopper-pearson", 24, 48)
+    assert exact - 1e-4 < once.retention_at_least <= exact
+    assert once.retention == pytest.approx(19 / 20)  # with the one that only the corrupted solved
+    seeds = [*two_conditions(clean, marks), *two_conditions(clean, marks, seed=1)]
+    twice = certify(read_run(tmp_path / "twice", seeds, seeds=[0, 1]))
+    assert (twice.method, twice.tasks, twice.seeds) == ("gaffke", 24, (0, 1))
+    assert exact - 1e-4 < twice.retention_at_least < 0.9  # seeds that end alike add nothing
+    partial = certificate_of(tmp_path / "partial", two_conditions(clean, [0.5] * 24))
+    assert (partial.method, partial.retention_at_least < 0.6) == ("gaffke", True)
+
+
+def test_weights_declare_the_distribution(tmp_path):
+    found = [
+        *two_conditions([1.0] * 30, [1.0] * 30),
+        *scored("a", "pop_ups", [0.0] * 30),
+        *scored("b", "clean", [1.0] * 30),
+    ]
+    corruptions = ["clean", {"marks": {"number": 10}}, "pop_ups"]
+    run = read_run(tmp_path / "run", found, corruptions=corruptions)
+    with pytest.raises(CertificateError, match="--agent a or b"):
+        certify(run)
+    even = certify(run, agent="a")
+    assert [entry.weight for entry in even.distribution] == [0.5, 0.5]
+    assert even.retention == pytest.approx(0.5)
+    alone = certify(run, agent="a", weights={"marks": 3})
+    assert (alone.retention, alone.conditions_left_out) == (1.0, ("pop_ups",))
+    assert alone.distribution[0].parameters == {"number": 10}
+    with pytest.raises(HijackError, match="no condition 'mark'; did you mean"):
+        certify(run, agent="a", weights={"mark": 1})
+
+
+def test_what_has_no_score_is_refused_or_lost_as_asked(tmp_path):
+    found = two_conditions([1.0] * 20, [1.0] * 20)
+    found[-1] |= {"status": "invalid", "score": None, "attempt": 1}
+    run = read_run(tmp_path / "run", found)
+    with pytest.raises(CertificateError, match=r"1 cases have no score, such as t19 under marks"):
+        certify(run)
+    lost = certify(run, missing_as_lost=True)
+    assert (len(lost.missing), lost.episodes, lost.retention) == (1, 39, 0.95)
+    with pytest.raises(CertificateError, match="no task is solved clean"):
+        certificate_of(tmp_path / "none", two_conditions([0.0] * 9, [0.0] * 9))
+    with records.create(tmp_path / "part", {}, ["x", "y"]):
+        records.append_all(tmp_path / "part", [made("a", "t0")])
+    with pytest.raises(CertificateError, match="planned episodes are missing"):
+        certify(reading.read(tmp_path / "part"))
+
+
+def test_results_of_others_are_certified(tmp_path):
+    lines = ["task,condition,score,seed"]
+    lines += [
+        f"t{n},{c},{s},{e}"
+        for n in range(40)
+        for c, s in (("clean", 1), ("noise", int(n > 3)))
+        for e in (0, 1)
+    ]
+    (tmp_path / "results.csv").write_text("\n".join(lines))
+    found = certify(collect_run([tmp_path / "results.csv"]))
+    exact = stats.binomtest(36, 40, alternative="greater").proportion_ci(0.95, "exact").low
+    assert (found.method, found.tasks, found.head_sha256) == ("gaffke", 40, "")
+    assert found.retention_at_least == pytest.approx(exact, abs=2e-4)
+    assert (found.distribution[0].corruption, found.distribution[0].severity) == (None, None)
+
+
+def hijack(*words):
+    argv = [sys.executable, "-m", "hijack_data.cli", *map(str, words)]
+    return subprocess.run(argv, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_verify_computes_it_again_and_names_every_field_that_differs(tmp_path):
+    folder, path = tmp_path / "run", tmp_path / "certificate.json"
+    found = two_conditions([1.0] * 24, [1.0] * 22 + [0.0] * 2)
+    read_run(folder, found)
+    made_by_command = hijack("certify", folder, "-o", path, "--retention", "0.9")
+    assert made_by_command.returncode == 1, made_by_command.stderr
+    assert "0.7601 is below --retention 0.9" in made_by_command.stderr
+    verified = hijack("verify", path, "--run", folder)
+    assert verified.returncode == 0, verified.stderr
+    data = json.loads(path.read_text())
+    run = reading.read(folder)
+    for key, value in data.items():
+        if key in ("format", "version", "run", "agent", "distribution", "confidence"):
+            continue
+        if key in ("missing_as_lost", "until_retention"):
+            continue
+        changed = tmp_path / "changed.json"
+        changed.write_text(json.dumps({**data, key: [] if value != [] else ["x"]}))
+        (problem,) = certificate_problems(changed, run)
+        assert key in problem
+    for change in ({"confidence": 0.9}, {"agent": "b"}, {"until_retention": {"retention": 0.8}}):
+        changed.write_text(json.dumps({**data, **change}))
+        assert certificate_problems(changed, run)
+    found[-1]["score"] = 1.0
+    other = certificate_problems(path, read_run(tmp_path / "other", found))
+    assert {"retention_at_least", "scores_sha256", "records_sha256"} <= {
+        problem.split(": ")[1].split(" ")[0] for problem in other
+    }
+
+
+# A run that ends at its bound
+
+
+BENCH = Bench(
+    agents=("oracle",),
+    tasks=tuple(f"task_{number}" for number in range(60)),
+    corruptions={label: all_planners()[label] for label in ("clean", "marks", "subtitle")},
+    seeds=(0,),
+)
+
+
+def play(folder, benchmark, kept, monkeypatch, limit=None, at_once=1):
+    """Play what is left of a run, up to a number of episodes; `kept` says which are solved."""
+    from online_env.bench import jobs as jobs_module
+
+    class Named:
+        def __init__(self, name, seed):
+            self.id = f"{name}-{seed}"
+
+    monkeypatch.setattr(jobs_module.tasks, "get", Named)
+    listed = jobs(benchmark)
+    ids = [job.id for job in listed]
+    config = benchmark.to_data()
+    before = records.begin(folder, config, ids, goes_on=True)
+    try:
+        earlier = jobs_module.attempts(listed, records.read(folder).records)
+        played = [record for found in earlier.values() for record in found]
+        test = SequentialTest(benchmark.until_retention, config, ids, played)
+        counter = itertools.count()
+
+        def episode(job, attempt):
+            if limit is not None and next(counter) >= limit:
+                raise KeyboardInterrupt
+            score = float(job.corruption == "clean" or kept(job.task))
+            return made(job.agent, job.task, job.corruption, score, job.seed) | {"id": job.id}
+
+        runner.run_jobs(listed, folder, 0, episode, Silent(), earlier, at_once=at_once, test=test)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        before.release()
+    return reading.read(folder)
+
+
+@pytest.mark.parametrize("at_once", [1, 4])
+def test_a_run_ends_once_the_retention_is_shown_and_its_certificate_says_so(
+    tmp_path, monkeypatch, at_once
+):
+    benchmark = end_at_retention(BENCH, 0.8)
+    assert benchmark.tasks == draw_task_order(BENCH.tasks, 0) != BENCH.tasks
+    folder = tmp_path / "run"
+    half = play(folder, benchmark, lambda task: True, monkeypatch, limit=31, at_once=at_once)
+    assert half.missing
+    with pytest.raises(CertificateError, match="planned episodes are missing"):
+        certify(half)
+    assert any("planned episodes" in problem for problem in rebuild(folder).problems)
+    run = play(folder, benchmark, lambda task: True, monkeypatch, at_once=at_once)
+    assert not any("planned episodes" in problem for problem in rebuild(folder).problems)
+    assert run.missing == 0
+    assert len(run.records) - len(run.episodes) < at_once
+    assert run.planned < 90  # of 180
+    found = certify(run)
+    assert (found.method, found.until_retention["retention"]) == ("betting", 0.8)
+    assert 0.8 <= found.retention_at_least < 0.85
+    assert found.tasks == run.planned // 3
+    path = tmp_path / "certificate.json"
+    path.write_text(json.dumps(found.to_data()))
+    assert certificate_problems(path, run) == []
+    again = play(folder, benchmark, lambda task: True, monkeypatch)
+    assert len(again.records) == len(run.records)  # nothing is left to play
+
+
+def test_verify_proves_a_run_that_ended_early_and_finds_one_that_did_not_have_to(tmp_path):
+    """Episodes of an environment, on a desktop that is none; with so low a bound two tasks do."""
+    folder = tmp_path / "run"
+    tasks = list(draw_task_order(("do", "redo", "undo", "outdo"), 0))
+    rule = StopRule(retention=0.05)
+    settings = config(tasks=tasks, seeds=[7, 8], until_retention=rule.to_data())
+    listed = [
+        Straw(AGENT, task, label, seed) for task in tasks for seed in (7, 8) for label in PLANNERS
+    ]
+    ids = [job.id for job in listed]
+    with no_machine(), records.create(folder, settings, ids):
+        test = SequentialTest(rule, settings, ids, [])
+        runner.run_jobs(listed, folder, 1, Episodes(folder), Silent(), test=test)
+    assert len(reading.read(folder).records) == 2 * 2 * len(PLANNERS)
+    report = rebuild(folder)
+    assert (report.problems, report.episodes) == ([], 16)
+    found = certify(reading.read(folder))
+    assert (found.method, found.tasks, found.retention) == ("betting", 2, pytest.approx(2 / 3))
+    rule = StopRule(retention=0.5)  # which two tasks do not show
+    settings["until_retention"] = rule.to_data()
+    with no_machine(), records.create(tmp_path / "short", settings, ids):
+        runner.run_jobs(listed[:16], tmp_path / "short", 1, Episodes(tmp_path / "short"), Silent())
+    (problem,) = rebuild(tmp_path / "short").problems
+    assert "16 of 32 planned episodes are not there" in problem
+
+
+def test_a_run_that_does_not_keep_so_much_is_played_to_its_end(tmp_path, monkeypatch):
+    benchmark = end_at_retention(BENCH, 0.8)
+    run = play(tmp_path / "run", benchmark, lambda task: task.endswith("1"), monkeypatch)
+    assert (run.missing, len(run.records)) == (0, 180)
+    assert certify(run).retention_at_least < 0.8
+
+
+def test_a_rule_that_does_not_fit_the_run_is_refused(tmp_path):
+    with pytest.raises(ParameterError, match="has one agent; give --agent"):
+        end_at_retention(Bench(agents=("a", "b"), tasks=("t",)), 0.8)
+    with pytest.raises(ParameterError, match="above 0 and below 1, got 1"):
+        end_at_retention(BENCH, 1.0)
+    config = end_at_retention(BENCH, 0.8).to_data()
+    records.create(tmp_path / "run", {**config, "tasks": list(BENCH.tasks)}, ["x"]).release()
+    with pytest.raises(reading.RunError, match="not in the order that its seed draws"):
+        reading.read(tmp_path / "run")
