@@ -12,6 +12,7 @@ from ..results import reading, scores
 from ..results.parts import part_rows
 from ..results.reading import Run
 from .app_success import app_successes
+from .causes import loss_causes
 from .cells import compute_cells, feasible_and_not
 from .identity import run_identity
 from .model import ReportError, RunReport, from_data
@@ -20,19 +21,20 @@ from .summaries import summarise_agents
 from .unplayable import counted_records, unplayable_note
 
 
-def load_report(path: Path, reference: str = "") -> RunReport:
+def load_report(path: Path, reference: str = "", *, causes: bool = False) -> RunReport:
     """Return the report of a run's folder, or the one in a file `report.json`.
 
     Args:
         path: the folder, or the file.
         reference: the reference agent of mCE; a file keeps its own.
+        causes: as in `build_report`; a file has those that were computed with it.
 
     Raises:
         ReportError: the run has no episodes, or the file is not a report.
         RunError: The folder is not a run, or the run is of a newer version.
     """
     if not path.is_file():
-        return build_report(reading.read(path), reference=reference)
+        return build_report(reading.read(path), reference=reference, causes=causes)
     report = read_report(path)
     if reference and reference != report.reference:
         raise ReportError(
@@ -64,12 +66,13 @@ def read_report(path: Path) -> RunReport:
     return from_data(data, str(path))
 
 
-def build_report(run: Run, *, reference: str = "") -> RunReport:
+def build_report(run: Run, *, reference: str = "", causes: bool = False) -> RunReport:
     """Return the report of a run.
 
     Args:
         run: a run of `hijack bench` or `hijack score`, or the episodes logged by an environment.
         reference: the agent of the run that is the reference of mCE; empty for no mCE.
+        causes: find out why disturbed episodes were lost, which reads the steps of each.
 
     Raises:
         ReportError: the run has no episodes.
@@ -86,6 +89,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
             f"--reference: {reference!r} is not in {run.folder}{suggest(reference, agents)}"
         )
     feasible, infeasible = feasible_and_not(run)
+    disturbed, lost = loss_causes(run, groups) if causes else ((), ())
     report = RunReport(
         run=identity,
         cells=tuple(cells),
@@ -93,6 +97,8 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
         feasible=tuple(feasible),
         infeasible=tuple(infeasible),
         applications=tuple(app_successes(groups)),
+        disturbed=tuple(disturbed),
+        causes=tuple(lost),
         parts=tuple(_parts(run)),
         reference=reference,
     )

@@ -23,6 +23,7 @@ FORMATS: Mapping[str, str] = MappingProxyType(
         "html": "online_env.report.html:as_html",
         "model-index": "online_env.report.model_card:as_model_index",
         "eval-results": "online_env.report.model_card:as_eval_results",
+        "badge": "online_env.report.badge:as_badge",
     }
 )
 SUFFIXES: Mapping[str, str] = MappingProxyType(
@@ -36,9 +37,11 @@ SUFFIXES: Mapping[str, str] = MappingProxyType(
         ".htm": "html",
         ".yaml": "model-index",
         ".yml": "model-index",
+        ".svg": "badge",
     }
 )
 
+WITH_CAUSES = ("json", "html")  # formats that show causes, for which the steps are read
 COMPARISON = "a comparison"
 # Formats that have a place for what an option asks for.
 FORMATS_BY_OPTION: Mapping[str, tuple[str, ...]] = MappingProxyType(

@@ -20,7 +20,7 @@ from ..results import costs, scores
 from ..results.reading import ResultRecord, Run
 from . import formatting
 from .build import build_report
-from .compare import RunComparison
+from .comparison import RunComparison
 from .conclusions import conclude, report_extent, report_title
 from .document import ReportDocument
 from .identity import agent_names, corruptions_by_label
@@ -28,7 +28,14 @@ from .model import AgentSummary, Cell, RunReport
 from .outcome import missing_line
 from .paper import PaperTable, compare_with_paper
 from .parts_table import parts_table, unscored_lines
-from .tables import compared_table, main_figures, paper_rows
+from .tables import (
+    app_cause_table,
+    cause_table,
+    compared_table,
+    disturbed_lines,
+    main_figures,
+    paper_rows,
+)
 
 _MAIN = ("n", ("success", "95 %"), ("delta", "95 %", "p"), "retention", ("errors", "invalid"))
 _FURTHER_HEADINGS = (
@@ -82,7 +89,7 @@ def show(run: Run, reference: str = "", *, paper: bool = False, full: bool = Fal
         screen.print(main_table(()))
         screen.print(missing_line(run), soft_wrap=True)
         return
-    report = build_report(run, reference=reference)
+    report = build_report(run, reference=reference, causes=full)
     document = ReportDocument(
         report=report, paper=compare_with_paper(report) if paper else None, full=full
     )
@@ -129,7 +136,7 @@ def _rest(report: RunReport, is_whole: bool) -> str:
     parts = [] if is_whole else ["success and retention of every cell"]
     if report.infeasible:
         parts.append("feasible and infeasible tasks apart")
-    return ", ".join([*parts, "ceilings, pass^k, power, steps, costs and every note"])
+    return ", ".join([*parts, "ceilings, pass^k, power, causes, steps, costs and every note"])
 
 
 def _short_table(report: RunReport, screen: Any, room: int) -> tuple[FigureTable, bool]:
@@ -230,6 +237,13 @@ def _show_full(report: RunReport, screen: Any, details: RunDetails) -> None:
             screen.print(line, markup=False, soft_wrap=True)
     if details.parts is not None:
         screen.print("", details.parts, "", sep="\n")
+    if report.disturbed:
+        screen.print()
+        _print_lines(disturbed_lines(report), screen)
+    for (_, label, *blocks), rows in (cause_table(report), app_cause_table(report)):
+        if rows:
+            screen.print("", FigureTable(label, blocks, grouped(rows), "why episodes were lost"))
+            screen.print()
     _print_lines([*_p_note(report), *report.notes, *details.problems], screen)
 
 
