@@ -40,7 +40,12 @@ def run_action(repository, **given):
         for name, text in step["env"].items():
             env[name] = re.sub(r"\$\{\{ (\S+) \}\}", lambda found: values[found[1]], text)
         done = subprocess.run(
-            [*SHELL, step["run"]], cwd=repository, env=env, capture_output=True, text=True, check=False
+            [*SHELL, step["run"]],
+            cwd=repository,
+            env=env,
+            capture_output=True,
+            text=True,
+            check=False,
         )
         printed += done.stdout + done.stderr
         for line in output.read_text().splitlines():
@@ -75,7 +80,9 @@ def test_a_loss_fails_and_is_told_beside_the_base_branch(repository):
     assert comment == (repository / ".summary").read_text()
     assert comment.startswith("<!-- agenthijack robustness -->\n")
     row = next(line for line in comment.splitlines() if line.startswith("| mine | marks | 12 |"))
-    assert "| 100.0 | 33.3 | -66.7 | \\[-86.2, -29.9\\] | 0.016 |" in row  # Newcombe, McNemar with Holm
+    assert (
+        "| 100.0 | 33.3 | -66.7 | \\[-86.2, -29.9\\] | 0.016 |" in row
+    )  # Newcombe, McNemar with Holm
     assert "gate failed: retention_low of mine is 0.1" in comment
     assert "gate passed: success.clean of mine is 1.000" in comment
     suites = ElementTree.parse(repository / "robustness/junit.xml").getroot()
