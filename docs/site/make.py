@@ -53,6 +53,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "benchmark",
         "suite",
         "reports",
+        "pull_requests",
         "write_a_task",
     ),
     "Results": (

@@ -209,9 +209,9 @@ def _judge(item: pytest.Function, run: reading.Run, chosen: RobustMark) -> None:
     conclusion = "\n".join(conclude(build_report(run)))
     lines = [conclusion, *(str(verdict) for verdict in verdicts), look]
     item.user_properties.append(("robustness", conclusion))
-    item.add_report_section("call", "robustness", "\n".join(lines))
     if not all(verdict.passed for verdict in verdicts):
         _fail("\n".join(lines))
+    item.add_report_section("call", "robustness", "\n".join(lines))
 
 
 def _fail(reason: str) -> NoReturn:

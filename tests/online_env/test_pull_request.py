@@ -1,4 +1,4 @@
-"""The action for pull requests: its steps, run one after the other as a runner does."""
+"""The action for pull requests, its steps run one after the other as a runner does; its badge."""
 
 import os
 import re
@@ -12,7 +12,12 @@ import yaml
 
 pytest.importorskip("scipy", reason="needs the extra [online]")
 
-from support.reported import run_of, scored
+from online_env.report import ReportError, build_report, formats
+from online_env.report.document import ReportDocument
+from online_env.report.gate import ReleaseGate
+from online_env.results.reading import read
+
+from support.reported import read_run, run_of, scored
 
 ACTION = Path(__file__).resolve().parents[2] / ".github/actions/robustness/action.yml"
 # These need pip, and GitHub.
@@ -109,3 +114,30 @@ def test_a_command_that_is_refused_or_a_wrong_gate_ends_the_action(repository):
         "Judge",
         True,
     ), printed
+
+
+def test_a_gate_on_the_bound_judges_the_number_of_the_report(repository):
+    run = read(repository / "played")
+    report = build_report(run)
+    cell, (row,) = report.cell("mine", "marks"), report.summaries
+    texts = [
+        f"retention_low={row.retention_low - 1e-6}",
+        f"retention_low.marks={cell.retention_low + 1e-6}",
+    ]
+    verdicts = ReleaseGate.read(texts, None, ["mine"], ["clean", "marks"]).verdicts(run)
+    assert [verdict.value for verdict in verdicts] == [row.retention_low, cell.retention_low]
+    assert [verdict.passed for verdict in verdicts] == [True, False]
+
+
+def test_a_badge_is_of_one_agent_with_a_retention(tmp_path):
+    def write(*agents, labels=("clean", "marks")):
+        records = [r for agent in agents for label in labels for r in scored(agent, label, [1.0])]
+        report = build_report(read_run(tmp_path / "_".join([*agents, *labels]), records))
+        return formats.write(ReportDocument(report=report), "badge")
+
+    with pytest.raises(ReportError, match="of one agent, and the run has a, b"):
+        write("a", "b")
+    with pytest.raises(ReportError, match="play it clean and corrupted"):
+        write("a", labels=["clean"])
+    # yardsticks are left out beside an agent
+    assert "keeps 100.0 %" in write("oracle", "do_nothing", "a")
