@@ -176,7 +176,7 @@ def _run_folder(item: pytest.Function) -> Path:
     name = re.sub(r"[^\w.-]+", "_", item.name)
     runs = item.config.getoption("--robust-runs")
     if runs is None:
-        return Path(item.funcargs["tmp_path"]) / "run"
+        return Path(str(item.funcargs["tmp_path"])) / "run"
     folder = Path(runs).absolute() / name
     number = 1
     while folder.exists():

@@ -1,5 +1,6 @@
 """Compare agents and conditions in a data frame: pandas, polars, or any other table of Arrow."""
 
+import sys
 import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -61,9 +62,7 @@ class TableComparison:
         if self.package == "pandas":
             return table.to_pandas()
         if self.package == "polars":
-            import polars
-
-            return polars.from_arrow(table)
+            return sys.modules["polars"].from_arrow(table)  # the table came from it
         return table
 
     def __repr__(self) -> str:
