@@ -207,11 +207,14 @@ class EpisodeEffects:
         return ""
 
     def note_held(self) -> None:
-        """Note which lasting effects the agent has left in place; one not proved stays `None`."""
+        """Note which lasting effects the agent has left in place, of those that none but it ended.
+
+        Where the probe fails, that stays unknown.
+        """
         for live in self._live:
-            if live.lasting:
+            if live.lasting and live.active:
                 with contextlib.suppress(DesktopError), _guarded(live.kind):
-                    live.held_at_end = live.active and live.applied.holds()
+                    live.held_at_end = live.applied.holds()
 
     def _again(self, live: _Live) -> str:
         try:

@@ -1,9 +1,10 @@
 """Why disturbed episodes were lost: rules over the records and steps of a run.
 
 An episode is lost if the same case (agent, task, seed) scored more in the clean condition. It is
-disturbed if the agent acted on a picture that was changed, or after an effect that a probe proved.
-Only episodes that are both are explained, by the first rule of `RULES` that applies; one that no
-rule explains is `unexplained`. Two actions are the same if they differ only by `SAME_POINT_PX`.
+disturbed if the agent acted on a picture that was changed, or after an effect or a fault of its
+input that a probe proved. Only episodes that are both are explained, by the first rule of `RULES`
+that applies; one that no rule explains is `unexplained`. Two actions are the same if their points
+differ by at most `SAME_POINT_PX`.
 """
 
 import json
@@ -86,6 +87,14 @@ class _Episode:
                 yield max(0, entry["step"]), entry
 
     @property
+    def faults(self) -> Iterator[int]:
+        """The observations that show first what a proved fault of the agent's input led to."""
+        for entry in _objects(self.record.get("inputs")):
+            step = entry.get("step")
+            if isinstance(step, int) and _mapping(entry.get("probe")).get("ok") is True:
+                yield step + 1
+
+    @property
     def actions(self) -> int:
         """How many actions the agent took."""
         return _count(self.record.get("steps")) + _count(self.recovery.get("free"))
@@ -117,7 +126,8 @@ class _Episode:
         Raises:
             LookupError: it is not known, for want of the steps.
         """
-        steps = [step for step, _ in self.effects if step < max(1, self.actions)]
+        acting = [*(step for step, _ in self.effects), *self.faults]
+        steps = [step for step in acting if step < max(1, self.actions)]
         if self.lines is not None:
             steps += [
                 line["step"]
@@ -258,8 +268,8 @@ RULES = (
     ),
     Rule(
         "recovered too late",
-        "a request for re-initialisation helped after other actions or before the last step was"
-        " used up, or no effect was left at the end",
+        "a request for re-initialisation helped, but not as the first action, or the steps ran out;"
+        " or the agent left no effect in place",
         "recovery, effects.held_at_end, ended; result of steps",
         _recovered_late,
     ),

@@ -1,6 +1,7 @@
 """Why disturbed episodes were lost: each rule on an episode of its kind, and what is not explained."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -17,6 +18,7 @@ from support.reported import made, read_run
 CLEAN_CODE = [f"pyautogui.click({100 * n}, 50)" for n in range(1, 5)] + ["DONE"]
 SPRITE = {"draw": "window", "size": [300, 200]}
 POP_UP = {"ops": [{"op": "paste", "sprite": SPRITE, "at": [[700, 500]]}]}
+FAULT = {"step": 0, "probe": {"ok": True}}
 OTHER = "pyautogui.click(900, 900)"
 
 
@@ -104,6 +106,8 @@ def test_each_rule_explains_an_episode_of_its_kind(tmp_path):
         "unexplained": ([OTHER] * 6, {}, lock, ()),
     }
     assert set(cases) == set(CAUSES) == {*(rule.cause for rule in RULES), "unexplained"}
+    page = (Path(__file__).resolve().parents[2] / "docs/reports.md").read_text()
+    assert all(f"| {cause} |" in page for cause in CAUSES)
     for cause, (code, lines, more, turns) in cases.items():
         assert explained(tmp_path / cause, code, lines, **more) == (cause, turns)
     # a pop-up is only drawn, but a click where the agent clicks clean is not made on it
@@ -112,6 +116,7 @@ def test_each_rule_explains_an_episode_of_its_kind(tmp_path):
     more_cases = {
         "never saw it": (CLEAN_CODE, on_target, {"label": "pop_ups"}, (0,)),
         "recovered too late": ([OTHER] * 6, {}, {"effects": locked(held=False)}, ()),
+        "stopped early": (CLEAN_CODE[2:], {}, {"inputs": [FAULT]}, (2,)),
         "saw it and went on": ([OTHER] * 6, {3: vain}, asked, (3,)),
     }
     for cause, (code, lines, more, turns) in more_cases.items():
