@@ -33,11 +33,11 @@ MALFORMED_SHARE = 0.5  # of the actions after the disturbance
 UNEXPLAINED = "unexplained"
 Line: TypeAlias = Mapping[str, Any]
 # How an episode was lost: whether the rule applies, and the step where it turned if that is known.
-Turn: TypeAlias = tuple[bool, int | None]
-NO: Turn = (False, None)
+RuleOutcome: TypeAlias = tuple[bool, int | None]
+NO: RuleOutcome = (False, None)
 
 
-class Rule(NamedTuple):
+class CauseRule(NamedTuple):
     """A cause of lost episodes.
 
     Attributes:
@@ -50,7 +50,7 @@ class Rule(NamedTuple):
     cause: str
     meaning: str
     fields: str
-    test: Callable[["_Lost"], Turn]
+    test: Callable[["_Lost"], RuleOutcome]
 
 
 @dataclass(frozen=True)
@@ -174,11 +174,11 @@ class _Lost:
         return is_ended and self.episode.actions < self.clean.actions
 
 
-def _failed(lost: _Lost) -> Turn:
+def _failed(lost: _Lost) -> RuleOutcome:
     return lost.episode.record["status"] == "error", lost.episode.last_step
 
 
-def _malformed(lost: _Lost) -> Turn:
+def _malformed(lost: _Lost) -> RuleOutcome:
     if lost.episode.lines is None:
         count = _count(lost.episode.record.get("malformed"))
         return count > 0 and count >= lost.episode.actions, lost.start
@@ -190,7 +190,7 @@ def _malformed(lost: _Lost) -> Turn:
     return True, wrong[0]
 
 
-def _wrong_recovery(lost: _Lost) -> Turn:
+def _wrong_recovery(lost: _Lost) -> RuleOutcome:
     recovery = lost.episode.recovery
     if recovery.get("policy") == "reset" and recovery.get("false_alarms"):
         return True, next((step for step, helped in lost.requests if not helped), None)
@@ -206,7 +206,7 @@ def _wrong_recovery(lost: _Lost) -> Turn:
     return NO
 
 
-def _recovered_late(lost: _Lost) -> Turn:
+def _recovered_late(lost: _Lost) -> RuleOutcome:
     helped = [step for step, is_helped in lost.requests if is_helped]
     if helped:
         is_late = helped[0] > lost.start or lost.episode.record.get("ended") == "max_steps"
@@ -216,7 +216,7 @@ def _recovered_late(lost: _Lost) -> Turn:
     return is_gone or bool(lost.episode.recovery.get("repaired")), None
 
 
-def _never_saw(lost: _Lost) -> Turn:
+def _never_saw(lost: _Lost) -> RuleOutcome:
     if lost.episode.lines is None or lost.clean.lines is None:
         return NO
     words, clean_words = lost.episode.words, lost.clean.words
@@ -224,11 +224,11 @@ def _never_saw(lost: _Lost) -> Turn:
     return is_same, lost.start
 
 
-def _stopped_early(lost: _Lost) -> Turn:
+def _stopped_early(lost: _Lost) -> RuleOutcome:
     return lost.ended_early, lost.episode.last_step
 
 
-def _went_on(lost: _Lost) -> Turn:
+def _went_on(lost: _Lost) -> RuleOutcome:
     recovery = lost.episode.recovery
     if _count(recovery.get("requests")) > _count(recovery.get("false_alarms")):
         return True, next((step for step, _ in lost.requests if step >= lost.start), None)
@@ -240,59 +240,59 @@ def _went_on(lost: _Lost) -> Turn:
     return was_same and not _are_same(words[start], clean_words[start]), start
 
 
-def _out_of_steps(lost: _Lost) -> Turn:
+def _out_of_steps(lost: _Lost) -> RuleOutcome:
     is_out = lost.episode.record.get("ended") == "max_steps"
     return is_out and lost.clean.record.get("ended") == "agent", lost.episode.last_step
 
 
 RULES = (
-    Rule(
+    CauseRule(
         "failed",
         "the agent raised, or its actions made the effect or the judge fail",
         "status, steps",
         _failed,
     ),
-    Rule(
+    CauseRule(
         "malformed",
         "half of the actions from the disturbance on, or more, could not be read, and a greater"
         " share than clean",
         "error of steps; malformed, steps",
         _malformed,
     ),
-    Rule(
+    CauseRule(
         "wrong recovery",
         "it had the desktop reset while nothing was disturbed, or pointed into a pop-up where it"
         " never points clean",
         "recovery; plan, code of steps, clean and corrupted",
         _wrong_recovery,
     ),
-    Rule(
+    CauseRule(
         "recovered too late",
         "a request for re-initialisation helped, but not as the first action, or the steps ran out;"
         " or the agent left no effect in place",
         "recovery, effects.held_at_end, ended; result of steps",
         _recovered_late,
     ),
-    Rule(
+    CauseRule(
         "never saw it",
         "its actions are those of its clean episode",
         "raw, code of steps, clean and corrupted",
         _never_saw,
     ),
-    Rule(
+    CauseRule(
         "stopped early",
         "it ended with fewer actions than clean",
         "ended, steps, recovery.free, clean and corrupted",
         _stopped_early,
     ),
-    Rule(
+    CauseRule(
         "saw it and went on",
         "it asked for re-initialisation in vain; or its actions were those of its clean episode"
         " until the disturbance, and not at it",
         "recovery; raw, code of steps, clean and corrupted",
         _went_on,
     ),
-    Rule(
+    CauseRule(
         "out of steps",
         "the limit of steps ended it, and not the clean episode",
         "ended, clean and corrupted",
