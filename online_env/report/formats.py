@@ -41,7 +41,8 @@ SUFFIXES: Mapping[str, str] = MappingProxyType(
     }
 )
 
-WITH_CAUSES = ("json", "html")  # formats that show causes, for which the steps are read
+# Formats that always show causes, for which the steps are read; others do so with --full.
+WITH_CAUSES = ("html",)
 COMPARISON = "a comparison"
 # Formats that have a place for what an option asks for.
 FORMATS_BY_OPTION: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -49,7 +50,7 @@ FORMATS_BY_OPTION: Mapping[str, tuple[str, ...]] = MappingProxyType(
         COMPARISON: (TERMINAL, "json", "csv", "markdown", "html"),
         "--reference": (TERMINAL, "json", "markdown", "html"),
         "--paper": (TERMINAL, "json", "latex", "markdown", "html"),
-        "--full": (TERMINAL,),
+        "--full": (TERMINAL, "json", "markdown"),
     }
 )
 

@@ -76,7 +76,7 @@ def _output_options(command: Command) -> Command:
 @click.option("--seeds", type=click.IntRange(1), metavar="N", help="Seeds 0 to N-1 only.")
 @click.option("--reference", metavar="AGENT", help="Agent of the run that mCE refers to.")
 @click.option("--paper", is_flag=True, help="Set the agents beside the paper's main table.")
-@click.option("--full", is_flag=True, help="Print all tables and notes.")
+@click.option("--full", is_flag=True, help="All tables, notes and causes.")
 @click.option(
     "--from",
     "reader",

@@ -8,7 +8,9 @@ import pytest
 pytest.importorskip("scipy", reason="needs the extra [online]")
 
 import hijack_data as hj
+from hijack_data.cli import main
 from online_env.report import build_report, formats
+from online_env.report.build import read_report
 from online_env.report.causes import CAUSES, RULES
 from online_env.report.document import ReportDocument
 from online_env.report.model import DisturbedCount, LossCause, from_data
@@ -186,4 +188,9 @@ def test_causes_are_in_the_forms_that_show_them(tmp_path):
         assert said in text
         assert "stopped early" in text
     assert "| a | stopped early | 2 | 100.0 | 1 |" in formats.write(document, "markdown")
+    for words, shows in (([], False), (["--full"], True)):
+        file = tmp_path / f"{shows}.json"
+        with pytest.raises(SystemExit):
+            main(["report", str(tmp_path / "run"), "-o", str(file), *words])
+        assert bool(read_report(file).causes) == shows
     assert "it ended with fewer actions than clean" in formats.write(document, "html")
