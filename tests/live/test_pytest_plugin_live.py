@@ -33,7 +33,12 @@ def test_a_class():
 """
 
 
-def test_a_bound_that_is_not_reached_fails_with_the_conclusion(embedded_machine, pytester):
+def test_a_bound_that_is_not_reached_fails_with_the_conclusion(
+    embedded_machine, pytester, monkeypatch
+):
+    monkeypatch.setenv(
+        "PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1"
+    )  # the package may be installed with it
     pytester.makepyfile(TESTS)
     result = pytester.runpytest_subprocess(
         "-p", "online_env.pytest_plugin", "--robust-runs", "runs", "--junit-xml", "out.xml"

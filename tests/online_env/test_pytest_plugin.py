@@ -13,6 +13,12 @@ PLUGIN = ("-p", "online_env.pytest_plugin", "--strict-markers")
 CHEAP = {"online_env", "online_env.gymnasium_registration", "online_env.pytest_plugin"}
 
 
+@pytest.fixture(autouse=True)
+def not_installed(monkeypatch):
+    """Load the plug-in by `-p` alone, whether or not the package is installed with it."""
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+
+
 def test_it_imports_next_to_nothing():
     code = (
         "import sys, pytest, importlib.util; before = set(sys.modules);"
