@@ -37,6 +37,10 @@ RuleOutcome: TypeAlias = tuple[bool, int | None]
 NO: RuleOutcome = (False, None)
 
 
+class _StepsMissingError(HijackError, LookupError):
+    """The steps of an episode are needed, and are not there."""
+
+
 class CauseRule(NamedTuple):
     """A cause of lost episodes.
 
@@ -114,17 +118,17 @@ class _Episode:
         """The actions as they ran; those that could not be read as they were written."""
         return [str(line.get("code") or line["raw"]) for line in self.lines or ()]
 
-    def first_disturbed(self, can_act_unseen: bool) -> int | None:
+    def first_disturbed(self, can_draw: bool) -> int | None:
         """Return the first step at which the agent acted on something disturbed.
 
         Args:
-            can_act_unseen: whether the corruption may change pictures, which only steps tell.
+            can_draw: whether the corruption may change pictures, which only steps tell.
 
         Returns:
             `None` if there is none.
 
         Raises:
-            LookupError: it is not known, for want of the steps.
+            _StepsMissingError: it is not known, for want of the steps.
         """
         acting = [*(step for step, _ in self.effects), *self.faults]
         steps = [step for step in acting if step < max(1, self.actions)]
@@ -134,8 +138,10 @@ class _Episode:
                 for line in self.lines
                 if line.get("seen_sha256") != line.get("image_sha256")
             ]
-        elif can_act_unseen and 0 not in steps:
-            raise LookupError("steps")
+        elif can_draw and 0 not in steps:
+            raise _StepsMissingError(
+                f"{self.folder}: the steps of {self.record.get('id')} are missing"
+            )
         return min(steps, default=None)
 
 
@@ -335,7 +341,7 @@ def loss_causes(
             episode = _Episode(record, run.folder)
             try:
                 start = episode.first_disturbed(can_draw)
-            except LookupError:
+            except _StepsMissingError:
                 count["unknown"] += 1
                 continue
             if start is None:

@@ -110,13 +110,7 @@ def compare(
     from pyarrow import parquet
 
     arrow = _arrow_table(table)
-    columns = dict(
-        zip(
-            ("task", "score", "condition", "agent", "seed"),
-            (task, score, condition, agent, seed),
-            strict=True,
-        )
-    )
+    columns = {"task": task, "score": score, "condition": condition, "agent": agent, "seed": seed}
     stated = {field: column for field, column in columns.items() if column is not None}
     _check_columns(arrow.column_names, stated)
     names = {field: stated.get(field, field) for field in FIELDS}
