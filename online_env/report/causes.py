@@ -423,12 +423,15 @@ def _windows(line: Line) -> list[tuple[int, int, int, int]]:
     operations = _objects(_mapping(line.get("plan")).get("ops"))
     if any(each.get("op") != "paste" for each in operations):
         return []  # the places are of a picture of another size
-    return [
-        (x, y, x + each["sprite"]["size"][0], y + each["sprite"]["size"][1])
-        for each in operations
-        if each["sprite"].get("draw") == "window"
-        for x, y in each["at"]
-    ]
+    try:
+        return [
+            (x, y, x + each["sprite"]["size"][0], y + each["sprite"]["size"][1])
+            for each in operations
+            if each["sprite"].get("draw") == "window"
+            for x, y in each["at"]
+        ]
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+        return []  # a damaged line, which `hijack verify` names
 
 
 def _mapping(value: object) -> Mapping[str, Any]:
