@@ -317,7 +317,7 @@ def _overall_score(gate: ScoreGate, scored: scores.ScoreByCell) -> float | None:
 
 def _retention_low(cases: scores.PairedCases) -> float | None:
     """Return the lower end of the 95 % interval of the retention over some cases."""
-    if not cases[0] or not scores.can_infer():
+    if not len(cases[0]) or not scores.can_infer():
         return None
     from ..results.statistics import retention_interval
 
