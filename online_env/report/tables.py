@@ -9,7 +9,7 @@ from dataclasses import asdict, fields
 from statistics import median
 from typing import Any
 
-from hijack_data.errors import counted
+from hijack_data.errors import quantity
 
 from . import formatting
 from .ablations import find_ablations, level_table
@@ -191,7 +191,7 @@ def disturbed_lines(report: RunReport) -> list[str]:
     lines: list[str] = []
     for row in report.disturbed:
         line = (
-            f"{row.agent}: {row.disturbed} of {counted(row.n, 'corrupted episode')} were disturbed,"
+            f"{row.agent}: {row.disturbed} of {quantity(row.n, 'corrupted episode')} were disturbed,"
             f" and {row.lost} of these scored less than clean"
         )
         if row.unknown:
