@@ -8,6 +8,7 @@ import sys
 from importlib import import_module as load_module
 
 import pytest
+import yaml
 
 from hijack_data.config import load_config
 
@@ -145,6 +146,14 @@ def test_configurations_are_valid(block, tmp_path):
     elif block.page.name == "score_my_model.md":
         pytest.importorskip("gymnasium", reason="needs the extra [online]")
         assert load_module("online_env.agents.agent_files").read_agent(str(file)).model.model
+    elif block.page.name == "pull_requests.md":  # a workflow that uses our action
+        jobs = yaml.safe_load(block.text)["jobs"].values()
+        steps = [step for job in jobs for step in job["steps"] if "OWNER/" in step.get("uses", "")]
+        for step in steps:
+            place = step["uses"].partition("/agenthijack/")[2].partition("@")[0]
+            action = yaml.safe_load((ROOT / place / "action.yml").read_text())
+            assert set(step["with"]) <= set(action["inputs"])
+        assert steps
     else:
         assert load_config(file).corruptions
 

@@ -55,6 +55,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "reports",
         "results_of_others",
         "certificate",
+        "pull_requests",
         "write_a_task",
     ),
     "Results": (

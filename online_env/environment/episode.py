@@ -393,6 +393,7 @@ class Episode:
         except Exception as error:  # noqa: BLE001  (the agent's state may break any evaluator)
             self.end(End(status="error", problem=f"{type(error).__name__}: {error}"))
             return _OVER
+        self._effects.note_held()
         self.end(End(status="ok", verdict=verdict, ended=ended))
         by_agent = ended == "agent"
         return verdict.score, by_agent, not by_agent

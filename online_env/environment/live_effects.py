@@ -18,7 +18,8 @@ class _Live:
     """An effect that was applied before observation `step`.
 
     It is `fresh` until the agent has seen it, `active` until it is to be undone, and `clean` once
-    it is undone.
+    it is undone. `held_at_end` says whether it still held when the episode had been judged; `None`
+    if that was not probed.
     """
 
     step: int
@@ -26,6 +27,7 @@ class _Live:
     fresh: bool = True
     active: bool = True
     clean: bool = False
+    held_at_end: bool | None = None
 
     @property
     def kind(self) -> str:
@@ -89,7 +91,11 @@ class EpisodeEffects:
     @property
     def records(self) -> list[dict[str, Any]]:
         """The effects in the form of the episode's record."""
-        return [{"step": live.step, "record": live.applied.record} for live in self._live]
+        return [
+            {"step": live.step, "record": live.applied.record}
+            | ({} if live.held_at_end is None else {"held_at_end": live.held_at_end})
+            for live in self._live
+        ]
 
     def events(self) -> list[dict[str, Any]]:
         """Return the effects that were applied since the last call."""
@@ -199,6 +205,16 @@ class EpisodeEffects:
                 name = f"{live.kind} of step {live.step}"
                 return f"{name}, which no agent can lift, was gone at the end: {problem}"
         return ""
+
+    def note_held(self) -> None:
+        """Note which lasting effects the agent has left in place, of those that none but it ended.
+
+        Where the probe fails, that stays unknown.
+        """
+        for live in self._live:
+            if live.lasting and live.active:
+                with contextlib.suppress(DesktopError), _guarded(live.kind):
+                    live.held_at_end = live.applied.holds()
 
     def _again(self, live: _Live) -> str:
         try:

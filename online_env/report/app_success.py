@@ -36,7 +36,7 @@ def app_successes(groups: scores.GroupedRecords) -> list[AppSuccess]:
     for (agent, label), scored in groups.scored.items():
         records = groups.last[agent, label]
         for case, score in scored.items():
-            app = _record_app(records[case])
+            app = record_app(records[case])
             collected = by_agent.setdefault(agent, {}).setdefault(app, _Collected())
             collected.tasks.add(scores.task_name(case[0], case[1]))
             (collected.clean if label == CLEAN else collected.corrupted).append(score)
@@ -56,7 +56,7 @@ def app_successes(groups: scores.GroupedRecords) -> list[AppSuccess]:
     ]
 
 
-def _record_app(record: ResultRecord) -> str:
+def record_app(record: ResultRecord) -> str:
     """Return the application of a record's task; nothing if it names none."""
     apps = record.get("apps")
     if not isinstance(apps, list) or not apps:

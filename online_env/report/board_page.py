@@ -14,7 +14,7 @@ import yaml
 from hijack_data.file_io import make_folder, write_atomic
 
 from . import formatting
-from .compare import PACKAGE
+from .comparison import PACKAGE
 from .html import PAGE, render
 from .identity import NINE
 from .leaderboard import RULE, Ranking, ReportFolder, Standing, rank_agents

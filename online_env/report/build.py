@@ -12,6 +12,7 @@ from ..results import reading, scores
 from ..results.parts import part_rows
 from ..results.reading import Run
 from .app_success import app_successes
+from .causes import loss_causes
 from .cells import compute_cells, feasible_and_not
 from .further_tests import MARGIN, equivalence_tests, measure_changes, severity_curves
 from .identity import run_identity
@@ -21,20 +22,25 @@ from .summaries import summarise_agents
 from .unplayable import counted_records, unplayable_note
 
 
-def load_report(path: Path, reference: str = "", margin: float | None = None) -> RunReport:
+def load_report(
+    path: Path, reference: str = "", margin: float | None = None, *, causes: bool = False
+) -> RunReport:
     """Return the report of a run's folder, or the one in a file `report.json`.
 
     Args:
         path: the folder, or the file.
         reference: the reference agent of mCE; a file keeps its own.
         margin: the loss, a share, that equivalence tests refute; likewise.
+        causes: as in `build_report`; a file has those that were computed with it.
 
     Raises:
         ReportError: the run has no episodes, or the file is not a report.
         RunError: The folder is not a run, or the run is of a newer version.
     """
     if not path.is_file():
-        return build_report(reading.read(path), reference=reference, margin=margin or MARGIN)
+        return build_report(
+            reading.read(path), reference=reference, margin=margin or MARGIN, causes=causes
+        )
     report = read_report(path)
     if reference and reference != report.reference:
         raise ReportError(
@@ -69,7 +75,12 @@ def read_report(path: Path) -> RunReport:
 
 
 def build_report(
-    run: Run, *, reference: str = "", full: bool = True, margin: float = MARGIN
+    run: Run,
+    *,
+    reference: str = "",
+    full: bool = True,
+    margin: float = MARGIN,
+    causes: bool = False,
 ) -> RunReport:
     """Return the report of a run.
 
@@ -79,6 +90,7 @@ def build_report(
         full: compute what a short form does not show, too: cells of feasible and of infeasible
             tasks, tests of measures and of equivalence, severity curves.
         margin: the loss, a share above 0, that equivalence tests refute.
+        causes: find out why disturbed episodes were lost, which reads the steps of each.
 
     Raises:
         ReportError: the run has no episodes.
@@ -98,6 +110,7 @@ def build_report(
             f"--reference: {reference!r} is not in {run.folder}{suggest(reference, agents)}"
         )
     feasible, infeasible = feasible_and_not(run) if full else ([], [])
+    disturbed, lost = loss_causes(run, groups) if causes else ((), ())
     report = RunReport(
         run=identity,
         cells=tuple(cells),
@@ -108,6 +121,8 @@ def build_report(
         measures=tuple(sorted(measures, key=lambda row: place[row.agent, row.corruption])),
         equivalences=tuple(sorted(equivalences, key=lambda row: place[row.agent, row.corruption])),
         curves=tuple(severity_curves(identity, groups, reference)) if full else (),
+        disturbed=tuple(disturbed),
+        causes=tuple(lost),
         parts=tuple(_parts(run)),
         reference=reference,
     )

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from .compare import RunComparison
+from .comparison import RunComparison
 from .model import RunReport
 from .paper import PaperTable
 

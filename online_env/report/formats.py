@@ -23,6 +23,7 @@ FORMATS: Mapping[str, str] = MappingProxyType(
         "html": "online_env.report.html:as_html",
         "model-index": "online_env.report.model_card:as_model_index",
         "eval-results": "online_env.report.model_card:as_eval_results",
+        "badge": "online_env.report.badge:as_badge",
     }
 )
 SUFFIXES: Mapping[str, str] = MappingProxyType(
@@ -36,9 +37,12 @@ SUFFIXES: Mapping[str, str] = MappingProxyType(
         ".htm": "html",
         ".yaml": "model-index",
         ".yml": "model-index",
+        ".svg": "badge",
     }
 )
 
+# Formats that always show causes, for which the steps are read; others do so with --full.
+WITH_CAUSES = ("html",)
 COMPARISON = "a comparison"
 # Formats that have a place for what an option asks for.
 FORMATS_BY_OPTION: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -47,7 +51,7 @@ FORMATS_BY_OPTION: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "--reference": (TERMINAL, "json", "markdown", "html"),
         "--margin": (TERMINAL, "json", "markdown", "html"),
         "--paper": (TERMINAL, "json", "latex", "markdown", "html"),
-        "--full": (TERMINAL,),
+        "--full": (TERMINAL, "json", "markdown"),
     }
 )
 

@@ -29,9 +29,10 @@ OPTION = "--fail-under"
 EXAMPLE = f"such as {OPTION} retention=0.8 or {OPTION} success.network_error=0.5"
 # Scores of one condition (NAME.CORRUPTION), which are columns of the report's table. Without a
 # condition the first two are those of the clean one, the others are over all corrupted cases.
-OF_CONDITION = ("success", "ci_low", "retention", "delta")
+RETENTION_LOW = "retention_low"  # the lower end of the interval of the retention
+OF_CONDITION = ("success", "ci_low", "retention", RETENTION_LOW, "delta")
 CLEAN_FIRST = ("success", "ci_low")
-PAIRED = ("retention", "delta")  # with the clean condition
+PAIRED = ("retention", RETENTION_LOW, "delta")  # with the clean condition
 # Scores of an agent, by their names in its summary.
 OF_AGENT = {"average": "paper_average", "corrupted": "corrupted", "worst": "worst_success"}
 OVER_CORRUPTIONS = ("corrupted", "worst")
@@ -88,10 +89,10 @@ class GateVerdict:
         if self.value is None:
             missing = shorten_list(self.lacking or (self.gate.label,))
             cause = "no episode counts"
-            if self.gate.score == "retention":
-                cause = "no episode counts, or none succeeds clean"
-            elif self.gate.score == "ci_low" and not scores.can_infer():
+            if self.gate.score in ("ci_low", RETENTION_LOW) and not scores.can_infer():
                 cause = "scipy is not installed"
+            elif self.gate.score in ("retention", RETENTION_LOW):
+                cause = "no episode counts, or none succeeds clean"
             return f"{score_name} cannot be computed, {cause}: {missing} ({self.gate})"
         value = f"{self.value:.3f}"
         least = f"{self.gate.least:g}"
@@ -274,7 +275,16 @@ def _judge(
     """Judge a gate on the table of a run, and on the scores that it was made from."""
     agent_rows = [row for row in table if row["agent"] == gate.agent]
     column = "success" if gate.score in OF_AGENT else gate.score
-    by_label = {row["corruption"]: row[column] for row in agent_rows}
+    if gate.score == RETENTION_LOW:
+        clean = scored.get((gate.agent, CLEAN), {})
+        by_label = {
+            row["corruption"]: _retention_low(
+                scores.pairs(clean, scored[gate.agent, row["corruption"]])
+            )
+            for row in agent_rows
+        }
+    else:
+        by_label = {row["corruption"]: row[column] for row in agent_rows}
     if gate.label:
         return GateVerdict(gate, by_label.get(gate.label))
     needed_labels = list(labels)
@@ -292,7 +302,10 @@ def _judge(
 
 def _overall_score(gate: ScoreGate, scored: scores.ScoreByCell) -> float | None:
     """Return the retention or the difference over all cases played both clean and corrupted."""
-    clean_scores, corrupted_scores, _ = scores.pairs_with_clean(gate.agent, scored)
+    cases = scores.pairs_with_clean(gate.agent, scored)
+    if gate.score == RETENTION_LOW:
+        return _retention_low(cases)
+    clean_scores, corrupted_scores, _ = cases
     if gate.score == "retention":
         return sum(corrupted_scores) / sum(clean_scores) if sum(clean_scores) else None
     return (
@@ -300,6 +313,16 @@ def _overall_score(gate: ScoreGate, scored: scores.ScoreByCell) -> float | None:
         if corrupted_scores
         else None
     )
+
+
+def _retention_low(cases: scores.PairedCases) -> float | None:
+    """Return the lower end of the 95 % interval of the retention over some cases."""
+    if not len(cases[0]) or not scores.can_infer():
+        return None
+    from ..results.statistics import retention_interval
+
+    interval = retention_interval(*cases)
+    return None if interval is None else interval.low
 
 
 def _check_writable(path: Path) -> None:

@@ -16,6 +16,7 @@ from ..extra import require
 from ..results.outcomes import RESULTS
 from . import formatting
 from .ablations import find_ablations, level_table
+from .causes import RULES
 from .conclusions import conclude, report_extent, report_title
 from .document import ReportDocument
 from .figures import LEFT, RIGHT, WIDTH, retention_panels, success_panels
@@ -24,9 +25,12 @@ from .identity import RunIdentity
 from .level_figure import grouped_panel
 from .model import RunReport
 from .tables import (
+    app_cause_table,
     app_table,
+    cause_table,
     cell_table,
     compared_table,
+    disturbed_lines,
     paper_rows,
     parts_table,
     summary_table,
@@ -62,6 +66,10 @@ def as_html(document: ReportDocument) -> str:
         infeasible=without_empty_columns(*cell_table(report.infeasible)),
         parts_found=without_empty_columns(*parts_table(report.parts)),
         applications=app_table(report) if report.applications else None,
+        disturbed=disturbed_lines(report),
+        causes=without_empty_columns(*cause_table(report)) if report.causes else None,
+        app_causes=without_empty_columns(*app_cause_table(report)) if report.causes else None,
+        rules=RULES,
         compared=without_empty_columns(*compared_table(compared.cells)) if compared else None,
         paper=paper_rows(document.paper) if document.paper else None,
         further=[

@@ -10,7 +10,7 @@ from hijack_data.runs.run_log import EPISODES, RUN
 
 from . import formatting
 from .build import load_report
-from .compare import PACKAGE
+from .comparison import PACKAGE
 from .conclusions import suite_name
 from .model import AgentSummary, ReportError, RunIdentity, RunReport
 from .named_scores import YARDSTICKS

@@ -330,6 +330,46 @@ class AppSuccess:
 
 
 @dataclass(frozen=True, kw_only=True)
+class DisturbedCount:
+    """How many episodes of an agent were disturbed at all.
+
+    Attributes:
+        agent: its name.
+        n: episodes with a corruption that count for it.
+        disturbed: of them, those in which it acted on a changed picture or after an effect.
+        unknown: of them, those of which only the steps would tell, which are not there.
+        lost: of the disturbed ones, those that scored less than the same case clean.
+    """
+
+    agent: str
+    n: int
+    disturbed: int
+    unknown: int
+    lost: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class LossCause:
+    """A cause of lost episodes, under one condition in one application; see `causes.RULES`.
+
+    Attributes:
+        agent: the agent.
+        corruption: the label.
+        app: the application, as in `AppSuccess`.
+        cause: one of `causes.CAUSES`.
+        n: lost episodes with this cause.
+        turns: the steps where they turned, in ascending order, of those whose step is known.
+    """
+
+    agent: str
+    corruption: str
+    app: str
+    cause: str
+    n: int
+    turns: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class RunReport:
     """The report of a run.
 
@@ -343,6 +383,9 @@ class RunReport:
         measures: a row for each agent, corruption and measure that the records have.
         equivalences: a row for each agent and corruption.
         curves: a row for each agent and corruption that was played at several severities.
+        disturbed: a row for each agent that played corrupted episodes; empty unless causes were
+            asked for.
+        causes: why disturbed episodes were lost; likewise.
         parts: for a scoring run, the results other than the success (`scoring.parts.part_rows`).
         reference: the reference agent of `mce`; empty for none.
         notes: sentences that a reader has to know.
@@ -357,6 +400,8 @@ class RunReport:
     measures: tuple[MeasureChange, ...] = ()
     equivalences: tuple[Equivalence, ...] = ()
     curves: tuple[SeverityCurve, ...] = ()
+    disturbed: tuple[DisturbedCount, ...] = ()
+    causes: tuple[LossCause, ...] = ()
     parts: tuple[Mapping[str, Any], ...] = ()
     reference: str = ""
     notes: tuple[str, ...] = ()

@@ -28,13 +28,14 @@ from ..results.reading import Run
 from ..results.scores import COLUMNS
 from . import terminal
 from .build import build_report, load_report
-from .compare import compare
+from .comparison import compare_runs
 from .document import ReportDocument
 from .formats import (
     COMPARISON,
     FORMATS,
     FORMATS_BY_OPTION,
     TERMINAL,
+    WITH_CAUSES,
     check_shown,
     choose_format,
     write,
@@ -82,7 +83,7 @@ def _output_options(command: Command) -> Command:
     help="Loss that the tests of equivalence refute.  [default: 5]",
 )
 @click.option("--paper", is_flag=True, help="Set the agents beside the paper's main table.")
-@click.option("--full", is_flag=True, help="Print all tables and notes.")
+@click.option("--full", is_flag=True, help="All tables, notes and causes.")
 @click.option(
     "--from",
     "reader",
@@ -171,7 +172,9 @@ def report(
     if format == TERMINAL and out is None:
         terminal.show(run, reference or "", paper=paper, full=full, margin=share or MARGIN)
         raise SystemExit(_finish(run))
-    built = build_report(run, reference=reference or "", margin=share or MARGIN)
+    built = build_report(
+        run, reference=reference or "", margin=share or MARGIN, causes=full or format in WITH_CAUSES
+    )
     _write(_document(built, paper=paper, full=full), format, out)
     raise SystemExit(_finish(run))
 
@@ -204,7 +207,7 @@ def compare_command(
             f"--json is a list of rows, without --format {format_name}; give --format json alone"
         )
     run = _read(runs)
-    comparison = compare(_read(earlier), run, _parse_pairs(pairs))
+    comparison = compare_runs(_read(earlier), run, _parse_pairs(pairs))
     if as_json:
         _output(json.dumps([asdict(cell) for cell in comparison.cells], indent=1) + "\n", out)
     else:

@@ -3,13 +3,18 @@
 import csv
 import io
 import json
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
+from statistics import median
 from typing import Any
+
+from hijack_data.errors import quantity
 
 from . import formatting
 from .ablations import find_ablations, level_table
-from .compare import ComparedCell, RunComparison
+from .causes import CAUSES
+from .comparison import ComparedCell, RunComparison
 from .conclusions import conclude, report_extent, report_title
 from .document import ReportDocument
 from .further_tables import further_tables
@@ -100,6 +105,10 @@ def as_markdown(document: ReportDocument) -> str:
         parts += ["Infeasible tasks:", markdown_table(*cell_table(report.infeasible))]
     if report.applications:
         parts += ["By application, clean → corrupted:", markdown_table(*app_table(report))]
+    if report.disturbed:
+        parts += ["Why disturbed episodes were lost:", *_bullet_list(disturbed_lines(report))]
+    if report.causes:
+        parts += [markdown_table(*cause_table(report)), markdown_table(*app_cause_table(report))]
     for ablation in find_ablations(report):
         table = markdown_table(*level_table(report, ablation))
         parts += [f"### {_safe(ablation.title)}", table]
@@ -178,6 +187,47 @@ def app_table(report: RunReport) -> tuple[Texts, list[Texts]]:
             *(_clean_and_corrupted(rows.get((app, agent))) for agent in agents),
         )
         for app in apps
+    ]
+
+
+def disturbed_lines(report: RunReport) -> list[str]:
+    """Return a sentence on each agent: how much was disturbed at all, and lost."""
+    lines: list[str] = []
+    for row in report.disturbed:
+        line = (
+            f"{row.agent}: {row.disturbed} of {quantity(row.n, 'corrupted episode')} were"
+            f" disturbed, and {row.lost} of these scored less than clean"
+        )
+        if row.unknown:
+            line += f"; of {row.unknown} it is not known, because their steps are not there"
+        lines.append(f"{line}.")
+    return lines
+
+
+def cause_table(report: RunReport) -> tuple[Texts, list[Texts]]:
+    """Return headings and rows of the causes of lost episodes, and where these turned."""
+    lost = {row.agent: row.lost for row in report.disturbed}
+    rows: list[Texts] = []
+    for agent in lost:
+        for cause in CAUSES:
+            causes = [row for row in report.causes if (row.agent, row.cause) == (agent, cause)]
+            count = sum(row.n for row in causes)
+            turns = [step for row in causes for step in row.turns]
+            turned = f"{median(turns):g}" if turns else ""
+            if count:
+                share = formatting.percent(count / lost[agent])
+                rows.append((agent, cause, str(count), share, turned))
+    return ("agent", "cause", "lost", "share, %", "turned at step (median)"), rows
+
+
+def app_cause_table(report: RunReport) -> tuple[Texts, list[Texts]]:
+    """Return headings and rows of how many episodes were lost by each cause in an application."""
+    counts: dict[tuple[str, str], Counter[str]] = {}
+    for row in report.causes:
+        counts.setdefault((row.agent, row.app), Counter())[row.cause] += row.n
+    return ("agent", "application", *CAUSES), [
+        (agent, app or "none named", *(str(count[cause] or "") for cause in CAUSES))
+        for (agent, app), count in sorted(counts.items())
     ]
 
 

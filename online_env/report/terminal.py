@@ -21,7 +21,7 @@ from ..results.outcomes import RESULTS
 from ..results.reading import ResultRecord, Run
 from . import formatting
 from .build import build_report
-from .compare import RunComparison
+from .comparison import RunComparison
 from .conclusions import conclude, report_extent, report_title
 from .document import ReportDocument
 from .further_tables import further_tables
@@ -31,7 +31,14 @@ from .model import AgentSummary, Cell, RunReport
 from .outcome import missing_line
 from .paper import PaperTable, compare_with_paper
 from .parts_table import parts_table, unscored_lines
-from .tables import compared_table, main_figures, paper_rows
+from .tables import (
+    app_cause_table,
+    cause_table,
+    compared_table,
+    disturbed_lines,
+    main_figures,
+    paper_rows,
+)
 
 _MAIN = ("n", ("success", "95 %"), ("delta", "95 %", "p"), "retention", ("errors", "invalid"))
 _FURTHER_HEADINGS = (
@@ -96,7 +103,7 @@ def show(
         screen.print(main_table(()))
         screen.print(missing_line(run), soft_wrap=True)
         return
-    report = build_report(run, reference=reference, full=full, margin=margin)
+    report = build_report(run, reference=reference, full=full, margin=margin, causes=full)
     document = ReportDocument(
         report=report, paper=compare_with_paper(report) if paper else None, full=full
     )
@@ -150,7 +157,9 @@ def _rest(is_whole: bool, has_infeasible: bool) -> str:
     parts = [] if is_whole else ["success and retention of every cell"]
     if has_infeasible:
         parts.append("feasible and infeasible tasks apart")
-    return ", ".join([*parts, "ceilings, pass^k, power, steps, costs, equivalence and every note"])
+    return ", ".join(
+        [*parts, "ceilings, pass^k, power, causes, steps, costs, equivalence and every note"]
+    )
 
 
 def _short_table(report: RunReport, screen: Any, room: int) -> tuple[FigureTable, bool]:
@@ -255,6 +264,13 @@ def _show_full(report: RunReport, screen: Any, details: RunDetails) -> None:
             screen.print(line, markup=False, soft_wrap=True)
     if details.parts is not None:
         screen.print("", details.parts, "", sep="\n")
+    if report.disturbed:
+        screen.print()
+        _print_lines(disturbed_lines(report), screen)
+    for (_, label, *blocks), rows in (cause_table(report), app_cause_table(report)):
+        if rows:
+            screen.print("", FigureTable(label, blocks, grouped(rows), "why episodes were lost"))
+            screen.print()
     _print_lines([*_p_note(report), *report.notes, *details.problems], screen)
 
 

@@ -130,6 +130,18 @@ def test_an_effect_that_cannot_be_undone_keeps_no_other_from_it() -> None:
     assert (first[-1]["ok"], second[-1]["problem"]) == (True, "b stays")
 
 
+def test_the_record_says_which_effects_the_agent_left_in_place() -> None:
+    due = {0: (layer("a"), layer("b"), layer("c", "test_knock"))}
+    env, stage = make(corruption=Layers(due))
+    env.reset(seed=0)
+    stage.desktop.state.discard("b")  # as an agent may close a window
+    env.step("DONE")
+    assert [effect.get("held_at_end") for effect in env.record["effects"]] == [True, False, None]
+    env, _ = make(corruption=Layers(due), recovery="repair")
+    play(env, "REQUEST_REINIT", "DONE")  # the policy ended them, not the agent
+    assert not any("held_at_end" in effect for effect in env.record["effects"])
+
+
 def test_an_event_is_over_once_it_was_proved() -> None:
     env, stage = make(corruption=Layers({0: (layer("a", "test_knock"),)}), recovery="repair")
     env.reset(seed=0)

@@ -11,7 +11,7 @@ pytest.importorskip("scipy", reason="needs the extra [online]")
 
 from hijack_data.cli import main
 from online_env.report import ReportError, build_report, formats
-from online_env.report.compare import compare
+from online_env.report.comparison import compare_runs
 from online_env.report.document import ReportDocument
 from online_env.report.paper import compare_with_paper, paper_table
 from online_env.results import scores
@@ -240,7 +240,7 @@ def test_a_comparison_needs_episodes_in_both_runs(tmp_path):
     empty = read_run(tmp_path / "empty", [])
     for runs in ((there, empty), (empty, there)):
         with pytest.raises(ReportError) as error:
-            compare(*runs)
+            compare_runs(*runs)
         said = f"{tmp_path / 'empty'}: holds no episodes yet, so there is nothing to pair"
         assert str(error.value) == said
 
@@ -252,20 +252,20 @@ def test_a_comparison_of_partial_scores_says_what_its_test_makes_of_them(tmp_pat
         "3 scores are between 0 and 1: p takes them for not solved, so it may miss a difference"
         " that the intervals show."
     )
-    assert said in compare(old, new).notes
+    assert said in compare_runs(old, new).notes
 
 
 def test_a_comparison_names_which_conditions_show_no_difference_and_which_do(tmp_path):
     old = [*scored("a", "clean", [1.0] * 12), *scored("a", "marks", [1.0] * 12)]
     new = [*scored("a", "clean", [0.0] * 12), *scored("a", "marks", [0.0] + [1.0] * 11)]
-    found = compare(read_run(tmp_path / "old", old), read_run(tmp_path / "new", new))
+    found = compare_runs(read_run(tmp_path / "old", old), read_run(tmp_path / "new", new))
     (note,) = (note for note in found.notes if "no difference is shown" in note)
     detectable = found.cells[1].detectable
     assert note.startswith(
         f"a: no difference is shown under marks ({100 * detectable:.1f} points). In brackets"
     )
     renamed = [{**record, "agent": "b", "id": f"b-{record['id']}"} for record in new]
-    other = compare(read_run(tmp_path / "o", old), read_run(tmp_path / "n", renamed))
+    other = compare_runs(read_run(tmp_path / "o", old), read_run(tmp_path / "n", renamed))
     assert any(note.startswith("a and b: no difference is shown") for note in other.notes)
 
 

@@ -13,7 +13,7 @@ pytest.importorskip("scipy", reason="needs the extra [online]")
 from hijack_data.cli import main
 from online_env.report import ReportError, build_report, formats
 from online_env.report.board_page import board_page
-from online_env.report.compare import compare
+from online_env.report.comparison import compare_runs
 from online_env.report.document import ReportDocument
 from online_env.report.leaderboard import RULE, rank_agents, read_reports
 from online_env.results import statistics
@@ -41,7 +41,7 @@ def test_cases_are_paired_by_task_corruption_and_seed(tmp_path):
         *scored("a", "subtitle", [1]),
     ]
     after = [*scored("a", "clean", [1, 0, 1, 1]), *scored("a", "marks", [1, 1, 1, 1, 1, 1])]
-    found = compare(read_run(tmp_path / "old", before), read_run(tmp_path / "new", after))
+    found = compare_runs(read_run(tmp_path / "old", before), read_run(tmp_path / "new", after))
     clean, marks, subtitle = found.cells
     assert (clean.n, clean.success_before, clean.success_after) == (4, 0.5, 0.75)
     assert (clean.difference, clean.p) == (0.25, 1.0)  # one lost, two won
@@ -62,31 +62,31 @@ def test_all_that_differs_between_two_runs_is_named(tmp_path):
     other = read_run(
         tmp_path / "other", scored("a", "marks", [1, 0]), corruptions=louder, max_steps=50
     )
-    (said, *_) = compare(one, other).notes
+    (said, *_) = compare_runs(one, other).notes
     assert "differ in their settings, too (corruptions, max_steps), first in this" in said
     head = tmp_path / "other" / "run.json"
     data = json.loads(head.read_text())
     head.write_text(json.dumps(data | {"versions": {**data["versions"], "agenthijack": "9.0"}}))
-    notes = compare(one, read(tmp_path / "other")).notes
+    notes = compare_runs(one, read(tmp_path / "other")).notes
     assert "other with 9.0: tasks and corruptions may have changed." in "\n".join(notes)
 
 
 def test_notes_name_runs_and_not_where_they_lie(tmp_path):
     one = read_run(tmp_path / "old", [*scored("a", "clean", [1, 0]), *scored("b", "clean", [1])])
     other = read_run(tmp_path / "new", scored("a", "clean", [1]))
-    notes = "\n".join(compare(one, other).notes)
+    notes = "\n".join(compare_runs(one, other).notes)
     assert "Only in old: b." in notes
     assert "1 cases that only old has, 0 that only new has" in notes
     assert str(tmp_path) not in notes
     same = read_run(tmp_path / "deep" / "old", scored("a", "clean", [1]))
-    assert "Only in old (before): b." in compare(one, same).notes
+    assert "Only in old (before): b." in compare_runs(one, same).notes
 
 
 def test_intervals_are_those_of_paired_differences(tmp_path):
     old = [float(n % 3 == 0) for n in range(30)]
     new = [float(n % 2 == 0) for n in range(30)]
     runs = [read_run(tmp_path / name, scored("a", "x", s)) for name, s in (("o", old), ("n", new))]
-    (cell,) = compare(*runs).cells
+    (cell,) = compare_runs(*runs).cells
     tasks = [f"t{number}" for number in range(30)]
     wanted = statistics.difference_interval(old, new, tasks)
     assert (cell.difference, cell.low, cell.high) == (wanted.value, wanted.low, wanted.high)
@@ -98,11 +98,13 @@ def test_p_takes_each_task_as_one_case_whatever_its_seeds(tmp_path):
         found = [*scored("a", "marks", scores), *scored("a", "marks", scores, seed=1)]
         return read_run(tmp_path / name, found)
 
-    found = compare(run("old", [1, 1, 1, 1, 0]), run("new", [0, 0, 0, 0, 0]))
+    found = compare_runs(run("old", [1, 1, 1, 1, 0]), run("new", [0, 0, 0, 0, 0]))
     assert found.cells[0].p == 0.125
     # Where no size of a difference can be told, the note promises none.
     same = [scored("a", "marks", [1, 1, 1])] * 2
-    (note,) = compare(*(read_run(tmp_path / f"s{n}", rows) for n, rows in enumerate(same))).notes
+    (note,) = compare_runs(
+        *(read_run(tmp_path / f"s{n}", rows) for n, rows in enumerate(same))
+    ).notes
     assert note == "a: no difference is shown under marks."
 
 
@@ -110,18 +112,18 @@ def test_which_agents_are_compared(tmp_path):
     one = read_run(tmp_path / "one", scored("a", "clean", [1, 0]))
     other = read_run(tmp_path / "other", scored("b", "clean", [1, 1]))
     both = read_run(tmp_path / "both", [*one.records, *other.records])
-    (cell,) = compare(one, other).cells
+    (cell,) = compare_runs(one, other).cells
     assert (cell.before, cell.after, cell.difference) == ("a", "b", 0.5)
-    (cell,) = compare(one, both).cells
+    (cell,) = compare_runs(one, both).cells
     assert (cell.before, cell.after) == ("a", "a")
-    assert any(note.endswith("both: b.") for note in compare(one, both).notes)
-    (cell,) = compare(both, both, {"a": "b"}).cells
+    assert any(note.endswith("both: b.") for note in compare_runs(one, both).notes)
+    (cell,) = compare_runs(both, both, {"a": "b"}).cells
     assert (cell.before, cell.after, cell.difference) == ("a", "b", 0.5)
     with pytest.raises(ReportError, match=r"--pair: 'c' is not in .*both \(a, b\)"):
-        compare(both, both, {"a": "c"})
+        compare_runs(both, both, {"a": "c"})
     third = read_run(tmp_path / "third", [made("c", "t0"), made("d", "t0")])
     with pytest.raises(ReportError, match=r"nothing to pair: .* name two with --pair a=c"):
-        compare(both, third)
+        compare_runs(both, third)
 
 
 def test_runs_without_a_shared_case_are_refused(tmp_path, capsys):

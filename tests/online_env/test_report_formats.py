@@ -15,7 +15,7 @@ pytest.importorskip("scipy", reason="needs the extra [online]")
 from hijack_data.cli import main
 from hijack_data.cli.printable_console import PrintableConsole
 from online_env.report import build_report, formats, formatting, terminal
-from online_env.report.compare import compare
+from online_env.report.comparison import compare_runs
 from online_env.report.document import ReportDocument
 from online_env.report.paper import COLUMNS, paper_table
 from online_env.results import reading, records, scores
@@ -220,7 +220,7 @@ def test_names_are_no_formulas_and_no_commands(tmp_path):
 
 def test_the_name_of_a_folder_is_no_markup(tmp_path):
     runs = [read_run(tmp_path / place / "x[bold]", scored("a", "clean", [1, 0])) for place in "ab"]
-    document = ReportDocument(report=build_report(runs[0]), comparison=compare(*runs))
+    document = ReportDocument(report=build_report(runs[0]), comparison=compare_runs(*runs))
     assert "x[bold] before, x[bold] after" in formats.write(document, "terminal")
 
 

@@ -158,7 +158,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "previous": DERIVED,
     },
     EVENT: {"step": DERIVED, "effect": DERIVED, "record": COPIED},
-    EFFECT: {"step": DERIVED, "record": COPIED},
+    EFFECT: {"step": DERIVED, "record": COPIED, "held_at_end": FREE},
 }
 # Files and folders of a run. Those of agents are the requests of models and what OCR has read.
 RUN_FILES = frozenset({RUN, RECORDS, SESSIONS, LOCK, SEAL, SIGNATURE, EPISODES, REQUESTS, TEXTS})

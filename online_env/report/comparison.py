@@ -72,7 +72,7 @@ class RunComparison:
     notes: tuple[str, ...]
 
 
-def compare(before: Run, after: Run, pairs: Mapping[str, str] | None = None) -> RunComparison:
+def compare_runs(before: Run, after: Run, pairs: Mapping[str, str] | None = None) -> RunComparison:
     """Return two runs compared case by case.
 
     A case is a task (with the seed of its variant), a corruption and a seed. Agents of the same
