@@ -280,6 +280,7 @@ class Episode:
         return EpisodeLog(folder, episode_slug(*names, self._counts.attempt))
 
     def _act(self, text: object, observer: Observer, view: EpisodeView) -> tuple[float, bool, bool]:
+        self._effects.end_due(view.line["step"])  # the agent may have thought for a while
         start = time.monotonic()
         request = self._read(text, view)
         kind = "malformed" if request is None else request.kind

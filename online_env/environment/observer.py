@@ -70,6 +70,7 @@ class Observer:
         """
         problem = ""
         seconds: dict[str, float] = {}
+        self._effects.end_due(step)
         self._effects.refresh()
         settled, boxes = self.settle(step, seconds)
         start = time.monotonic()
