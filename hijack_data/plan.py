@@ -361,8 +361,8 @@ _EFFECT = {"effect": str, "params": dict}
 
 
 def _parse(data: object) -> Plan:
-    has_inputs = isinstance(data, dict) and "inputs" in data
-    body = _fields(data, {**_PLAN, "inputs": list} if has_inputs else _PLAN, "")
+    has_inputs = isinstance(data, dict) and "inputs" in cast("dict[str, Any]", data)
+    body = _fields(cast(object, data), {**_PLAN, "inputs": list} if has_inputs else _PLAN, "")
     if has_inputs and not body["inputs"]:
         raise PlanError("plan: inputs is empty; leave it out")
     effects = [_fields(e, _EFFECT, f"effects[{i}]") for i, e in enumerate(body["effects"])]

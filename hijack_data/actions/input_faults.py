@@ -244,7 +244,9 @@ def input_kinds(calls: Sequence[PyautoguiCall]) -> set[InputKind]:
             moved = True
         elif name in POINTER:
             kinds.add("click")
-    return kinds | ({"click"} if is_down else set())
+    if is_down:
+        kinds.add("click")
+    return kinds
 
 
 def _presses(call: PyautoguiCall) -> bool:

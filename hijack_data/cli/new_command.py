@@ -80,10 +80,10 @@ def _check_path(path: Path) -> None:
 
 def _check_name(name: str) -> None:
     from .. import declaration
-    from ..corruption import corruption_names
+    from ..corruption import CORRUPTIONS
 
     problem = next(declaration.name_problems(name), None)
-    if problem is None and name in corruption_names():
+    if problem is None and name in CORRUPTIONS.names():
         problem = f"name {name!r} is taken; hijack list shows all that are"
     if problem is not None:
         raise ParameterError(problem)

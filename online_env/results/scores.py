@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import fmean
 from typing import Any, NamedTuple, TypeAlias
 
-from hijack_data.corruption import corruption_names, find_corruption
+from hijack_data.corruption import CORRUPTIONS, find_corruption
 from hijack_data.plan import CLEAN
 
 from .records import ResultRecord
@@ -212,10 +212,14 @@ def count_unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, s
 
     Args:
         records: the last attempts.
-        corruptions: the name of each label; only a corruption with effects on the machine can come
-            too late.
+        corruptions: the name of each label; only a corruption with effects on the machine, or one
+            that changes the agent's input, can come too late.
     """
-    acting = {name for name in corruption_names() if find_corruption(name).effects}
+    acting = {
+        name
+        for name in CORRUPTIONS.names()
+        if find_corruption(name).effects or find_corruption(name).inputs
+    }
     waiting = {label for label, name in corruptions.items() if name in acting}
     scored = [
         record
@@ -224,7 +228,7 @@ def count_unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, s
         and record["corruption"] in waiting
         and not record.get("unplayable")
     ]
-    return sum(not record.get("effects") for record in scored)
+    return sum(not record.get("effects") and not record.get("inputs") for record in scored)
 
 
 def _positions(listed: Sequence[str]) -> dict[str, int]:

@@ -40,6 +40,7 @@ LIBRARY: Final = "library"  # follows from what the library knows
 FREE: Final = "free"  # only a hash protects it
 
 CONFIG, DESKTOP, RECOVERY, EVENT, EFFECT = "config", "desktop", "recovery", "event", "effect"
+INPUT = "input"
 _CODE_LISTS = ("agents", "tasks")  # the lists whose names may have an entry in `config.code`
 
 FIELDS: Mapping[str, Mapping[str, str]] = {
@@ -110,6 +111,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "seconds": FREE,
         "setup_seconds": FREE,
         "effects": DERIVED,
+        "inputs": DERIVED,
         "environment_errors": COPIED,
         "problem": FREE,
         "cause": DERIVED,
@@ -150,6 +152,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "code": DERIVED,
         "error": DERIVED,
         "events": DERIVED,
+        "input": DERIVED,
         "result": FREE,
         "still": FREE,
         "seconds": FREE,
@@ -157,6 +160,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
     },
     EVENT: {"step": DERIVED, "effect": DERIVED, "record": COPIED},
     EFFECT: {"step": DERIVED, "record": COPIED},
+    INPUT: {"sent": DERIVED, "faults": DERIVED, "probe": FREE},
 }
 # Files and folders of a run. Those of agents are the requests of models and what OCR has read.
 RUN_FILES = frozenset({RUN, RECORDS, SESSIONS, LOCK, SEAL, SIGNATURE, EPISODES, REQUESTS, TEXTS})
@@ -481,7 +485,7 @@ def early_end_problems(
     Args:
         record: of the episode, whose status is not `ok`.
         lines: its steps.
-        has_effects: whether its corruption acts on the machine.
+        has_effects: whether its corruption acts on the machine, or on the agent's input.
     """
     acted = [line for line in lines if line.get("raw") is not None]
     is_last_seen = bool(lines) and lines[-1].get("raw") is None

@@ -28,7 +28,7 @@ _Facts = dict[str, Any]
 class InputWatch:
     """Records the events of pointer and keyboard from `start` to `stop`."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str | None) -> None:
         self._control = Display(name)
         self._data = Display(name)
         self._events: list[_Facts] = []
@@ -82,7 +82,7 @@ class InputWatch:
             self._started.set()
         data = reply.data if reply.category == record.FromServer else b""
         while data and len(self._events) < MAX_EVENTS:
-            event, data = rq.EventField(None).parse_binary_value(
+            event, data = rq.EventField("event").parse_binary_value(
                 data, self._data.display, None, None
             )
             if event.type in NAMES:
