@@ -3,12 +3,15 @@
 
 import json
 import re
+from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 import hijack_data as hj
+from hijack_data.cli import hijack
 from hijack_data.errors import ParameterError
 from pipelines.proof.rebuild import rebuild
 
@@ -142,3 +145,17 @@ def test_two_faults_wait_side_by_side():
     play(env, "WAIT", TYPE, TYPE, "DONE")
     # the repetition came first; of what is repeated nothing arrives
     assert sent(env, stage) == ["pyautogui.sleep(0)\npyautogui.sleep(0)", TYPE]
+
+
+def test_a_plugin_of_30_lines_changes_actions_of_its_own_and_passes_every_check():
+    path = Path(__file__).parents[2] / "examples/trembling_hand.py"
+    assert len(path.read_text().splitlines()) <= 30
+    done = CliRunner().invoke(hijack, ["check", str(path)])
+    assert done.exit_code == 0, done.output
+    env, stage = make(corruption=hj.make_corruption("trembling_hand", pixels=5))
+    play(env, CLICK, TYPE, "DONE")
+    slipped, typed = sent(env, stage)
+    x, y = map(int, re.findall("[0-9]+", slipped))
+    assert 1 <= abs(x - 20) <= 5
+    assert abs(y - 30) <= 5
+    assert typed == TYPE
