@@ -25,7 +25,7 @@ class {cls}(Corruption):
 
     name: ClassVar[str] = "{name}"
     category: ClassVar[str] = "visual_disruptor"  # unexpected_operation, environment_error
-    scope: ClassVar[str] = "observation"  # state and transition have effects and draw nothing
+    scope: ClassVar[str] = "observation"  # state, transition and action draw nothing
 
     # Five severities, 1 to 5. The third is empty: it is the defaults.
     severities: ClassVar[tuple[dict, ...]] = (

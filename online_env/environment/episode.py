@@ -290,6 +290,7 @@ class Episode:
         request = self._read(text, view)
         kind = "malformed" if request is None else request.kind
         problem = ""
+        had_acted = self._acted
         if request is not None and kind == "code":
             self._acted = True
             boxes = as_boxes(view.line["boxes"])
@@ -303,7 +304,8 @@ class Episode:
         observer.flush()
         if problem:
             self._counts.actions += 1
-            self.end(End(status="invalid", problem=problem))
+            # Programs that the agent left may press keys, too, so it could end episodes that way.
+            self.end(End(status="error" if had_acted else "invalid", problem=problem))
             return _OVER
 
         ended = kind in ("done", "fail")
