@@ -25,7 +25,7 @@ from collections.abc import Iterator
 from typing import Any, cast
 
 from .actions.input_faults import FaultKind
-from .errors import ParameterTypeError, shown
+from .errors import ParameterTypeError, short_repr
 from .plan import Plan
 from .types import Scene
 
@@ -133,7 +133,7 @@ def as_planner(value: object, expected: str) -> Planner:
     """
     if isinstance(value, Planner):
         return value
-    raise ParameterTypeError(f"{expected}, got {shown(value)}{advice_for(value)}")
+    raise ParameterTypeError(f"{expected}, got {short_repr(value)}{advice_for(value)}")
 
 
 def advice_for(value: object) -> str:

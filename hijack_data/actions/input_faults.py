@@ -15,7 +15,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, cast, get_args
 
-from ..errors import ParameterError, shown, some_of
+from ..errors import ParameterError, short_repr, shorten_list
 from ..types import BoxArray, Point, Size
 from .agent_actions import MAX_CODE_CHARS
 from .call_coordinates import read_coordinates
@@ -128,8 +128,8 @@ class InputFault:
         names = {"of", "actions", *_FIELDS[kind]}
         if set(fields) != names:
             raise ParameterError(
-                f"a fault of kind {kind!r} has the fields {some_of(sorted(names))}, got"
-                f" {some_of(sorted(map(str, fields)))}"
+                f"a fault of kind {kind!r} has the fields {shorten_list(sorted(names))}, got"
+                f" {shorten_list(sorted(map(str, fields)))}"
             )
         kinds = fields.pop("of")
         _expect(isinstance(kinds, list), "of", kinds, "a list")
@@ -399,4 +399,4 @@ def _expect(is_right: object, name: str, value: object, expected: str) -> None:
         ParameterError: the value is not what is expected.
     """
     if not is_right:
-        raise ParameterError(f"InputFault: {name} must be {expected}; got {shown(value)}")
+        raise ParameterError(f"InputFault: {name} must be {expected}; got {short_repr(value)}")

@@ -5,6 +5,7 @@ from typing import Any
 
 from hijack_data.actions.agent_actions import ACTION_WORDS
 from hijack_data.actions.input_faults import WaitingFaults
+from hijack_data.errors import short_repr
 from hijack_data.plan import Plan
 from hijack_data.types import as_boxes
 
@@ -50,8 +51,8 @@ class InputReplay:
         for text in field_checks.unknown_fields(logged, INPUT):
             yield f"input: {text}"
         if logged.get("sent") != altered.code:
-            sent = fields.shown(logged.get("sent"))
-            yield f"input.sent is {sent}, by the faults it is {fields.shown(altered.code)}"
+            sent = short_repr(logged.get("sent"))
+            yield f"input.sent is {sent}, by the faults it is {short_repr(altered.code)}"
         if logged.get("faults") != [fault.to_data() for fault in altered.faults]:
             yield "input.faults are not those that hit the action"
 
