@@ -30,6 +30,7 @@ SCRIPTS = {
     "browser": "A browser as the desktop",
     "suite": "The suite of tasks",
     "live_steps": "Corruptions on a live desktop, step by step",
+    "everyday_faults": "Everyday faults",
     "reports": "Reports",
     "interval_coverage": "Intervals of reports, simulated",
     "viewer_runs": "The page of runs",

@@ -79,9 +79,9 @@ _HOMES = {
 # Names that only `hijack_data.plugin` has; the error for them says so.
 _FOR_AUTHORS = frozenset(
     {
-        *("Augmentation", "Corrupted", "Corruption", "Draft", "Effect", "Every", "ParameterError"),
-        *("Paste", "Resample", "Stream", "branch", "param", "plan_avoiding", "png_recipe"),
-        "register",
+        *("Augmentation", "Corrupted", "Corruption", "Draft", "Effect", "Every", "InputFault"),
+        *("ParameterError", "Paste", "Resample", "Stream", "branch", "param", "plan_avoiding"),
+        *("png_recipe", "register"),
     }
 )
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}

@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Literal, TypeAlias, TypeVar, cast, get_args
 
 from . import declaration
 from . import params as p
+from .actions.input_faults import FaultKind, InputFault
 from .entry_points import describe_error, error_location
 from .errors import (
     HijackError,
@@ -32,7 +33,7 @@ from .rng import Stream
 from .types import Scene
 
 Category: TypeAlias = Literal["visual_disruptor", "unexpected_operation", "environment_error"]
-Scope: TypeAlias = Literal["observation", "transition", "state"]
+Scope: TypeAlias = Literal["observation", "transition", "state", "action"]
 
 CHOICES = {"category": get_args(Category), "scope": get_args(Scope)}
 
@@ -45,11 +46,13 @@ class Draft:
         ops: operations on the picture, in their order.
         effects: what to do to the machine.
         notes: sentences for the reader of the plan.
+        inputs: what happens to actions of the agent on their way to the machine.
     """
 
     ops: tuple[Op, ...] = ()
     effects: tuple[Effect, ...] = ()
     notes: tuple[str, ...] = ()
+    inputs: tuple[InputFault, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -59,8 +62,10 @@ class Corruption(Planner):
     Subclasses set `name`, `category` and `scope`, declare their fields with `param(...)` and
     implement `make_plan`. Corruptions of scope `state` and `transition` name in `effects` the kinds
     of effects that their plans may hold, and in `pictures` the kinds of recorded pictures that show
-    those effects in a dataset. `severities` holds five sets of field values; the third is empty,
-    because level 3 is the paper's default.
+    those effects in a dataset. Corruptions of scope `action` name in `inputs` the kinds of faults
+    that change what an agent does on its way to the machine. `severities` holds five sets of field
+    values; the third is empty, because level 3 is the default, in the paper's nine that of the
+    paper.
     """
 
     name: ClassVar[str] = ""
@@ -68,6 +73,7 @@ class Corruption(Planner):
     category: ClassVar[Category]
     scope: ClassVar[Scope]
     effects: ClassVar[tuple[str, ...]] = ()  # pyright: ignore[reportIncompatibleMethodOverride]
+    inputs: ClassVar[tuple[FaultKind, ...]] = ()  # pyright: ignore[reportIncompatibleMethodOverride]
     pictures: ClassVar[tuple[str, ...]] = ()
     paper: ClassVar[str] = ""
     severities: ClassVar[tuple[Mapping[str, Any], ...]] = ()
@@ -144,8 +150,8 @@ class Corruption(Planner):
 
         Raises:
             ParameterTypeError: `scene` is no `Scene`.
-            PlanningError: `make_plan` raised an exception that is not a `HijackError`; it is the
-                cause.
+            PlanningError: `make_plan` raised an exception that is not a `HijackError`, which is
+                the cause; or it planned faults of the input that the class does not declare.
             ParameterError: the screen cannot hold what the parameters ask for.
             HijackError: the screen cannot be corrupted as asked for another reason.
         """
@@ -160,13 +166,35 @@ class Corruption(Planner):
             return Plan(self.id, scene.size, self.params(), notes=(*scene.notes, note))
         try:
             draft = self.make_plan(scene, stream, step)
+            self._check_inputs(draft.inputs)
             notes = scene.notes + draft.notes
-            return Plan(self.id, scene.size, self.params(), draft.ops, draft.effects, notes)
+            return Plan(
+                self.id, scene.size, self.params(), draft.ops, draft.effects, notes, draft.inputs
+            )
         except HijackError:
             raise
         except (Exception, SystemExit) as error:
             message = f"make_plan raised {describe_error(error)} ({error_location(error)})"
             raise PlanningError(f"{self.id}: {message}") from error
+
+    def _check_inputs(self, faults: tuple[InputFault, ...]) -> None:
+        """Check that a plan keeps to what the class declares, which decides where it may be used.
+
+        Raises:
+            PlanningError: the plan has a kind of fault that `inputs` does not name, or depends on
+                elements although `needs_elements` is false.
+        """
+        for fault in faults:
+            if fault.fault not in self.inputs:
+                raise PlanningError(
+                    f"{self.id} plans the fault {fault.fault!r}, and inputs is {self.inputs}: name"
+                    " it there"
+                )
+            if fault.needs_elements and not self.needs_elements:
+                raise PlanningError(
+                    f"{self.id} plans an offset in percent of the target, and needs_elements is"
+                    " false: override needs_elements"
+                )
 
     def first_step(self) -> int:
         """Return the first step at which the corruption acts; 0 if it acts at every step."""
@@ -310,13 +338,33 @@ CORRUPTIONS = Registry[type[Corruption]](
 )
 
 
-def corruption_names() -> list[str]:
-    """Return the names of all corruptions: the paper's nine in order, plug-ins, loaded files.
+# Named sets of corruptions that are not the paper's; "all" leaves them out.
+SETS: Mapping[str, tuple[str, ...]] = {
+    "everyday": (
+        *("missed_input", "repeated_input", "slipped_pointer"),
+        *("app_freeze", "slow_network"),
+    )
+}
+
+
+def corruption_names(of: str = "all") -> list[str]:
+    """Return the names of corruptions.
+
+    Args:
+        of: `"all"`: the paper's nine in order, plug-ins, loaded files. `"everyday"`: the faults of
+            everyday life, which `"all"` leaves out.
 
     Raises:
         PluginError: a file of `AGENTHIJACK_LOAD` cannot be loaded.
+        UnknownNameError: there is no such set.
     """
-    return CORRUPTIONS.names()
+    registered = CORRUPTIONS.names()
+    if of in SETS:
+        return [name for name in SETS[of] if name in registered]
+    if of != "all":
+        raise UnknownNameError(f"no set of corruptions {of!r}{suggest(of, ['all', *SETS])}")
+    in_sets = {name for names in SETS.values() for name in names}
+    return [name for name in registered if name not in in_sets]
 
 
 def find_corruption(name: str) -> type[Corruption]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias, cast
 
 from . import params as p
+from .actions.input_faults import FAULTS
 from .errors import suggest
 
 AllowedValues: TypeAlias = Mapping[str, Sequence[str]]
@@ -16,7 +17,7 @@ NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 # as text.
 RESERVED_NAMES = frozenset(
     {
-        *("all", "as", "clean", "none", "one_of", "schedule", "sequence", "severity"),
+        *("all", "as", "clean", "everyday", "none", "one_of", "schedule", "sequence", "severity"),
         *("false", "no", "null", "off", "on", "true", "yes"),
     }
 )
@@ -38,6 +39,7 @@ def problems(cls: type[Any], base: type[Any], choices: AllowedValues) -> Iterato
     if not is_whole or cast(int, version) < 1:
         yield f"version must be an integer of at least 1, not {version!r}"
     yield from _effects(cls)
+    yield from _inputs(cls)
     if "__dataclass_fields__" in vars(cls):
         yield from _fields(cls, base)
     yield from _severities(cls)
@@ -65,12 +67,31 @@ def _effects(cls: type[Any]) -> Iterator[str]:
         yield f'effects must be a tuple of kinds, such as ("lock",), not {kinds!r}'
         return
     scope = getattr(cls, "scope", "")
-    if kinds and scope == "observation":
-        yield "scope 'observation' has no effects on the machine; use 'state' or 'transition'"
+    if kinds and scope in ("observation", "action"):
+        yield f"scope {scope!r} has no effects on the machine; use 'state' or 'transition'"
     if not kinds and scope in ("state", "transition"):
         yield (
             f"scope {scope!r} acts on the machine, and effects is not set; name what its plans may "
             'hold, such as effects: ClassVar[tuple[str, ...]] = ("lock",)'
+        )
+
+
+def _inputs(cls: type[Any]) -> Iterator[str]:
+    """Yield what is wrong with the kinds of input faults that a corruption declares."""
+    kinds = cast(object, cls.inputs)
+    known = ", ".join(FAULTS)
+    if not isinstance(kinds, tuple) or not all(
+        kind in FAULTS for kind in cast("tuple[object, ...]", kinds)
+    ):
+        yield f'inputs must be a tuple of kinds ({known}), such as ("drop",), not {kinds!r}'
+        return
+    scope = getattr(cls, "scope", "")
+    if kinds and scope != "action":
+        yield f"scope {scope!r} has no faults of the input; use 'action'"
+    if not kinds and scope == "action":
+        yield (
+            "scope 'action' changes what an agent does, and inputs is not set; name the kinds of "
+            f'faults ({known}), such as inputs: ClassVar[tuple[str, ...]] = ("drop",)'
         )
 
 

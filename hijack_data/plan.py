@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeAlias, cast
 
+from .actions.input_faults import InputFault
 from .coords import CoordMap
 from .drawing.raster import render
 from .drawing.sprite import Sprite
@@ -121,6 +122,7 @@ class Plan:
         ops: pixel operations, in order.
         effects: what to do to a live machine.
         notes: remarks for the reader of the plan, such as "placed 47 of 50 marks".
+        inputs: what happens to actions of the agent on their way to the machine.
 
     Raises:
         PlanError: a field has the wrong type, or JSON cannot hold the parameters.
@@ -133,6 +135,7 @@ class Plan:
     ops: tuple[Op, ...] = ()
     effects: tuple[Effect, ...] = ()
     notes: tuple[str, ...] = ()
+    inputs: tuple[InputFault, ...] = ()
 
     def __post_init__(self) -> None:
         if not _check(self.corruption, str, "corruption", "a string"):
@@ -140,6 +143,7 @@ class Plan:
         _check_all(self.ops, Paste | Resample, "ops", "a Paste or a Resample")
         _check_all(self.effects, Effect, "effects", "an Effect")
         _check_all(self.notes, str, "notes", "a string")
+        _check_all(self.inputs, InputFault, "inputs", "an InputFault")
         size = check_area(as_size(self.size, "plan: size"), "plan: size")
         object.__setattr__(self, "size", size)
         object.__setattr__(self, "params", _frozen(self.params, "params"))
@@ -183,6 +187,7 @@ class Plan:
             ops=self.ops + other.ops,
             effects=self.effects + other.effects,
             notes=notes,
+            inputs=self.inputs + other.inputs,
         )
 
     def to_data(self) -> dict[str, Any]:
@@ -249,7 +254,7 @@ class Plan:
             raise PlanError(str(error)) from None
 
     def _content(self) -> dict[str, Any]:
-        return {
+        content = {
             "format": FORMAT,
             "version": VERSION,
             "corruption": self.corruption,
@@ -259,6 +264,9 @@ class Plan:
             "effects": [effect.to_data() for effect in self.effects],
             "notes": list(self.notes),
         }
+        if self.inputs:  # plans of before this field, and their digests, stay as they are
+            content["inputs"] = [fault.to_data() for fault in self.inputs]
+        return content
 
 
 def _by_name(plan: Plan) -> Mapping[str, Any]:
@@ -353,7 +361,10 @@ _EFFECT = {"effect": str, "params": dict}
 
 
 def _parse(data: object) -> Plan:
-    body = _fields(data, _PLAN, "")
+    has_inputs = isinstance(data, dict) and "inputs" in cast("dict[str, Any]", data)
+    body = _fields(cast(object, data), {**_PLAN, "inputs": list} if has_inputs else _PLAN, "")
+    if has_inputs and not body["inputs"]:
+        raise PlanError("plan: inputs is empty; leave it out")
     effects = [_fields(e, _EFFECT, f"effects[{i}]") for i, e in enumerate(body["effects"])]
     return Plan(
         body["corruption"],
@@ -362,6 +373,7 @@ def _parse(data: object) -> Plan:
         tuple(_parse_op(op, f"ops[{i}]") for i, op in enumerate(body["ops"])),
         tuple(Effect(effect["effect"], effect["params"]) for effect in effects),
         tuple(body["notes"]),
+        tuple(InputFault.from_data(fault) for fault in body.get("inputs", ())),
     )
 
 

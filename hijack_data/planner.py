@@ -24,6 +24,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from typing import Any, cast
 
+from .actions.input_faults import FaultKind
 from .errors import ParameterTypeError, short_repr
 from .plan import Plan
 from .types import Scene
@@ -77,6 +78,14 @@ class Planner(ABC):
         """
         kinds = [kind for part in self.parts for kind in part.effects]
         return tuple(dict.fromkeys(kinds))
+
+    @property
+    def inputs(self) -> tuple[FaultKind, ...]:
+        """Kinds of faults of the agent's input that its plans may hold, each once.
+
+        By default those of its parts.
+        """
+        return tuple(dict.fromkeys(kind for part in self.parts for kind in part.inputs))
 
     @property
     def needs_elements(self) -> bool:

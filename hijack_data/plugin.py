@@ -5,6 +5,7 @@
 docs/write_a_corruption.md explains each of them.
 """
 
+from .actions.input_faults import InputFault
 from .batches import Corrupted
 from .compose import Augmentation
 from .corruption import Corruption, Draft, register
@@ -24,6 +25,7 @@ __all__ = [
     "Draft",
     "Effect",
     "Every",
+    "InputFault",
     "ParameterError",
     "Paste",
     "Plan",

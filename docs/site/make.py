@@ -69,6 +69,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "live_evaluation",
         "embedded_desktop",
         "effects",
+        "everyday",
         "security",
         "local_internet",
         "bring_your_own_vm",

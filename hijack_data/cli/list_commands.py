@@ -17,14 +17,16 @@ if TYPE_CHECKING:
 
 def describe_all() -> list[dict[str, Any]]:
     """Return everything about all corruptions as JSON data."""
-    from ..corruption import corruption_names, find_corruption
+    from ..corruption import SETS, corruption_names, find_corruption
 
-    return [describe(find_corruption(name)) for name in corruption_names()]
+    names = [name for of in ("all", *SETS) for name in corruption_names(of)]
+    return [describe(find_corruption(name)) for name in names]
 
 
 def describe(cls: "type[Corruption]") -> dict[str, Any]:
     """Return everything about a corruption as JSON data."""
     from .. import params as p
+    from ..corruption import SETS
 
     spec = cls()
     rows: list[dict[str, Any]] = []
@@ -39,10 +41,16 @@ def describe(cls: "type[Corruption]") -> dict[str, Any]:
         "scope": cls.scope,
         "acts": acts(spec),
         "paper": cls.paper,
+        "set": next((of for of, names in SETS.items() if cls.name in names), ""),
         "summary": cls.summary(),
         "parameters": rows,
         "severities": levels,
     }
+
+
+def _source(info: dict[str, Any]) -> str:
+    """Return where a corruption comes from: the paper, a named set, or a plug-in."""
+    return info["paper"] or (f"set {info['set']}" if info["set"] else "plug-in")
 
 
 def acts(spec: "Corruption") -> str:
@@ -76,7 +84,7 @@ def markdown(rows: list[dict[str, Any]]) -> str:
 def _section(row: dict[str, Any]) -> Iterator[str]:
     """Yield the lines on one corruption."""
     kind = row["category"].replace("_", " ")
-    source = row["paper"] or "plug-in"
+    source = _source(row)
     yield f"## `{row['name']}`\n\n{row['summary']}\n"
     yield f"{kind}; acts on the {row['scope']}, {row['acts']}; {source}.\n"
     yield "| parameter | default | accepts | meaning |\n|---|---|---|---|"
@@ -104,7 +112,7 @@ def _changes(level: dict[str, Any]) -> str:
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--markdown", "as_markdown", is_flag=True, help="Print the reference page.")
 def list_command(as_json: bool, as_markdown: bool) -> None:
-    """List all corruptions, the paper's nine first."""
+    """List all corruptions: the paper's nine, plug-ins, the set everyday."""
     rows = describe_all()
     if as_markdown:
         echo(markdown(rows), nl=False)
@@ -135,7 +143,7 @@ def show(name: str, as_json: bool) -> None:
         echo(json.dumps(info, indent=1))
         return
     out = console()
-    paper = escape(info["paper"] or "plug-in")
+    paper = escape(_source(info))
     out.print(f"[bold]{info['name']}[/]  ({info['id']}; {paper})")
     out.print(escape(info["summary"]))
     category = escape(info["category"].replace("_", " "))

@@ -25,7 +25,7 @@ class {cls}(Corruption):
 
     name: ClassVar[str] = "{name}"
     category: ClassVar[str] = "visual_disruptor"  # unexpected_operation, environment_error
-    scope: ClassVar[str] = "observation"  # state and transition have effects and draw nothing
+    scope: ClassVar[str] = "observation"  # state, transition and action draw nothing
 
     # Five severities, 1 to 5. The third is empty: it is the defaults.
     severities: ClassVar[tuple[dict, ...]] = (
@@ -80,10 +80,10 @@ def _check_path(path: Path) -> None:
 
 def _check_name(name: str) -> None:
     from .. import declaration
-    from ..corruption import corruption_names
+    from ..corruption import CORRUPTIONS
 
     problem = next(declaration.name_problems(name), None)
-    if problem is None and name in corruption_names():
+    if problem is None and name in CORRUPTIONS.names():
         problem = f"name {name!r} is taken; hijack list shows all that are"
     if problem is not None:
         raise ParameterError(problem)

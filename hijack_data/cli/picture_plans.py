@@ -93,6 +93,7 @@ def make_plan(
     spec = cls(**values) if severity is None else cls.at(severity, **values)
     scene, notes = make_scene(spec, image, tree)
     plan = spec.plan(scene, **key)
+    _check_shows(plan)
     if not is_bare(plan):
         return plan, notes
     try:
@@ -105,10 +106,24 @@ def make_plan(
     return composited.plan, (*notes, f"fidelity: {composited.fidelity}; {advice}")
 
 
+def _check_shows(plan: Plan) -> None:
+    """Refuse a plan that changes an agent's input only.
+
+    Raises:
+        PlanError: the plan has faults of the input, and a picture has no agent.
+    """
+    if plan.inputs and not plan.ops and not plan.effects:
+        raise PlanError(
+            f"{plan.corruption} changes what an agent does, and shows nothing on a picture; use it"
+            " in hijack bench or with CorruptedEnv"
+        )
+
+
 def _read_plan(file: str, name: str | None) -> Plan:
     plan = Plan.from_json(_read(file))
     if name is not None and plan.corruption not in (find_corruption(name)().id, name):
         raise PlanError(f"{file}: a plan of {plan.corruption}, not of {name}")
+    _check_shows(plan)
     if is_bare(plan):
         raise PlanError(
             f"{file}: a plan of {plan.corruption} for a machine, which shows nothing on a"

@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias, cast
 
-from ..corruption import Corruption, corruption_names, make_corruption
+from ..corruption import CORRUPTIONS, SETS, Corruption, corruption_names, make_corruption
 from ..errors import ParameterError, ParameterTypeError, short_repr, suggest
 from ..params import Parameter
 from ..planner import Planner
@@ -77,7 +77,8 @@ def paper_compat(path_or_mapping: ConfigSource) -> Config:
 def specs_from(text: str) -> list[Corruption]:
     """Return the corruptions named in a text such as `"marks,subtitle"`, with default parameters.
 
-    `"all"` means every registered corruption. An unknown name is an `UnknownNameError`.
+    `"all"` means every registered corruption but those of a named set, `"everyday"` those of that
+    set. An unknown name is an `UnknownNameError`.
 
     Raises:
         ParameterTypeError: the argument is not a text.
@@ -86,9 +87,9 @@ def specs_from(text: str) -> list[Corruption]:
     if not isinstance(cast(object, text), str):
         names = "a string such as 'marks,subtitle' or 'all'"
         raise ParameterTypeError(f"corruptions must be {names}, got {short_repr(text)}")
-    names = (
-        corruption_names() if text.strip() == "all" else [name.strip() for name in text.split(",")]
-    )
+    word = text.strip()
+    is_set = word in ("all", *SETS)
+    names = corruption_names(word) if is_set else [name.strip() for name in text.split(",")]
     if "" in names:
         raise ParameterError(
             f"corruptions holds an empty name: {text!r}; write 'marks,subtitle' or 'all'"
@@ -185,6 +186,6 @@ def _wrapped(tree: MappingNode) -> MappingNode:
 
 
 def _unknown(key: str) -> str:
-    if paper_name(key, corruption_names()) is not None:
+    if paper_name(key, CORRUPTIONS.names()) is not None:
         return f"{key!r} is a corruption; put it under corruptions:"
     return f"unknown key {key!r}{suggest(key, ['corruptions', 'paper_compat', *OPTIONS])}"

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from ..compose import OneOf, Sequence
-from ..corruption import corruption_names, find_corruption
+from ..corruption import CORRUPTIONS, find_corruption
 from ..errors import HijackError, UnknownNameError, suggest
 from ..params import Parameter
 from ..planner import Planner
@@ -37,7 +37,7 @@ class Builder:
 
     problems: Problems
     paper: bool = False
-    known: list[str] = field(default_factory=lambda: [*corruption_names(), *COMBINATORS])
+    known: list[str] = field(default_factory=lambda: [*CORRUPTIONS.names(), *COMBINATORS])
 
     def build(self, tree: ConfigNode) -> dict[str, Planner]:
         """Return the planners of the list or mapping under `corruptions`, in order, by label."""

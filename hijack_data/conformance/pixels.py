@@ -140,7 +140,7 @@ def check_batches(cls: type[Corruption]) -> None:
 
 
 def check_scope(cls: type[Corruption]) -> None:
-    """Scope observation draws and has no effects on the machine; the other scopes draw nothing."""
+    """A plan draws, acts on the machine, or changes the agent's input, as its scope says."""
     plans = [plan for plan, _ in cases.plans(cls)]
     full = scene(cases.SIZES[0])
     for spec in cases.variants(cls):
@@ -151,14 +151,18 @@ def check_scope(cls: type[Corruption]) -> None:
 
 
 def _check_plan_scope(plan: Plan, scope: str) -> None:
-    if scope == "observation":
+    if scope in ("observation", "action"):
         kinds = ", ".join(effect.kind for effect in plan.effects)
         expect(
             not plan.effects,
-            f"scope 'observation' with effects on the machine ({kinds}); use scope 'state' or "
+            f"scope {scope!r} with effects on the machine ({kinds}); use scope 'state' or "
             "'transition'",
         )
-    else:
+    if scope != "action":
+        expect(
+            not plan.inputs, f"scope {scope!r} with faults of the agent's input; use scope 'action'"
+        )
+    if scope != "observation":
         expect(
             not plan.ops,
             f"scope {scope!r} with operations on the picture; the machine shows its own: leave ops "
@@ -179,7 +183,7 @@ def check_declared(cls: type[Corruption], plan: Plan) -> None:
 
 
 def check_visible(cls: type[Corruption]) -> None:
-    """A plan changes the picture or has an effect on the machine, or a note says why not."""
+    """A plan changes picture, machine or input, or a note says why not."""
     size = cases.SIZES[0]
     image = picture(size)
     for spec in levels(cls):
@@ -189,5 +193,7 @@ def check_visible(cls: type[Corruption]) -> None:
         if cls.scope == "observation":
             visible = not np.array_equal(apply(plan, image), image)
             expect(visible, f"the picture stays as it was and no note says why ({plan.params})")
+        elif cls.scope == "action":
+            expect(plan.inputs, "scope 'action' has no fault of the input and no note says why")
         else:
             expect(plan.effects, f"scope {cls.scope!r} has no effect and no note says why")

@@ -70,7 +70,7 @@ def check_elements(cls: type[Corruption]) -> list[str]:
             f"plans depend on scene.boxes, yet needs_elements is false ({spec.params()}): boxes "
             "are looked for only where it is true, so override needs_elements",
         )
-        if spec.needs_elements and not differs:
+        if spec.needs_elements and not differs and cls.scope != "action":
             notes.append(
                 f"needs_elements is true, yet plans are the same without boxes: {spec.params()}"
             )

@@ -1,4 +1,4 @@
-"""The paper's nine corruptions, one file each, in the paper's order.
+"""The corruptions, one file each: the paper's nine in the paper's order, then the everyday faults.
 
 That is the order in which they are listed.
 """
@@ -14,14 +14,21 @@ from .app_minimization import AppMinimization
 from .network_error import NetworkError
 from .verification import Verification
 
+from .missed_input import MissedInput
+from .repeated_input import RepeatedInput
+from .slipped_pointer import SlippedPointer
+
 __all__ = [
     "AccidentalTouch",
     "AppMinimization",
     "Marks",
+    "MissedInput",
     "MultiApps",
     "NetworkError",
     "PopUps",
+    "RepeatedInput",
     "Resolution",
+    "SlippedPointer",
     "Subtitle",
     "Verification",
 ]

@@ -25,7 +25,7 @@ from hijack_data.config.nodes import (
     kind_of,
 )
 from hijack_data.config.yaml_reader import read_yaml
-from hijack_data.corruption import check_not_broken, corruption_names, make_corruption
+from hijack_data.corruption import SETS, check_not_broken, corruption_names, make_corruption
 from hijack_data.errors import ConfigError, HijackError, ParameterError, UnknownNameError, suggest
 from hijack_data.loading import find_source
 from hijack_data.params import Parameter
@@ -248,9 +248,13 @@ def is_from_data(entry: Any) -> bool:
     return isinstance(entry, type) and issubclass(entry, Task) and bool(entry.family)
 
 
-def all_planners() -> Planners:
-    """Return the clean condition and every corruption with its defaults, by label."""
-    return {CLEAN: None, **{name: make_corruption(name) for name in corruption_names()}}
+def all_planners(of: str = ALL) -> Planners:
+    """Return the clean condition and corruptions with their defaults, by label.
+
+    Args:
+        of: `ALL`, or a set that `corruption_names` knows, such as `"everyday"`.
+    """
+    return {CLEAN: None, **{name: make_corruption(name) for name in corruption_names(of)}}
 
 
 def load_bench(path_or_name: str | os.PathLike[str]) -> Bench:
@@ -366,14 +370,15 @@ def on_machines(
 
 
 def _planners(bench: Bench, text: str) -> Planners:
-    """Return the corruptions that a text lists: labels of the file, names, or `all`.
+    """Return the corruptions that a text lists: labels of the file, names, `all`, or a named set.
 
     The path of a configuration of corruptions, such as the authors' `default.yaml`, stands for all
     that it lists.
     """
-    if text.strip() == ALL:
-        return all_planners()
-    planners = {**all_planners(), **bench.planners}
+    if text.strip() in (ALL, *SETS):
+        return all_planners(text.strip())
+    planners = {key: one for of in (ALL, *SETS) for key, one in all_planners(of).items()}
+    planners |= bench.planners
     labels: list[str] = []
     for name in _split_names(text):
         if name.endswith((".yaml", ".yml")):
@@ -591,9 +596,12 @@ class _Reader:
         return tuple(values)
 
     def _corruptions(self, tree: ConfigNode) -> Planners | None:
-        """Return the planners of `all`, or of a list, in which `clean` is the clean condition."""
-        if isinstance(tree, ScalarNode) and tree.value == ALL:
-            return all_planners()
+        """Return the planners of `all`, a named set, or a list.
+
+        In a list, `clean` is the clean condition.
+        """
+        if isinstance(tree, ScalarNode) and tree.value in (ALL, *SETS):
+            return all_planners(str(tree.value))
         if not isinstance(tree, SequenceNode):
             return self._build_planners(tree)
         corrupted = [item for item in tree.items if not _is_clean(item)]

@@ -84,9 +84,14 @@ def corrupt_desktop(
         note: Called with the records of the effects before they are probed, to keep them.
 
     Raises:
-        ParameterError: The corruption does not act at `step`.
+        ParameterError: The corruption does not act at `step`, or changes an agent's input.
         MissingCapabilityError: The machine lacks something, which is named.
     """
+    if spec.inputs:
+        raise ParameterError(
+            f"{spec.name} changes what an agent does, and no agent acts on this desktop; use it in"
+            " hijack bench"
+        )
     before = desktop.screenshot()
     tree = desktop.accessibility() if spec.needs_elements else None
     scene = scene_from(before, tree=tree, detect="none")

@@ -19,6 +19,7 @@ from hijack_data.rng import Stream
 from ..desktops.capability_survey import lacks
 from ..desktops.protocol import Capability, Desktop
 from ..errors import DesktopError, MissingCapabilityError
+from .duration import Duration
 from .guest import Guest
 
 EffectRecord: TypeAlias = dict[str, Any]
@@ -124,6 +125,21 @@ class LiveEffect(ABC):
         """Refresh an effect that would fade by itself; called before each observation."""
         return
 
+    def has_ended(
+        self, guest: Guest, params: Mapping[str, Any], steps: int, seconds: float
+    ) -> bool:
+        """Return whether the effect is over, so that it is to be undone now.
+
+        By default the parameter `lasts` decides: `{"steps": n}` or `{"seconds": s}`.
+
+        Args:
+            guest: the desktop.
+            params: the parameters of the effect, from the plan.
+            steps: observations that showed it.
+            seconds: since it was applied.
+        """
+        return Duration.read(params).is_over(steps, seconds)
+
     def in_words(self, facts: Mapping[str, Any]) -> str:
         """Return the facts of a successful probe as one sentence."""
         return json.dumps(dict(facts), ensure_ascii=False)
@@ -161,6 +177,11 @@ class Applied:
     def can_be_lifted(self) -> bool:
         """Whether an agent may end the effect by its actions on this desktop."""
         return self._live.can_be_lifted(self._guest)
+
+    def has_ended(self, steps: int) -> bool:
+        """Return whether the effect is over after `steps` observations that showed it."""
+        seconds = time.time() - self.record["at"]
+        return self._live.has_ended(self._guest, self.effect.params, steps, seconds)
 
     def refresh(self) -> None:
         """Refresh an effect that would fade by itself: call this before each observation."""
@@ -242,11 +263,13 @@ def perform(
         UnknownNameError: The kind is not registered.
         MissingCapabilityError: The desktop lacks something, which is named; nothing was changed.
         EffectError: The parameters are wrong, or the record is not JSON.
+        ParameterError: The parameter `lasts` is wrong.
         DesktopError: The desktop does not answer.
     """
     live = find(effect.kind, desktop)
     guest = Guest(desktop, password, stream)
     _check(live, desktop)
+    Duration.read(effect.params)  # a wrong one must not show in the middle of an episode
     start = time.monotonic()
     did = live.apply(guest, effect.params)
     _check_json(did, f"the record of the effect {effect.kind!r}")

@@ -17,12 +17,13 @@ from hijack_data.actions.agent_actions import Request, read_action
 from hijack_data.errors import ActionError
 from hijack_data.plan import Effect
 from hijack_data.runs.run_log import CUT, MAX_TEXT, episode_slug
-from hijack_data.types import Size
+from hijack_data.types import Size, as_boxes
 
 from ..desktops.protocol import RunResult
 from ..effects import find
 from ..effects.base import PASSWORD
-from ..errors import DesktopError, DesktopTimeoutError, GuestError
+from ..errors import DesktopError
+from .input_faults import InputChannel
 from .live_effects import EpisodeEffects
 from .log import EpisodeLog, free_attempt
 from .observer import EpisodeView, Observer
@@ -118,9 +119,12 @@ class Episode:
             self._set_up()
         script = self._script()
         # A refusal up to this point leaves no record, because nothing was played.
-        size = script.check(self._max_observations, self._stage.desktop)
+        size = script.check(self._max_observations, self._stage.desktop, self._settings.allow_code)
         self._log = self._open_log()
-        observer = Observer(self._stage.desktop, self._settings, script, self._effects, self._log)
+        desktop = self._stage.desktop
+        channel = InputChannel(desktop, script.size)
+        channel.add(script.plan(BEFORE))
+        observer = Observer(desktop, self._settings, script, self._effects, channel, self._log)
         self._observer = observer
         problem = self._set_up_around(early, script) if early else ""
         with self._failure_recorded():
@@ -185,6 +189,7 @@ class Episode:
             counts=self._counts,
             end=end,
             effects=self._effects.records,
+            inputs=None if self._observer is None else self._observer.channel.records,
             desktop=self._stage.desktop,
         )
         if self._log is None:
@@ -280,18 +285,28 @@ class Episode:
         return EpisodeLog(folder, episode_slug(*names, self._counts.attempt))
 
     def _act(self, text: object, observer: Observer, view: EpisodeView) -> tuple[float, bool, bool]:
+        self._effects.end_due(view.line["step"])  # the agent may have thought for a while
         start = time.monotonic()
         request = self._read(text, view)
         kind = "malformed" if request is None else request.kind
+        problem = ""
+        had_acted = self._acted
         if request is not None and kind == "code":
             self._acted = True
-            view.line["result"] = _result_data(self._run(request.code))
+            boxes = as_boxes(view.line["boxes"])
+            result, problem = observer.channel.send(request.code, view.line, boxes)
+            view.line["result"] = _result_data(result)
         elif kind == "reinit":
             view.line["result"] = {"helped": self._recover()}
         elif kind == "wait":
             time.sleep(WAIT_S)
         view.line["seconds"]["action"] = since(start)
         observer.flush()
+        if problem:
+            self._counts.actions += 1
+            # Programs that the agent left may press keys, too, so it could end episodes that way.
+            self.end(End(status="error" if had_acted else "invalid", problem=problem))
+            return _OVER
 
         ended = kind in ("done", "fail")
         if kind == "reinit" and not self._counts.actions and self._settings.recovery != "none":
@@ -352,14 +367,6 @@ class Episode:
         line["code"] = request.code
         self._counts.history.append(request.code)
         return request
-
-    def _run(self, code: str) -> RunResult:
-        try:
-            # Begin with a new line, because some guests put other code before it on the same line.
-            return self._stage.desktop.run(f"\n{code}")
-        except (GuestError, DesktopTimeoutError) as error:
-            # The code never ends, or the guest is dead; then the next screenshot raises.
-            return RunResult("error", "", str(error))
 
     def _recover(self) -> bool:
         """Follow the recovery policy and return whether that removed a disturbance."""

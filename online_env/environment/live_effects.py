@@ -249,6 +249,18 @@ class EpisodeEffects:
             return False
         return probe
 
+    def end_due(self, step: int) -> None:
+        """Undo the effects that are over, the latest first.
+
+        Args:
+            step: The number of the next observation.
+        """
+        for live in reversed(self._live):
+            with _guarded(live.kind):
+                is_over = live.active and live.applied.has_ended(step - max(live.step, 0))
+            if is_over:
+                live.undo()
+
     def refresh(self) -> None:
         """Refresh effects that would fade by themselves."""
         for live in self._live:

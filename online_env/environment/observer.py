@@ -16,6 +16,7 @@ from hijack_data.types import BoxArray, UInt8Array, as_boxes
 
 from ..desktops.protocol import Desktop
 from ..errors import DesktopError, MissingCapabilityError
+from .input_faults import InputChannel
 from .live_effects import EpisodeEffects
 from .log import EpisodeLog
 from .record import since
@@ -41,6 +42,7 @@ class Observer:
         settings: What holds for every episode.
         script: The plans of this episode.
         effects: The effects of this episode.
+        channel: Where the faults of the plans wait for the agent's actions.
         log: Where frames and lines go; `None` writes nothing.
     """
 
@@ -50,6 +52,7 @@ class Observer:
         settings: EvalSettings,
         script: Script,
         effects: EpisodeEffects,
+        channel: InputChannel,
         log: EpisodeLog | None,
     ) -> None:
         self.view: EpisodeView | None = None
@@ -57,6 +60,7 @@ class Observer:
         self._settings = settings
         self.script = script
         self._effects = effects
+        self.channel = channel
         self._log = log
         self._written = 0  # lines of the log
         self._read: tuple[UInt8Array, BoxArray] | None = None  # the screen read last, and its text
@@ -70,6 +74,7 @@ class Observer:
         """
         problem = ""
         seconds: dict[str, float] = {}
+        self._effects.end_due(step)
         self._effects.refresh()
         settled, boxes = self.settle(step, seconds)
         start = time.monotonic()
@@ -101,6 +106,7 @@ class Observer:
             facts["effect_boxes"] = effect_boxes.tolist()
         line = {"step": step, **frames, **facts, "seconds": seconds}
         self.view = EpisodeView(seen=corrupted, plan=plan, line=line)
+        self.channel.add(plan)
         seconds["corrupt"] = since(start)
         return problem
 
@@ -118,7 +124,7 @@ class Observer:
             DesktopError: The size of the screen changed, or its tree cannot be read.
         """
         start = time.monotonic()
-        with_tree = self.script.needs_tree(step)
+        with_tree = self.script.needs_tree(step) or self.channel.needs_elements
         settled = wait_until_settled(self._desktop, self._settings.settle, with_tree)
         seconds["settle"] = since(start) + seconds.get("settle", 0.0)
         seconds["tree"] = settled.tree_seconds

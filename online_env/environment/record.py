@@ -107,6 +107,7 @@ def make_record(
     counts: EpisodeCounts,
     end: End,
     effects: list[EpisodeRecord],
+    inputs: list[EpisodeRecord] | None,
     desktop: Desktop,
 ) -> EpisodeRecord:
     """Return the record as JSON data."""
@@ -155,6 +156,8 @@ def make_record(
         GIVEN: counts.given,
         "desktop": _about(desktop, settings.settle),
     }
+    if inputs or (request.planner is not None and request.planner.inputs):
+        record["inputs"] = inputs or []
     return json.loads(json.dumps(record, default=repr))
 
 

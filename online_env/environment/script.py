@@ -81,19 +81,25 @@ class Script:
         """Return the random draws for decisions that need the live desktop."""
         return Stream(self.seed, f"effect-{kind}", self.sample, step)
 
-    def check(self, steps: int, desktop: Desktop) -> Size:
+    def check(self, steps: int, desktop: Desktop, allow_code: bool = False) -> Size:
         """Plan `steps` steps ahead, and refuse a corruption that cannot work before it begins.
 
         Returns:
             The size of the agent's pictures, (height, width).
 
         Raises:
-            ParameterError: The screen is too small, or the pictures have several sizes.
+            ParameterError: The screen is too small, the pictures have several sizes, or the agent
+                may run any code, which faults of the input cannot read.
             MissingCapabilityError: The desktop lacks capabilities, all of which are named.
             UnknownNameError: An effect is of an unknown kind.
         """
         plans = [self.plan(step) for step in range(BEFORE, steps + 1)]
         self._check_capabilities(plans, desktop)
+        if allow_code and any(plan.inputs for plan in plans):
+            raise ParameterError(
+                f"{get_label(self.planner)} changes the agent's input, which it reads call by call;"
+                " an agent that may run any code (allow_code) cannot be played under it"
+            )
         sizes = {plan.out_size for plan in plans[1:]}
         if len(sizes) > 1:
             raise ParameterError(
@@ -128,7 +134,7 @@ def check_corruptions(planners: Iterable[Planner | None], steps: int, desktop: D
 
 
 def _acts(plan: Plan) -> bool:
-    return bool(plan.ops or plan.effects)
+    return bool(plan.ops or plan.effects or any(fault.needs_elements for fault in plan.inputs))
 
 
 def _elements_on(size: Size) -> BoxArray:

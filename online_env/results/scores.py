@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
-from hijack_data.corruption import corruption_names, find_corruption
+from hijack_data.corruption import CORRUPTIONS, find_corruption
 from hijack_data.plan import CLEAN
 
 from .episode_columns import CellEpisodes, CellKey, CellScores, EpisodeColumns, PairKey
@@ -246,8 +246,8 @@ def count_unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, s
 
     Args:
         records: the last attempts.
-        corruptions: the name of each label; only a corruption with effects on the machine can come
-            too late.
+        corruptions: the name of each label; only a corruption with effects on the machine, or one
+            that changes the agent's input, can come too late.
     """
     waiting = _acting_labels(tuple(corruptions.items()))
     scored = [
@@ -257,13 +257,14 @@ def count_unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, s
         and record["corruption"] in waiting
         and not record.get("unplayable")
     ]
-    return sum(not record.get("effects") for record in scored)
+    return sum(not record.get("effects") and not record.get("inputs") for record in scored)
 
 
 @lru_cache(maxsize=4)
 def _acting_labels(corruptions: tuple[tuple[str, str], ...]) -> frozenset[str]:
-    """Return the labels, of labels and names, whose corruption has effects on the machine."""
-    acting = {name for name in corruption_names() if find_corruption(name).effects}
+    """Return the labels, of labels and names, whose corruption acts on machine or input."""
+    types = {name: find_corruption(name) for name in CORRUPTIONS.names()}
+    acting = {name for name, kind in types.items() if kind.effects or kind.inputs}
     return frozenset(label for label, name in corruptions if name in acting)
 
 

@@ -1,13 +1,18 @@
 """A hand that notices disturbances and undoes them, as a careful user would.
 
+An action that seems to have got lost it does again: nothing has changed on the screen, and what
+should follow does not come.
+
 It knows what a person knows: the applications of the task, how to start the first of them, and the
 password. It does not know what was disturbed, and it acts with pointer and keyboard alone.
 """
 
 import time
 from collections.abc import Callable, Iterable
+from typing import Any, TypeAlias
 
 from hijack_data.actions.agent_actions import REINIT
+from hijack_data.types import UInt8Array
 
 from ..desktops.protocol import Desktop
 from ..errors import DesktopTimeoutError
@@ -29,6 +34,10 @@ _FIELDS = (*ENTRIES, "combo-box")
 _MAX_OPEN_DIALOGS = 3  # that one try may leave behind
 _MAX_UNDOS = 60  # before another try
 LOST_S = 2.0  # without what is expected, until the hand looks for a reason
+TYPED_S = 1.0  # s within which a typed text shows
+_CURSOR_PIXELS = 4  # a cursor that blinks is narrower
+_MAX_REPEATS = 2  # of one action that seems to have got lost
+_Layout: TypeAlias = frozenset[tuple[Any, ...]]
 _LOOKS_BEFORE_ESCAPE = (
     3  # looks for a reason before an Escape, which also stops a page that is loading
 )
@@ -68,10 +77,15 @@ class CarefulHand(Hand):
         self._lost = 0.0  # when to look for a reason, by `time.monotonic`
         self._missed = 0  # how often a reason was looked for since what is wanted is missing
         self._may_be_outside = False  # whether the pointer may be beside the own windows
+        self._layout: _Layout = frozenset()  # of the last look
+        self._last = ""  # the last action of the task
+        self._layout_before: _Layout = frozenset()  # when it was done
+        self._repeats_left = 0  # how often it may be done again
 
     def look(self) -> list[TreeNode]:
         """Return the nodes of the tree as it is now, and keep the titles of the own windows."""
         nodes = super().look()
+        self._layout = _layout(nodes)
         visible = self._windows.visible(nodes)
         self._programs |= {program_name(node.name) for node in visible if node.name}
         active = [node.app for node in self._windows.frames(nodes) if "active" in node.states]
@@ -99,7 +113,11 @@ class CarefulHand(Hand):
         if time.monotonic() <= self._lost:
             return super()._while_missing(nodes, meanwhile)
         self._missed += 1
-        if self.recover(nodes, escape=self._missed >= _LOOKS_BEFORE_ESCAPE):
+        is_late = self._missed >= _LOOKS_BEFORE_ESCAPE
+        if is_late and self._repeat_lost_action():
+            self._lost = time.monotonic() + LOST_S
+            return True
+        if self.recover(nodes, escape=is_late):
             raise DesktopTimeoutError(
                 "the document was closed; it is open again, but without what was done in it"
             )
@@ -108,8 +126,48 @@ class CarefulHand(Hand):
 
     def run(self, code: str) -> None:
         """Run pyautogui code, after obvious obstacles were removed."""
-        self._clear(self.look())
+        self._prepare(code)
         super().run(code)
+
+    def _prepare(self, code: str) -> bool:
+        """Remove obvious obstacles, and note the next action; return whether there were any."""
+        cleared = self._clear(self.look())
+        if cleared:
+            self.look()
+        self._last = code
+        self._layout_before = self._layout
+        self._repeats_left = _MAX_REPEATS
+        return cleared
+
+    def _repeat_lost_action(self) -> bool:
+        """Do the last action again if everything looks as before it; return whether it was."""
+        if not self._repeats_left or not self._last or self._layout != self._layout_before:
+            return False
+        self._repeats_left -= 1
+        super().run(self._last)
+        return True
+
+    def type(self, text: str) -> None:
+        """Type any text where the cursor is, and again if nothing of it shows on the screen."""
+        code = f"pyautogui.write({text!r})"
+        self._prepare(code)
+        before = self._desktop.screenshot()
+        super().run(code)
+        if text and not self._changes(before):
+            super().run(code)
+        self._last = ""  # it shows; the tree need not hold it
+
+    def _changes(self, before: UInt8Array) -> bool:
+        """Return whether the screen changes within `TYPED_S`, by more than a blinking cursor."""
+        deadline = time.monotonic() + TYPED_S
+        while True:
+            after = self._desktop.screenshot()
+            columns = (after != before).any(axis=(0, 2)).nonzero()[0]
+            if len(columns) and columns[-1] - columns[0] >= _CURSOR_PIXELS:
+                return True
+            if time.monotonic() > deadline:
+                return False
+            time.sleep(PAUSE)
 
     def click(self, node: TreeNode) -> None:
         """Click in the middle of a node, after obvious obstacles were removed.
@@ -118,7 +176,8 @@ class CarefulHand(Hand):
             DesktopTimeoutError: The node is part of a menu, which closed meanwhile; the tree may
                 still name it.
         """
-        if self._clear(self.look()) and node.role in MENU_ROLES:
+        x, y = node.centre
+        if self._prepare(f"pyautogui.click({x}, {y})") and node.role in MENU_ROLES:
             raise DesktopTimeoutError(f"the menu with {node.name!r} was closed by a disturbance")
         self._click_at(node)  # `run` would look once more
         self._may_be_outside = False
@@ -404,6 +463,15 @@ class CarefulHand(Hand):
             time.sleep(PAUSE)
 
 
+def _layout(nodes: list[TreeNode]) -> _Layout:
+    """Return what shows, without the panel, whose clock goes on, and without states."""
+    return frozenset(
+        (node.app, node.role, node.name, node.text, node.box)
+        for node in nodes
+        if node.box and node.app != PANEL
+    )
+
+
 def _same_field(field: TreeNode, nodes: list[TreeNode]) -> TreeNode | None:
     """Return a field of an earlier look as it is now; `None` if it cannot be told which it is.
 
@@ -421,7 +489,8 @@ def _is_wrong(field: TreeNode, text: str) -> bool:
 
     Some fields do not tell what they hold.
     """
-    if field.box is None or field.text.startswith(text):
+    is_doubled = text != "" and field.text.startswith(text + text)
+    if field.box is None or (field.text.startswith(text) and not is_doubled):
         return False
     return field.text != "" or "focused" not in field.states
 

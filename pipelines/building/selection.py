@@ -40,6 +40,7 @@ def select(corruptions: Mapping[str, Planner] | str) -> dict[str, Planner]:
         _check_label(label)
         _check_planner(label, planner)
         _check_effects(planner)
+        _check_inputs(planner)
     return planners
 
 
@@ -110,6 +111,20 @@ def _check_effects(planner: Planner) -> None:
             raise BuildError(
                 f"corruptions: {leaf.label} does {', '.join(unknown)} to the machine, and what that"
                 f" looks like in a recording is not known; leave it out: {','.join(possible)}"
+            )
+
+
+def _check_inputs(planner: Planner) -> None:
+    """Refuse a planner that changes the agent's input: nobody acts on a recording.
+
+    Raises:
+        BuildError: it does; the message names it.
+    """
+    for leaf in leaves(planner):
+        if leaf.inputs:
+            raise BuildError(
+                f"corruptions: {leaf.label} changes what an agent does ({', '.join(leaf.inputs)}),"
+                " and a recording has no agent; leave it out, and use it in hijack bench"
             )
 
 

@@ -175,11 +175,15 @@ class VariantPlanner:
 
 
 def _check_declared(plan: Plan, planner: Planner) -> None:
-    """Refuse effects that a planner does not declare.
+    """Refuse effects that a planner does not declare, and faults of an agent's input.
 
     Raises:
-        BuildError: the plan has an effect that the planner does not declare.
+        BuildError: the plan has an effect that the planner does not declare, or such a fault.
     """
+    if plan.inputs:
+        raise BuildError(
+            f"{plan.corruption} gave a plan that changes an agent's input; a recording has no agent"
+        )
     if plan.effects and not has_effects(planner):
         kinds = ", ".join(dict.fromkeys(effect.kind for effect in plan.effects))
         raise BuildError(

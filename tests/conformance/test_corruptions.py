@@ -10,7 +10,7 @@ from hijack_data.corruption import find_corruption
 @pytest.mark.parametrize(
     "check", conformance.CHECKS, ids=lambda c: c.__name__.removeprefix("check_")
 )
-@pytest.mark.parametrize("name", hj.corruption_names())
+@pytest.mark.parametrize("name", [*hj.corruption_names(), *hj.corruption_names("everyday")])
 def test_conformance(name, check):
     result = conformance.run_check(check, find_corruption(name))
     assert result.ok, result.problem

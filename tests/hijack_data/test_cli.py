@@ -70,7 +70,7 @@ def test_help_and_version():
 
 def test_list_and_show():
     rows = json.loads(run("list", "--json").stdout)
-    assert [r["name"] for r in rows] == hj.corruption_names()
+    assert [r["name"] for r in rows] == [*hj.corruption_names(), *hj.corruption_names("everyday")]
     text = run("show", "pop_ups").stdout
     assert "small_factor" in text
     assert "Algorithm 1" in text

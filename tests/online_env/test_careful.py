@@ -1,5 +1,6 @@
 """A careful hand on a desktop whose trees are written down."""
 
+import numpy as np
 import pytest
 
 from online_env.errors import DesktopTimeoutError
@@ -238,6 +239,7 @@ INTO_TO = "pyautogui.click(340, 350)"
         (fields("jun@mail.test"), "jun@mail.test", []),
         (fields("jun@mail.test, Jun"), "jun@mail.test", []),  # it was completed
         (fields("desk@mail.testjun@mail.test"), "jun@mail.test", [""]),
+        (fields("jun@mail.testjun@mail.test"), "jun@mail.test", [""]),  # it was typed twice
         (fields("desk@mail.testjun@mail.test", role="combo-box"), "jun@mail.test", [""]),
         (fields(""), "jun@mail.test", []),  # what it holds is not in the tree
         (fields("", "Address"), "jun@mail.test", [INTO_TO, ""]),
@@ -393,6 +395,47 @@ def test_a_program_is_started_again_only_if_its_window_stays_away(later: str, st
     hand = careful_hand.CarefulHand(desktop, ["vlc"], "vlc /home/user/song.ogg", timeout=0.1)
     hand.recover()
     assert desktop.ran.count("pyautogui.hotkey('alt', 'f2')") == starts
+
+
+def test_a_click_that_got_lost_is_done_again_and_one_that_arrived_is_not() -> None:
+    closed = office(SHEET)
+    opened = office(SHEET + f'<menu-item name="Save" {PLACE}/>')
+    click = "pyautogui.click(140, 250)"
+    for trees, ran in (([closed, closed, opened], [click, click]), ([closed, opened], [click])):
+        desktop = Trees(trees)
+        hand = careful_hand.CarefulHand(desktop, ["libreoffice_calc"], timeout=5)
+        hand.run(click)
+        hand.find("menu-item", "Save")
+        assert desktop.ran == ran
+
+
+def test_a_click_beside_its_target_is_done_again_once_an_escape_brought_back_what_was_there() -> (
+    None
+):
+    closed = office(SHEET)
+    other = office(SHEET + f'<menu-item name="Print" {PLACE}/>')
+    opened = office(SHEET + f'<menu-item name="Save" {PLACE}/>')
+    desktop = Trees([closed, other, closed, opened])
+    hand = careful_hand.CarefulHand(desktop, ["libreoffice_calc"], timeout=5)
+    hand.run("pyautogui.click(140, 250)")
+    hand.find("menu-item", "Save")
+    click = "pyautogui.click(140, 250)"
+    assert desktop.ran == [click, "pyautogui.press('escape')", click]
+
+
+@pytest.mark.parametrize(("shows", "times"), [(True, 1), (False, 2)])
+def test_a_text_that_does_not_show_is_typed_again(
+    shows: bool, times: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(careful_hand, "TYPED_S", 0.0)
+    desktop = Trees([office(SHEET)])
+    if not shows:  # but for the cursor
+        blank, cursor = np.zeros((2, 100, 100, 3), np.uint8)
+        cursor[40:60, 50:52] = 255
+        pictures = iter([blank, cursor])
+        monkeypatch.setattr(desktop, "screenshot", lambda: next(pictures))
+    careful_hand.CarefulHand(desktop, ["libreoffice_calc"]).type("a text")
+    assert desktop.ran == ["pyautogui.write('a text')"] * times
 
 
 def test_a_page_has_time_to_load_before_an_escape_would_stop_it(

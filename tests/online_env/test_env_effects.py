@@ -194,3 +194,25 @@ def test_on_a_fresh_desktop_the_effect_is_tried_and_put_back(monkeypatch) -> Non
     assert stage.desktop.state == set()
     # What was tried there is no part of the episode.
     assert [effect["step"] for effect in record["effects"]] == [0, 1]
+
+
+def test_an_effect_lasts_as_long_as_it_says(monkeypatch) -> None:
+    due = {0: (layer("a", lasts={"steps": 2}), layer("b", lasts={"seconds": 60}))}
+    env, stage = make(corruption=Layers(due))
+    env.reset(seed=0)
+    env.step("WAIT")
+    assert stage.desktop.state == {"a", "b"}  # observations 0 and 1 show both
+    env.step("WAIT")
+    assert stage.desktop.state == {"b"}
+    monkeypatch.setattr("online_env.effects.base.time.time", lambda: 2e10)
+    env.step("WAIT")
+    assert (stage.desktop.state, noted(stage, "undo")) == (set(), ["undo a", "undo b"])
+    env.step("DONE")
+    assert noted(stage, "undo") == ["undo a", "undo b"]  # each once
+
+
+def test_a_wrong_duration_ends_the_episode_before_anything_is_changed() -> None:
+    env, stage = make(corruption=Layers({0: (layer("a", lasts={"steps": 0}),)}))
+    env.reset(seed=0)
+    assert 'lasts of an effect is {"steps": 1 to 10000}' in env.record["problem"]
+    assert noted(stage, "apply") == []

@@ -19,7 +19,7 @@ from Xlib import error
 
 from ...errors import DesktopError, DesktopTimeoutError, GuestError
 from .display import BROKEN, SharedDisplay
-from .inside import locktool, nettool, xtool
+from .inside import inputtool, locktool, nettool, xtool
 from .inside.ewmh import Screen
 from .shim.ah_input import Connection
 
@@ -66,6 +66,7 @@ class Tools:
             "xtool": xtool.OPERATIONS,
             "locktool": locktool.OPERATIONS,
             "nettool": nettool.OPERATIONS,
+            "inputtool": inputtool.OPERATIONS,
         }
         work = tables.get(tool, {}).get(operation)
         if work is None:

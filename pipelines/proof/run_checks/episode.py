@@ -18,6 +18,7 @@ from ...readers import fields
 from ...readers.fields import FieldError, FieldTypeError
 from ...readers.safe_files import lines, parse_file
 from . import field_checks
+from .input_checks import InputReplay, input_problems
 from .journal import Journal, privileged_input_problems
 from .observation import ReplayedObservation, ReplayInputs, answer_points, check_observation
 
@@ -142,6 +143,7 @@ def _key(record: Mapping[str, Any], planner: Planner | None, is_stated: bool) ->
 def _lines(folder: Path, key: ReplayInputs, replay: EpisodeReplay) -> Iterator[str]:
     """Check each line on its own, and the hashes that chain the lines."""
     replay.last = sha256_hex(folder.name.encode())
+    inputs: InputReplay | None = None
     for place, line in enumerate(lines(folder / STEPS)):
         line_name = f"line {line.number}"
         try:
@@ -156,6 +158,10 @@ def _lines(folder: Path, key: ReplayInputs, replay: EpisodeReplay) -> Iterator[s
                 yield f"step {step}: {text}"
             observation = check_observation(folder, data, key)
             replay.add(data, observation)
+            if inputs is None:
+                inputs = InputReplay(_plan_before(observation.plan.size, key))
+            for problem in inputs.problems(data, observation.plan):
+                yield f"step {step}: {problem}"
             for problem in observation.problems:
                 yield f"step {step}: {problem}"
         except HijackError as error:
@@ -183,6 +189,8 @@ def _record_problems(replay: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
     requests = sum(line.get("code") == REINIT for line in replay.lines)
     yield from field_checks.recovery_problems(record, replay.lines, requests)
     yield from field_checks.time_problems(record, replay.lines)
+    is_declared = key.planner is not None and bool(key.planner.inputs)
+    yield from input_problems(record, replay.lines, is_declared)
     for line in replay.lines:
         is_last = line is replay.lines[-1]
         if line.get("raw") is None and not is_last:
@@ -193,7 +201,7 @@ def _record_problems(replay: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
             yield f"the last line of {STEPS} has an action, and no observation follows"
         yield from _effect_problems(replay, key)
     elif replay.lines:
-        has_effects = any(plan.effects for plan in _plans(replay, key))
+        has_effects = any(plan.effects or plan.inputs for plan in _plans(replay, key))
         yield from field_checks.early_end_problems(record, replay.lines, has_effects)
 
 
@@ -300,11 +308,15 @@ def _plans(replay: EpisodeReplay, key: ReplayInputs) -> list[Plan]:
     # No effect is applied before the last observation, unless the episode was ended from outside.
     if replay.record.get("ended") != "outside":
         plans.pop()
-    first = Plan.clean(replay.plans[0].size)
-    if key.is_stated and key.planner is not None:
-        scene = Scene(replay.plans[0].size, apps=key.apps)
-        first = key.planner.plan(scene, seed=key.seed, sample=key.sample, step=BEFORE)
-    return [first, *plans]
+    return [_plan_before(replay.plans[0].size, key), *plans]
+
+
+def _plan_before(size: Size, key: ReplayInputs) -> Plan:
+    """Return the plan before the episode; a clean one if the log does not state the planner."""
+    if not key.is_stated or key.planner is None:
+        return Plan.clean(size)
+    scene = Scene(size, apps=key.apps)
+    return key.planner.plan(scene, seed=key.seed, sample=key.sample, step=BEFORE)
 
 
 def _plan_of_effects(line: Mapping[str, Any], plan: Plan, key: ReplayInputs) -> Plan:

@@ -41,6 +41,7 @@ LIBRARY: Final = "library"  # follows from what the library knows
 FREE: Final = "free"  # only a hash protects it
 
 CONFIG, DESKTOP, RECOVERY, EVENT, EFFECT = "config", "desktop", "recovery", "event", "effect"
+INPUT = "input"
 _CODE_LISTS = ("agents", "tasks")  # the lists whose names may have an entry in `config.code`
 
 FIELDS: Mapping[str, Mapping[str, str]] = {
@@ -112,6 +113,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "seconds": FREE,
         "setup_seconds": FREE,
         "effects": DERIVED,
+        "inputs": DERIVED,
         "environment_errors": COPIED,
         "problem": FREE,
         "cause": DERIVED,
@@ -152,6 +154,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "code": DERIVED,
         "error": DERIVED,
         "events": DERIVED,
+        "input": DERIVED,
         "result": FREE,
         "still": FREE,
         "seconds": FREE,
@@ -159,6 +162,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
     },
     EVENT: {"step": DERIVED, "effect": DERIVED, "record": COPIED},
     EFFECT: {"step": DERIVED, "record": COPIED, "held_at_end": FREE},
+    INPUT: {"sent": DERIVED, "faults": DERIVED, "probe": FREE},
 }
 # Files and folders of a run. Those of agents are the requests of models and what OCR has read.
 RUN_FILES = frozenset({RUN, RECORDS, SESSIONS, LOCK, SEAL, SIGNATURE, EPISODES, REQUESTS, TEXTS})
@@ -485,7 +489,7 @@ def early_end_problems(
     Args:
         record: of the episode, whose status is not `ok`.
         lines: its steps.
-        has_effects: whether its corruption acts on the machine.
+        has_effects: whether its corruption acts on the machine, or on the agent's input.
     """
     acted = [line for line in lines if line.get("raw") is not None]
     is_last_seen = bool(lines) and lines[-1].get("raw") is None

@@ -171,8 +171,11 @@ class ToyEnv(gymnasium.Env[dict[str, Any], str]):
         """Apply the effects that are due.
 
         Raises:
-            HijackError: the toy desktop has no such effect.
+            HijackError: the toy desktop has no such effect, or the agent's input is to be changed.
         """
+        if self._planner is not None and self._planner.inputs:
+            kinds = ", ".join(self._planner.inputs)
+            raise HijackError(f"the toy desktop does not change an agent's input ({kinds})")
         if self._planner is None or not self._planner.effects:
             return
         plan = self._plan(step)

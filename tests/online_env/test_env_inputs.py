@@ -1,0 +1,161 @@
+"""Faults of the agent's input: what arrives on the machine, how it is proved, and that
+`hijack verify` computes it again."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+pytest.importorskip("gymnasium", reason="needs the extra [online]")
+
+import hijack_data as hj
+from hijack_data.cli import hijack
+from hijack_data.errors import ParameterError
+from pipelines.proof.rebuild import rebuild
+
+from support.episodes import make, play
+from support.live import FakeDesktop, FakeStage
+
+pytestmark = pytest.mark.usefixtures("no_waiting")
+CLICK = "pyautogui.click(20, 30)"  # the middle of a button of 100 x 30 pixels is at 60, 35
+INPUT_PROBLEM = re.compile(r"step 3: input|: the input at step 3 was not proved|inputs are not")
+TYPE = "pyautogui.write('ab')"
+
+
+def events(*names: str, at=(20, 30)) -> list[dict]:
+    return [{"event": name, "code": 1, "at": list(at)} for name in names]
+
+
+class WatchedDesktop(FakeDesktop):
+    """A desktop whose guest server says what its X server got."""
+
+    got: list[dict] = events()
+
+    def tool(self, name, operation, fields, timeout):
+        assert name == "inputtool"
+        return {"events": self.got} if operation == "stop" else {}
+
+
+def sent(env, stage) -> list[str]:
+    return [code.strip() for code in stage.desktop.ran]
+
+
+def test_a_missed_input_moves_the_pointer_only_and_waits_for_an_action_that_presses():
+    env, stage = make(corruption=hj.make_corruption("missed_input", step=1))
+    play(env, CLICK, "WAIT", "pyautogui.moveTo(1, 2)", CLICK, CLICK, "DONE")
+    assert sent(env, stage) == [CLICK, "pyautogui.moveTo(1, 2)", "pyautogui.moveTo(20, 30)", CLICK]
+    assert [entry["step"] for entry in env.record["inputs"]] == [3]
+    assert env.record["last_action"] == "DONE"
+    assert stage.history == (CLICK, "WAIT", "pyautogui.moveTo(1, 2)", CLICK, CLICK, "DONE")
+
+
+def test_what_one_action_holds_for_the_next_is_not_hit():
+    env, stage = make(corruption=hj.make_corruption("missed_input", step=0))
+    held = ["pyautogui.keyDown('ctrl')", "pyautogui.keyUp('ctrl')"]
+    play(env, *held, "pyautogui.keyDown('a'); pyautogui.keyUp('a')", "DONE")
+    assert sent(env, stage) == [*held, "pyautogui.sleep(0); pyautogui.sleep(0)"]
+
+
+def test_a_slip_is_measured_by_the_element_under_the_pointer():
+    spec = hj.make_corruption("slipped_pointer", step=0, distance=1.5)
+    env, stage = make(corruption=spec)
+    play(env, TYPE, CLICK, "DONE")
+    _, arrived = sent(env, stage)
+    # half the button is 50 x 15 pixels; 20 - 75 is off the screen, so the slip is mirrored there
+    assert arrived in (
+        "pyautogui.click(95, 30)",
+        "pyautogui.click(20, 53)",
+        "pyautogui.click(20, 7)",
+    )
+
+
+@pytest.mark.parametrize("name", hj.corruption_names("everyday")[:3])
+def test_verify_computes_what_arrived_again_and_finds_edits(name, tmp_path):
+    env, _ = make(corruption=hj.make_corruption(name, step=(0, 2)), log=tmp_path)
+    play(env, CLICK, CLICK, "WAIT", CLICK, "DONE")
+    assert env.record["status"] == "ok"
+    (folder,) = (tmp_path / "episodes").iterdir()
+    assert verify_folder(tmp_path) == []
+    path = folder / "steps.jsonl"
+    rows = [json.loads(line) for line in path.read_text().splitlines()]
+    hits = [row["step"] for row in rows if "input" in row]
+    assert hits == [0, 3]
+    for change in (
+        lambda row: row["input"].update(sent=row["code"]),
+        lambda row: row.pop("input"),
+        lambda row: row["input"].update(faults=[]),
+        lambda row: row["input"]["probe"].update(ok=False),
+    ):
+        edited = json.loads(json.dumps(rows))
+        change(edited[3])
+        path.write_text("".join(json.dumps(row) + "\n" for row in edited))
+        assert any(INPUT_PROBLEM.search(problem) for problem in verify_folder(tmp_path))
+
+
+def verify_folder(runs) -> list[str]:
+    return [text for text in rebuild(runs).problems if "previous" not in text]
+
+
+@pytest.mark.parametrize(
+    ("name", "got", "problem"),
+    [
+        ("missed_input", events("button_down", "button_up"), "got 2 events, none was sent"),
+        ("repeated_input", events("button_down", "button_up"), "which are not 2 times the same"),
+        ("repeated_input", [], "no press"),
+        ("slipped_pointer", events("button_down", "button_up"), "the button went down at [20, 30]"),
+    ],
+)
+def test_a_fault_that_the_x_server_does_not_confirm_makes_the_episode_invalid(name, got, problem):
+    stage = FakeStage(WatchedDesktop())
+    stage.desktop.got = got
+    env, _ = make(stage, corruption=hj.make_corruption(name, step=0))
+    play(env, CLICK)
+    assert env.record["status"] == "invalid"
+    assert problem in env.record["problem"]
+
+
+def test_events_of_the_x_server_prove_a_repetition():
+    stage = FakeStage(WatchedDesktop())
+    stage.desktop.got = events("button_down", "button_up") * 2
+    env, _ = make(stage, corruption=hj.make_corruption("repeated_input", step=0))
+    play(env, CLICK, "DONE")
+    assert env.record["status"] == "ok"
+    assert env.record["inputs"][0]["probe"]["facts"] == {
+        "by": "events",
+        "down": 2,
+        "events": 4,
+        "once": 2,
+    }
+
+
+def test_an_agent_that_may_run_any_code_is_refused():
+    env, _ = make(corruption="missed_input", allow_code=True)
+    with pytest.raises(ParameterError, match="allow_code"):
+        env.reset(seed=0)
+
+
+def test_two_faults_wait_side_by_side():
+    parts = [
+        hj.make_corruption("repeated_input", step=0),
+        hj.make_corruption("missed_input", step=1),
+    ]
+    env, stage = make(corruption=hj.Sequence(parts))
+    play(env, "WAIT", TYPE, TYPE, "DONE")
+    # the repetition came first; of what is repeated nothing arrives
+    assert sent(env, stage) == ["pyautogui.sleep(0)\npyautogui.sleep(0)", TYPE]
+
+
+def test_a_plugin_of_30_lines_changes_actions_of_its_own_and_passes_every_check():
+    path = Path(__file__).parents[2] / "examples/trembling_hand.py"
+    assert len(path.read_text().splitlines()) <= 30
+    done = CliRunner().invoke(hijack, ["check", str(path)])
+    assert done.exit_code == 0, done.output
+    env, stage = make(corruption=hj.make_corruption("trembling_hand", pixels=5))
+    play(env, CLICK, TYPE, "DONE")
+    slipped, typed = sent(env, stage)
+    x, y = map(int, re.findall("[0-9]+", slipped))
+    assert 1 <= abs(x - 20) <= 5
+    assert abs(y - 30) <= 5
+    assert typed == TYPE
