@@ -2,8 +2,8 @@
 
 An `Onlooker` gets pictures, the instruction and actions, never the injected corruption. It checks
 the first screen, says after each step what happened, and may act in place of the agent: wait, close
-what is in the way, or ask for re-initialisation. `Guarded` puts it between an agent and its desktop.
-The agent may be an object or run in a process of its own; the guard is always outside of it.
+what is in the way, or ask for re-initialisation. `Guarded` puts it between agent and desktop. The
+agent may be an object or run in a process of its own; the guard is always outside of it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -56,25 +56,27 @@ class PastStep:
 
 
 class Onlooker(Protocol):
-    """What watches an agent.
-
-    Attributes:
-        name: for the record: `rules` or `model`.
-        checks: whether the first screen is checked.
-        reinits: whether the guard asks once for re-initialisation if the check finds an error.
-        settings: for the record, as JSON data.
-    """
-
-    name: str
+    """What watches an agent."""
 
     @property
-    def checks(self) -> bool: ...
+    def name(self) -> str:
+        """For the record: `rules` or `model`."""
+        ...
 
     @property
-    def reinits(self) -> bool: ...
+    def checks(self) -> bool:
+        """Whether the first screen is checked."""
+        ...
 
     @property
-    def settings(self) -> Mapping[str, Any]: ...
+    def reinits(self) -> bool:
+        """Whether the guard asks once for re-initialisation if the check finds an error."""
+        ...
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """For the record, as JSON data."""
+        ...
 
     @property
     def usage(self) -> Mapping[str, Any] | None:
@@ -104,8 +106,8 @@ class Guarded:
     Before the agent's first action the onlooker checks the screen. If something is wrong, the guard
     asks once for re-initialisation and looks again; if it is still wrong, the guard acts if it
     knows how, and the agent is reminded otherwise. After each step the onlooker says what happened.
-    An agent with `take_notice` (`chat.agent.ChatAgent`) gets the notice; the others get reminder and
-    summary with their instruction.
+    An agent with `take_notice` (`chat.agent.ChatAgent`) gets the notice; the others get reminder
+    and summary with their instruction.
 
     Args:
         agent: anything with `predict(instruction, obs)`: an `Agent`, or a `RunningAgent`.
@@ -114,7 +116,7 @@ class Guarded:
 
     def __init__(self, agent: Any, onlooker: Onlooker) -> None:
         self._agent = agent
-        self._onlooker = onlooker
+        self.onlooker = onlooker
         self._forget()
 
     def __getattr__(self, name: str) -> Any:
@@ -128,14 +130,14 @@ class Guarded:
         reset = getattr(self._agent, "reset", None)
         if reset is not None:
             reset()
-        self._onlooker.reset()
+        self.onlooker.reset()
         self._forget()
 
     @property
     def usage(self) -> Mapping[str, Any] | None:
         """The usage of the agent and of the onlooker together."""
         usage = getattr(self._agent, "usage", None)
-        return joint_usage(usage if isinstance(usage, Mapping) else None, self._onlooker.usage)
+        return joint_usage(usage if isinstance(usage, Mapping) else None, self.onlooker.usage)
 
     @property
     def guard_record(self) -> dict[str, Any]:
@@ -145,8 +147,8 @@ class Guarded:
         agent's; without actions, the agent was reminded.
         """
         return {
-            "name": self._onlooker.name,
-            "settings": dict(self._onlooker.settings),
+            "name": self.onlooker.name,
+            "settings": dict(self.onlooker.settings),
             "interventions": [dict(each) for each in self._interventions],
         }
 
@@ -158,16 +160,16 @@ class Guarded:
             obs: `obs["screenshot"]` is uint8 RGB `[H, W, 3]`.
         """
         picture: UInt8Array = obs["screenshot"]
-        self._onlooker.begin_step()
+        self.onlooker.begin_step()
         if self._needs_check():
-            notice = self._onlooker.check(picture, instruction)
+            notice = self.onlooker.check(picture, instruction)
             self._checks += 1
             self._reminder = notice.reminder
-            if notice.reminder and self._checks == 1 and self._onlooker.reinits:
+            if notice.reminder and self._checks == 1 and self.onlooker.reinits:
                 asking = replace(notice, actions=(REINIT,))
                 return self._intervene(asking)
         elif self._last is not None:
-            notice = self._onlooker.watch(instruction, self._last, picture)
+            notice = self.onlooker.watch(instruction, self._last, picture)
         else:
             notice = Notice()
         if notice.actions:
@@ -177,9 +179,7 @@ class Guarded:
             return answer
         return self._ask(instruction, obs, notice)
 
-    def _ask(
-        self, instruction: str, obs: Observation, notice: Notice
-    ) -> tuple[str, Sequence[Any]]:
+    def _ask(self, instruction: str, obs: Observation, notice: Notice) -> tuple[str, Sequence[Any]]:
         """Let the agent act."""
         if notice.kind:
             self._note(notice)
@@ -217,9 +217,9 @@ class Guarded:
 
     def _needs_check(self) -> bool:
         """Return whether nobody has acted yet and the first check is not finished."""
-        if self._last is not None or not self._onlooker.checks:
+        if self._last is not None or not self.onlooker.checks:
             return False
-        has_asked = bool(self._reminder) and self._onlooker.reinits
+        has_asked = bool(self._reminder) and self.onlooker.reinits
         return self._checks == 0 or (has_asked and self._checks == 1)
 
     def _forget(self) -> None:

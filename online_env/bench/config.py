@@ -34,6 +34,7 @@ from hijack_data.planner import Planner
 from hijack_data.registry import Registry, is_ours
 from hijack_data.types import Size
 
+from ..agents.guards import is_file
 from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
@@ -108,6 +109,7 @@ class Bench:
         in_process: whether agents of users run in the process of the runner, for debugging.
         agent_memory: GiB that the process of an agent and all that it starts may use; 0 for three
             quarters of the machine's memory.
+        guard: what watches every agent: `rules`, `model`, or an agent file; "" for nothing.
     """
 
     source: str = ""
@@ -130,6 +132,7 @@ class Bench:
     episode_timeout: int = 3600
     in_process: bool = False
     agent_memory: float = 0.0
+    guard: str = ""
 
     def settings(self, agent: str, log: Path | None = None) -> "EvalSettings":
         """Return the settings of the episodes of an agent.
@@ -194,10 +197,18 @@ class Bench:
             data["in_process"] = True
         if self.agent_memory:
             data["agent_memory"] = self.agent_memory
+        if self.guard:
+            data["guard"] = self.guard
         code = dict(self._code())
         if code:
             data["code"] = code
         return data
+
+    @property
+    def asked_agents(self) -> tuple[str, ...]:
+        """The agents, with the guard if it is an agent file."""
+        guard = (self.guard,) if is_file(self.guard) else ()
+        return tuple(dict.fromkeys((*self.agents, *guard)))
 
     def _corruptions(self) -> list[Any]:
         clean = [CLEAN] if CLEAN in self.planners else []
@@ -219,7 +230,7 @@ class Bench:
     def foreign(self) -> Iterator[tuple[AnyRegistry, str, Any]]:
         """Yield registry, name and class of agents, tasks and provider from outside the library."""
         registries: tuple[tuple[AnyRegistry, tuple[str, ...]], ...] = (
-            (AGENTS, self.agents),
+            (AGENTS, self.asked_agents),
             (TASKS, self.tasks),
             (PROVIDERS, (self.provider,)),
         )

@@ -15,7 +15,7 @@ from .app_success import app_successes
 from .cells import compute_cells, feasible_and_not
 from .identity import run_identity
 from .model import ReportError, RunReport, from_data
-from .notes import fraction_note, pairing_note, recovery_note, report_notes
+from .notes import fraction_note, guard_note, pairing_note, recovery_note, report_notes
 from .summaries import summarise_agents
 from .unplayable import counted_records, unplayable_note
 
@@ -99,6 +99,7 @@ def build_report(run: Run, *, reference: str = "") -> RunReport:
     notes = (
         *unplayable_note(run),
         *recovery_note(run),
+        *guard_note(run),
         *fraction_note(run),
         *pairing_note(run, groups),
         *report_notes(report, scores.count_partial(run.last_attempts)),

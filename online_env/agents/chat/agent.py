@@ -30,10 +30,7 @@ class ChatAgent:
     words_have_actions = True
 
     def __init__(
-        self,
-        settings: AgentSettings,
-        run: ChatRun | None = None,
-        meter: UsageMeter | None = None,
+        self, settings: AgentSettings, run: ChatRun | None = None, meter: UsageMeter | None = None
     ) -> None:
         self._settings = settings
         self._run = run or ChatRun()

@@ -2,13 +2,11 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, ClassVar
 
 from hijack_data.types import UInt8Array
 
 from ...errors import AgentSetupError
-from ..agent_files import DEFAULT_ERRORS, read_errors
 from ..guarded import Notice, PastStep
 from ..settings import AgentSettings, KnownError, OnlookerSettings
 from .endpoint import Endpoint
@@ -121,14 +119,6 @@ class ModelOnlooker:
         )
         summary, unexpected = read_summary(self._model.ask(query, "summarise").text)
         return Notice(summary=summary, unexpected=unexpected)
-
-
-def with_onlooker(settings: AgentSettings) -> AgentSettings:
-    """Return an agent file with an onlooker: its own, or else one of the same model."""
-    if settings.onlooker is not None:
-        return settings
-    errors = read_errors(DEFAULT_ERRORS)[0]
-    return replace(settings, onlooker=OnlookerSettings(model=settings.model, errors=errors))
 
 
 def read_reminder(text: str) -> str | None:

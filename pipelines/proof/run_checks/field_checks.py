@@ -40,6 +40,7 @@ LIBRARY: Final = "library"  # follows from what the library knows
 FREE: Final = "free"  # only a hash protects it
 
 CONFIG, DESKTOP, RECOVERY, EVENT, EFFECT = "config", "desktop", "recovery", "event", "effect"
+GUARD, INTERVENTION = "guard", "intervention"
 _CODE_LISTS = ("agents", "tasks")  # the lists whose names may have an entry in `config.code`
 
 FIELDS: Mapping[str, Mapping[str, str]] = {
@@ -71,6 +72,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "episode_timeout": FREE,
         "osworld_files": FREE,
         "text_boxes": FREE,
+        "guard": COPIED,
         "unplayable": FREE,
         "unplayable_score": FREE,
         "code": FREE,
@@ -120,6 +122,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "last_action": DERIVED,
         "said": DERIVED,
         "usage": FREE,
+        "guard": COPIED,
         GIVEN: LIBRARY,
         "desktop": COPIED,
         "lines": DERIVED,
@@ -133,6 +136,8 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "repaired": DERIVED,
         "free": DERIVED,
     },
+    GUARD: {"name": COPIED, "settings": FREE, "interventions": DERIVED},
+    INTERVENTION: {"step": DERIVED, "kind": FREE, "actions": DERIVED},
     STEPS: {
         "said": FREE,
         "step": DERIVED,
@@ -222,6 +227,7 @@ def head_problems(
     code = config.get("code", {})
     plugin_names = {str(name) for key in _CODE_LISTS for name in config.get(key, ())}
     plugin_names.add(str(_mapping(config.get("desktop")).get("provider")))
+    plugin_names.add(str(config.get(GUARD)))
     for name in code if isinstance(code, dict) else [fields.shown(code)]:
         if name not in plugin_names:
             yield f"config.code has {fields.shown(name)}, which the config does not use"
@@ -319,7 +325,7 @@ def outcome_problems(record: Mapping[str, Any]) -> Iterator[str]:
         yield f"seconds is {fields.shown(seconds)}, no number of at least 0"
     elif setup is not None and not (_is_time(setup) and setup <= seconds + ROUNDING_S):
         yield f"setup_seconds is {fields.shown(setup)}, seconds is {seconds}"
-    for key in (DESKTOP, RECOVERY):
+    for key in (DESKTOP, RECOVERY, GUARD):
         for text in unknown_fields(_mapping(record.get(key)), key):
             yield f"{key}: {text}"
 
@@ -375,6 +381,11 @@ def _expected(
         yield "max_steps", config["max_steps"], RUN
     if _mapping(record.get(RECOVERY)) and "recovery" in config:
         yield f"{RECOVERY}.policy", config["recovery"], RUN
+    guard = config.get(GUARD)
+    if guard is not None and is_played:
+        yield f"{GUARD}.name", "rules" if guard == "rules" else "model", RUN
+    elif guard is None:
+        yield GUARD, None, RUN
     desktop, planned = _mapping(record.get(DESKTOP)), _mapping(config.get(DESKTOP))
     if not desktop:
         return  # no desktop came up
@@ -386,6 +397,28 @@ def _expected(
 
 
 # Steps
+
+
+def guard_problems(record: Mapping[str, Any], lines: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield the interventions of a guard that are not in `steps.jsonl`."""
+    by_step = {line.get("step"): line.get("raw") for line in lines}
+    for each in _mappings(_mapping(record.get(GUARD)).get("interventions")):
+        for text in unknown_fields(each, INTERVENTION):
+            yield f"{GUARD}.interventions: {text}"
+        actions = each.get("actions")
+        first = each.get("step")
+        if not isinstance(first, int) or not isinstance(actions, list):
+            yield f"{GUARD}.interventions has {fields.shown(each)}: step or actions is missing"
+            continue
+        if not actions and first not in by_step:
+            yield f"{GUARD}.interventions has step {first}, which {STEPS} has not"
+        for step, action in enumerate(actions, first):
+            # The episode may have ended between two actions.
+            if by_step.get(step) != action and (step in by_step or step == first):
+                yield (
+                    f"{GUARD}.interventions has {fields.shown(action)} at step {step}, by {STEPS}"
+                    f" it is {fields.shown(by_step.get(step))}"
+                )
 
 
 def line_problems(line: Mapping[str, Any]) -> Iterator[str]:
