@@ -15,9 +15,7 @@ from .settings import AgentSettings, OnlookerSettings
 
 RULES = "rules"
 MODEL = "model"
-_REMEDY = (
-    f"it is {RULES}, {MODEL} (for agent files: the model that acts also looks on), or an agent file"
-)
+_CHOICES = f"{RULES}, {MODEL} (the model of an agent file also looks on), or an agent file"
 
 
 def find_guard(text: str) -> str:
@@ -32,7 +30,7 @@ def find_guard(text: str) -> str:
     if agent_files.is_agent_file(text):
         return AGENTS.find(text)
     names = (RULES, MODEL, *agent_files.packaged())
-    raise UnknownNameError(f"--guard: no guard {text!r}{suggest(text, names)}; {_REMEDY}")
+    raise UnknownNameError(f"--guard is {_CHOICES}, not {text!r}{suggest(text, names)}")
 
 
 def is_file(guard: str) -> bool:
@@ -94,7 +92,7 @@ def make_onlooker(guard: str, agent: str, run: ChatRun | None = None) -> Onlooke
         return RulesOnlooker()
     maker = AGENTS.get(agent if guard == MODEL else guard)
     if not isinstance(maker, FileAgentMaker):
-        raise UnknownNameError(f"--guard: {guard!r} is no agent file; {_REMEDY}")
+        raise UnknownNameError(f"--guard is {_CHOICES}, not {guard!r}")
     return ModelOnlooker(_with_onlooker(maker.settings), run or maker.run)
 
 

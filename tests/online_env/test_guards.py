@@ -288,7 +288,7 @@ def test_a_run_with_a_guard_keeps_the_agent_in_its_process_and_says_what_the_gua
 
 @pytest.mark.usefixtures("paper")
 def test_guards_that_cannot_be_are_refused_before_the_run(tmp_path):
-    with pytest.raises(UnknownNameError, match="no guard 'rule' - did you mean 'rules'"):
+    with pytest.raises(UnknownNameError, match="not 'rule'; did you mean 'rules'"):
         run(tmp_path, "--guard", "rule")
     with pytest.raises(ParameterError, match="do_nothing is no agent file"):
         run(tmp_path, "--guard", "model")
