@@ -308,13 +308,33 @@ CORRUPTIONS = Registry[type[Corruption]](
 )
 
 
-def corruption_names() -> list[str]:
-    """Return the names of all corruptions: the paper's nine in order, plug-ins, loaded files.
+# Named sets of corruptions that are not the paper's; "all" leaves them out.
+SETS: Mapping[str, tuple[str, ...]] = {
+    "everyday": (
+        *("missed_input", "repeated_input", "slipped_pointer"),
+        *("app_freeze", "slow_network"),
+    )
+}
+
+
+def corruption_names(of: str = "all") -> list[str]:
+    """Return the names of corruptions.
+
+    Args:
+        of: `"all"`: the paper's nine in order, plug-ins, loaded files. `"everyday"`: the faults of
+            everyday life, which `"all"` leaves out.
 
     Raises:
         PluginError: a file of `AGENTHIJACK_LOAD` cannot be loaded.
+        UnknownNameError: there is no such set.
     """
-    return CORRUPTIONS.names()
+    registered = CORRUPTIONS.names()
+    if of in SETS:
+        return [name for name in SETS[of] if name in registered]
+    if of != "all":
+        raise UnknownNameError(f"no set of corruptions {of!r}{suggest(of, ['all', *SETS])}")
+    in_sets = {name for names in SETS.values() for name in names}
+    return [name for name in registered if name not in in_sets]
 
 
 def find_corruption(name: str) -> type[Corruption]:

@@ -1,4 +1,4 @@
-"""The paper's nine corruptions, one file each, in the paper's order.
+"""The corruptions, one file each: the paper's nine in the paper's order, then the everyday faults.
 
 That is the order in which they are listed.
 """
@@ -14,14 +14,19 @@ from .app_minimization import AppMinimization
 from .network_error import NetworkError
 from .verification import Verification
 
+from .app_freeze import AppFreeze
+from .slow_network import SlowNetwork
+
 __all__ = [
     "AccidentalTouch",
+    "AppFreeze",
     "AppMinimization",
     "Marks",
     "MultiApps",
     "NetworkError",
     "PopUps",
     "Resolution",
+    "SlowNetwork",
     "Subtitle",
     "Verification",
 ]
