@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from ..desktops.protocol import Capability
 from ..errors import DesktopError
-from .app_minimization import DESKTOP_WINDOW_TYPES, on_screen
+from .app_minimization import on_screen
 from .base import EffectError, EffectRecord, LiveEffect, Probe, Undone, register
 from .guest import Guest
 
@@ -147,12 +147,11 @@ def _seconds(params: Mapping[str, Any]) -> float:
 
 
 def _front_window(state: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the active window, or the topmost one; the desktop itself if no other is there."""
+    """Return the active window, or the topmost one; `None` if only the desktop is there."""
     windows = on_screen(state)
     active = [window for window in windows if window["id"] == state["active"]]
-    fixed = [window for window in state["windows"] if window["type"] in DESKTOP_WINDOW_TYPES[:1]]
-    candidates = active or windows[-1:] or fixed
-    return candidates[-1] if candidates else None
+    candidates = active or windows[-1:]
+    return candidates[0] if candidates else None
 
 
 def _list_processes(guest: Guest) -> list[_Process]:
