@@ -362,7 +362,8 @@ def _planners(bench: Bench, text: str) -> Planners:
     """
     if text.strip() == ALL:
         return all_planners()
-    planners = {**all_planners(), **bench.planners}
+    everyday = {name: make_corruption(name) for name in corruption_names("everyday")}
+    planners = {**all_planners(), **everyday, **bench.planners}
     labels: list[str] = []
     for name in _split_names(text):
         if name.endswith((".yaml", ".yml")):
