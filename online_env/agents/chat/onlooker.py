@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 from hijack_data.types import UInt8Array
 
@@ -41,7 +41,7 @@ class ModelOnlooker:
         AgentSetupError: the file has no onlooker.
     """
 
-    name: ClassVar[str] = "model"
+    name: str = "model"
 
     def __init__(
         self, settings: AgentSettings, run: ChatRun, meter: UsageMeter | None = None

@@ -15,7 +15,7 @@ after that the agent is only reminded.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -77,9 +77,9 @@ class RulesOnlooker:
         MissingDependencyError: The extra `ocr` is not installed.
     """
 
-    name: ClassVar[str] = "rules"
-    checks: ClassVar[bool] = True
-    reinits: ClassVar[bool] = True
+    name: str = "rules"
+    checks: bool = True
+    reinits: bool = True
 
     def __init__(self) -> None:
         self.check_ready()
