@@ -16,7 +16,7 @@ import pipelines
 
 SIGNATURES = {
     "make_corruption": "(name: str, **values: Any) -> Corruption",
-    "corruption_names": "() -> list[str]",
+    "corruption_names": "(of: str = 'all') -> list[str]",
     "apply": "(plan: Plan | Sequence[Plan], image: Any, *, inplace: bool = False) -> Any",
 }
 
