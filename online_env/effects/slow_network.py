@@ -171,8 +171,9 @@ def _problems(facts: EffectRecord, record: EffectRecord) -> Iterator[str]:
     """Yield the reasons why the facts of a probe do not prove the effect."""
     if record["error"]:
         yield f"the limits were refused: {record['error']}"
-    if not facts["buckets"]:
-        yield "our token buckets are not in force"
+    expected = len(record["interfaces"]) + 1  # and the one for what comes in
+    if facts["buckets"] != expected:
+        yield f"{facts['buckets']} of our {expected} token buckets are in force"
     before, now, packet_s = record["before"], facts["now"], _packet_seconds(record["rate"])
     if now is None or before is None or before["round_trip"] is None:
         yield "no site answered before, so nothing can be measured"

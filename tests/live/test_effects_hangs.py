@@ -69,6 +69,8 @@ def test_limits_that_somebody_removes_are_noticed(desktop):
     applied = perform(Effect("slow_link", {"rate": 128}), desktop)
     assert applied.probe().ok
     desktop.network_root("tc qdisc del dev ah-slow root")
+    assert "1 of our 2 token buckets are in force" in applied.probe().problem, "one way is open"
+    desktop.network_root("tc qdisc del dev eth0 root")
     assert "the site answers in" in applied.probe().problem
     assert applied.undo().ok
 
