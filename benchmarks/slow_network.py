@@ -17,7 +17,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hijack_data.corruption import make_corruption
 from hijack_data.corruptions import SlowNetwork
 from online_env.desktops.protocol import RunResult
 from online_env.effects import slow_network
@@ -75,7 +74,7 @@ def main() -> None:
         print("|---|---|---|---|---|")
         print(_row("none", "", "", slow_network._measure(guest, SITE)))
         for level in range(1, 6):
-            rate = make_corruption("slow_network", **dict(SlowNetwork.severities[level - 1])).rate
+            rate = SlowNetwork.at(level).rate
             limited = guest.root(slow_network._limit(["eth0"], rate))
             if not limited.ok:
                 sys.exit(limited.error)

@@ -172,6 +172,7 @@ def speed(
 def _download(host: str, name: str, max_seconds: float, timeout: float) -> tuple[int, float]:
     """Return how many bytes came in how many seconds."""
     received = 0
+    start = time.monotonic()
     try:
         with socket.create_connection((host, HTTP_PORT), timeout) as connection:
             request = f"GET / HTTP/1.0\r\nHost: {name}\r\n\r\n"
