@@ -40,9 +40,11 @@ class Namespace:
 
     def tool(self, name: str, operation: str, fields: Mapping[str, Any], _: float) -> Any:
         """Run an operation of `nettool` in the namespace."""
-        code = f"{inside.source(name)}\nimport sys\nmain(*sys.argv[1:])"
-        argv = [sys.executable, "-c", code, operation, json.dumps(dict(fields))]
-        return json.loads(_run(network.desktop_namespace(NAME), argv).output)
+        argv = [sys.executable, "-c", inside.source(name), operation, json.dumps(dict(fields))]
+        result = _run(network.desktop_namespace(NAME), argv)
+        if not result.ok:
+            sys.exit(f"{name} {operation} failed in the namespace: {result.error}")
+        return json.loads(result.output)
 
 
 def _run(namespace: str, argv: list[str]) -> RunResult:
