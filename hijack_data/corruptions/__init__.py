@@ -17,9 +17,12 @@ from .verification import Verification
 from .missed_input import MissedInput
 from .repeated_input import RepeatedInput
 from .slipped_pointer import SlippedPointer
+from .app_freeze import AppFreeze
+from .slow_network import SlowNetwork
 
 __all__ = [
     "AccidentalTouch",
+    "AppFreeze",
     "AppMinimization",
     "Marks",
     "MissedInput",
@@ -29,6 +32,7 @@ __all__ = [
     "RepeatedInput",
     "Resolution",
     "SlippedPointer",
+    "SlowNetwork",
     "Subtitle",
     "Verification",
 ]

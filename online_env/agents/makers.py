@@ -40,10 +40,6 @@ class FileAgentMaker:
             data["prompts_sha256"] = " ".join(prompts.digest(folder) for folder in folders)
         return data
 
-    def begin(self, episode: str) -> None:
-        """Open the log, or the replay, of the episode for which the next agent is made."""
-        self.run.begin(episode, self.settings)
-
     def check_prices(self) -> None:
         """Check that the price of every model is known.
 

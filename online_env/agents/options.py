@@ -9,6 +9,11 @@ in_process_option = click.option(
     is_flag=True,
     help="Run your agent in the runner's process, for debugging; records and reports say so.",
 )
+guard_option = click.option(
+    "--guard",
+    metavar="NAME",
+    help="Let an onlooker watch every agent: rules, model, or an agent file.",
+)
 agent_memory_option = click.option(
     "--agent-memory",
     type=FiniteRange(min=0.1),

@@ -18,7 +18,7 @@ from hijack_data.cli.options import (
     new_run_options,
 )
 
-from ..agents.options import agent_memory_option, in_process_option
+from ..agents.options import agent_memory_option, guard_option, in_process_option
 from ..choices import ERROR_ORDERS, POLICIES
 from .machine_options import MORE, machine_options
 
@@ -31,6 +31,7 @@ from .machine_options import MORE, machine_options
         "detect",
         "engine",
         "environment_errors",
+        "guard",
         "in_process",
         "max_cost",
         "prompts",
@@ -110,6 +111,7 @@ from .machine_options import MORE, machine_options
     metavar="RUNS",
     help="Take the models' answers from the log of an earlier run.",
 )
+@guard_option
 @in_process_option
 @agent_memory_option
 @click.option("--sign", metavar="KEY", help="Sign the run at its end with this SSH key.")

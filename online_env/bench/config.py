@@ -35,6 +35,7 @@ from hijack_data.registry import Registry, is_ours
 from hijack_data.runs.run_log import UNTIL_RETENTION, draw_task_order
 from hijack_data.types import Size
 
+from ..agents.guards import is_file
 from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
@@ -111,6 +112,7 @@ class Bench:
         agent_memory: GiB that the process of an agent and all that it starts may use; 0 for three
             quarters of the machine's memory.
         until_retention: when the run ends before all is played; `None` for never.
+        guard: what watches every agent: `rules`, `model`, or an agent file; "" for nothing.
     """
 
     source: str = ""
@@ -134,6 +136,7 @@ class Bench:
     in_process: bool = False
     agent_memory: float = 0.0
     until_retention: StopRule | None = None
+    guard: str = ""
 
     def settings(self, agent: str, log: Path | None = None) -> "EvalSettings":
         """Return the settings of the episodes of an agent.
@@ -200,10 +203,18 @@ class Bench:
             data["agent_memory"] = self.agent_memory
         if self.until_retention is not None:
             data[UNTIL_RETENTION] = self.until_retention.to_data()
+        if self.guard:
+            data["guard"] = self.guard
         code = dict(self._code())
         if code:
             data["code"] = code
         return data
+
+    @property
+    def asked_agents(self) -> tuple[str, ...]:
+        """The agents, with the guard if it is an agent file."""
+        guard = (self.guard,) if is_file(self.guard) else ()
+        return tuple(dict.fromkeys((*self.agents, *guard)))
 
     def _corruptions(self) -> list[Any]:
         clean = [CLEAN] if CLEAN in self.planners else []
@@ -225,7 +236,7 @@ class Bench:
     def foreign(self) -> Iterator[tuple[AnyRegistry, str, Any]]:
         """Yield registry, name and class of agents, tasks and provider from outside the library."""
         registries: tuple[tuple[AnyRegistry, tuple[str, ...]], ...] = (
-            (AGENTS, self.agents),
+            (AGENTS, self.asked_agents),
             (TASKS, self.tasks),
             (PROVIDERS, (self.provider,)),
         )

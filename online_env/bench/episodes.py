@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, cast
 
+from hijack_data.errors import HijackError
 from hijack_data.planner import Planner
 from hijack_data.registry import is_ours
 from hijack_data.runs.run_log import GIVEN, VERSION, episode_slug
@@ -17,6 +18,8 @@ from ..agents.agent_calls import NEEDS_TASK, AgentError, AgentGoneError, Running
 from ..agents.agent_process import AgentProcess
 from ..agents.agent_thread import AgentThread
 from ..agents.base import Agent, Privileged
+from ..agents.guarded import Guarded, Onlooker, joint_usage
+from ..agents.guards import make_onlooker
 from ..agents.references import is_user_code, reference_to
 from ..agents.registry import AGENTS, make
 from ..environment import CorruptedEnv
@@ -71,6 +74,10 @@ class EpisodeEnv(Protocol):
         """Store the usage that the agent has reported so far."""
         ...
 
+    def record_guard(self, guard: dict[str, Any]) -> None:
+        """Store what the agent's guard is, and what it did so far."""
+        ...
+
     def declare_privileged_inputs(self, kinds: Sequence[str]) -> None:
         """Store what the agent is given in addition to instruction and pictures."""
         ...
@@ -118,7 +125,8 @@ class LiveEpisodes:
             desktop = self._stage.desktop
             check_corruptions(bench.planners.values(), bench.max_steps, desktop)
             self._was_checked = True
-        begin(job.agent, episode_slug(*job.key[1:3], job.seed, job.agent, attempt))
+        episode = episode_slug(*job.key[1:3], job.seed, job.agent, attempt)
+        chat_run = begin(job.agent, bench.guard, episode)
         settle = getattr(self._stage.desktop, "settle", Settle())
         settings = replace(bench.settings(job.agent, self._folder), settle=settle)
         env = CorruptedEnv(self._stage, settings=settings)
@@ -140,8 +148,9 @@ class LiveEpisodes:
         try:
             limit = bench.episode_timeout
             read_plan = self._read_plan
+            guard = make_onlooker(bench.guard, job.agent, chat_run) if bench.guard else None
             return _play_episode(
-                env, agent, job, attempt, planner, self._pass_task, limit, read_plan, inputs
+                env, agent, job, attempt, planner, self._pass_task, limit, read_plan, inputs, guard
             )
         finally:
             _call_agent(agent.reset)
@@ -229,8 +238,10 @@ def _play_episode(
     limit: float = math.inf,
     read_plan: Callable[[], Sequence[str]] | None = None,
     privileged_inputs: Sequence[str] = (),
+    onlooker: Onlooker | None = None,
 ) -> ResultRecord:
     start = time.monotonic()
+    guarded = None if onlooker is None else Guarded(agent, onlooker)
     options = {"task": job.task, "corruption": planner, "label": job.corruption, "attempt": attempt}
     error_raised = _call_agent(agent.reset)
     try:
@@ -251,9 +262,11 @@ def _play_episode(
     if error_raised is not None:
         _end_as_failure(env, error_raised)
     while (record := env.record) is None:
-        obs = _take_turn(env, agent, obs)
+        obs = _take_turn(env, agent, obs, guarded)
         if env.record is None and time.monotonic() - start > limit:
             env.abandon(f"the episode took longer than {limit:g} s")
+    if onlooker is not None:
+        onlooker.reset()
     return record
 
 
@@ -286,18 +299,25 @@ def _pass_plan(
     agent.follow(read_plan())
 
 
-def _take_turn(env: EpisodeEnv, agent: RunningAgent, obs: dict[str, Any]) -> dict[str, Any]:
-    """Ask the agent once and take its actions until the episode is over.
+def _take_turn(
+    env: EpisodeEnv, agent: RunningAgent, obs: dict[str, Any], guarded: Guarded | None
+) -> dict[str, Any]:
+    """Ask the agent once, or its guard, and take the actions until the episode is over.
 
     Returns the last observation.
     """
+    picture = {"screenshot": obs["screenshot"]}
     try:
-        text, actions = agent.predict(obs["instruction"], {"screenshot": obs["screenshot"]})
+        text, actions = (guarded or agent).predict(obs["instruction"], picture)
     except AgentError as error:
-        _store_usage(env, agent)
+        _store_usage(env, agent, guarded)
         _end_as_failure(env, error)
         return obs
-    _store_usage(env, agent)
+    except HijackError as error:  # agents raise AgentError only
+        _store_usage(env, agent, guarded)
+        _end_as_failure(env, AgentError(f"{type(error).__name__} in its guard: {error}"))
+        return obs
+    _store_usage(env, agent, guarded)
     env.record_message(text)
     # An empty list of actions counts as a malformed action: otherwise an agent could stall forever.
     for action in actions or [""]:
@@ -306,17 +326,21 @@ def _take_turn(env: EpisodeEnv, agent: RunningAgent, obs: dict[str, Any]) -> dic
     return obs
 
 
-def _store_usage(env: EpisodeEnv, agent: RunningAgent) -> None:
-    """Store the usage that the agent reports in the record.
+def _store_usage(env: EpisodeEnv, agent: RunningAgent, guarded: Guarded | None) -> None:
+    """Store in the record what the guard did, and the usage that agent and guard report.
 
-    If its process has ended, what it reported last stays.
+    If the agent's process has ended, what it reported last stays.
     """
+    if guarded is not None:
+        env.record_guard(guarded.guard_record)
     try:
         usage = agent.usage()
     except AgentGoneError:
         return
     except AgentError as error:
         usage = {"problem": f"usage cannot be kept: {error}"[:MAX_PROBLEM_CHARS]}
+    if guarded is not None:
+        usage = joint_usage(usage, guarded.onlooker.usage)
     if usage is not None:
         env.record_usage(usage)
 

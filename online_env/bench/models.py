@@ -8,11 +8,12 @@ from typing import Any
 
 from hijack_data.errors import ParameterError
 
+from ..agents import guards
 from ..agents.agent_calls import NEEDS_TASK, method_names
 from ..agents.chat.request_log import FOLDER, log_folder
 from ..agents.chat.run import ChatRun
 from ..agents.chat.wires.common import require_clients
-from ..agents.makers import FileAgentMaker, file_makers, prompts_folder
+from ..agents.makers import file_makers, prompts_folder
 from ..agents.references import AgentReference, is_user_code, reference_to
 from ..agents.registry import AGENTS
 from ..errors import AgentSetupError
@@ -40,19 +41,21 @@ class ModelOptions:
         return [name for name, value in options.items() if value is not None]
 
 
-def prepare(agents: Sequence[str], options: ModelOptions, out: Path | None) -> None:
-    """Tell the agents of agent files about their run.
+def prepare(bench: Bench, options: ModelOptions, out: Path | None) -> None:
+    """Tell the agents of agent files, and the guard, about their run.
 
     Args:
-        agents: names in the registry.
+        bench: the benchmark.
         options: the options for all of them.
         out: folder of the run; `None` if nothing is going to be run.
 
     Raises:
         AgentSetupError: a key, a price or a log is missing, or an option applies to no agent.
     """
+    agents = bench.asked_agents
     if out is not None:
         _make_ready(agents, out)
+        guards.share_in(bench.guard, out)
     makers = file_makers(AGENTS.get(name) for name in agents)
     if options.used_options and not makers:
         raise AgentSetupError(
@@ -102,8 +105,16 @@ def _make_ready(agents: Sequence[str], out: Path) -> None:
             share_in(out)
 
 
-def begin(agent: str, episode: str) -> None:
-    """Open the log of an episode, if its agent comes from an agent file."""
-    maker = AGENTS.get(agent)
-    if isinstance(maker, FileAgentMaker):
-        maker.begin(episode)
+def begin(agent: str, guard: str, episode: str) -> ChatRun | None:
+    """Open the log of an episode, if its agent or its guard comes from an agent file.
+
+    Returns:
+        Their log, or `None` if neither does.
+    """
+    names = (agent, guard) if guards.is_file(guard) else (agent,)
+    makers = file_makers(AGENTS.get(name) for name in names)
+    if not makers:
+        return None
+    run = makers[0].run
+    run.begin(episode, [maker.settings for maker in makers])
+    return run

@@ -14,6 +14,7 @@ from hijack_data.errors import ParameterError, StorageError, quantity
 from hijack_data.locking import Lock
 from hijack_data.runs import seal
 
+from ..agents.guards import check_guard, find_guard
 from ..choices import ErrorOrder, Recovery
 from ..errors import CostLimitError
 from ..report.outcome import exit_code
@@ -59,6 +60,7 @@ def run_command(
     max_cost: float | None,
     until_retention: float | None,
     replay: Path | None,
+    guard: str | None,
     in_process: bool,
     agent_memory: float | None,
     sign: str | None,
@@ -82,15 +84,21 @@ def run_command(
         recovery,
         environment_errors,
     )
-    benchmark = replace(benchmark, in_process=in_process, agent_memory=agent_memory or 0.0)
+    benchmark = replace(
+        benchmark,
+        guard=find_guard(guard) if guard else "",
+        in_process=in_process,
+        agent_memory=agent_memory or 0.0,
+    )
     if benchmark.text_boxes:
         extras.require("text_boxes", "ocr", ("rapidocr", "onnxruntime"))
     benchmark = on_machines(benchmark, vm, machines, vm_options, reset_command)
     benchmark = only_playable(benchmark, unplayable, echo)
     benchmark = end_at_retention(benchmark, until_retention)
     check_agents(benchmark)
+    check_guard(benchmark.guard, benchmark.agents)
     models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
-    prepare(benchmark.agents, models, None if dry_run else out)
+    prepare(benchmark, models, None if dry_run else out)
     planned_jobs = jobs(benchmark)
     if detect is not None:
         if not dry_run:

@@ -162,7 +162,7 @@ def _version(package: str) -> str:
 
 
 def _agents(bench: Bench) -> list[tuple[str, AgentSettings]]:
-    makers = [(name, AGENTS.get(name)) for name in bench.agents]
+    makers = [(name, AGENTS.get(name)) for name in bench.asked_agents]
     return [(name, maker.settings) for name, maker in makers if isinstance(maker, FileAgentMaker)]
 
 

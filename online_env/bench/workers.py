@@ -277,7 +277,7 @@ def _serve(
 def live_episodes(setup: WorkerSetup) -> Generator[LiveEpisodes]:
     """Start a desktop in this process, and yield a function that plays episodes on it."""
     load_references(setup.references)
-    prepare(setup.bench.agents, setup.models, setup.folder)
+    prepare(setup.bench, setup.models, setup.folder)
     with (
         open_stage(setup.bench, setup.folder) as stage,
         LiveEpisodes(setup.bench, setup.folder, stage) as episodes,

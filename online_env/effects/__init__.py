@@ -6,6 +6,7 @@ applied.undo()
 """
 
 from .accidental_touch import Touch
+from .app_freeze import Freeze
 from .app_minimization import Minimise
 from .base import (
     Applied,
@@ -22,17 +23,20 @@ from .base import (
 )
 from .multi_apps import LaunchApp
 from .network_error import Firewall
+from .slow_network import SlowLink
 from .verification import LockSession
 
 __all__ = [
     "Applied",
     "EffectError",
     "Firewall",
+    "Freeze",
     "LaunchApp",
     "LiveEffect",
     "LockSession",
     "Minimise",
     "Probe",
+    "SlowLink",
     "Touch",
     "Undone",
     "find",

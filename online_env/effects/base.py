@@ -113,6 +113,16 @@ class LiveEffect(ABC):
                 machine what to undo.
         """
 
+    def require(self, guest: Guest) -> None:
+        """Check on the machine what no capability says, before a run begins; change nothing.
+
+        By default there is nothing to check.
+
+        Raises:
+            MissingCapabilityError: the machine lacks something.
+        """
+        return
+
     def can_be_lifted(self, guest: Guest) -> bool:
         """Return whether an agent may end the effect on the desktop (close, restore, unlock).
 

@@ -165,6 +165,16 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         if episode is not None:
             episode.record_usage(usage)
 
+    def record_guard(self, guard: dict[str, Any]) -> None:
+        """Record what watches the agent, and what it did so far (`Guarded.guard_record`).
+
+        Args:
+            guard: JSON data; it replaces what was recorded for this episode.
+        """
+        episode = self._runner.episode
+        if episode is not None:
+            episode.record_guard(guard)
+
     def declare_privileged_inputs(self, kinds: Sequence[str]) -> None:
         """Record what the agent is given in addition to instruction and pictures.
 

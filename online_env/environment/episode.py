@@ -169,6 +169,10 @@ class Episode:
         """Store the usage that the agent has reported so far."""
         self._counts.usage = usage
 
+    def record_guard(self, guard: dict[str, Any]) -> None:
+        """Store what watches the agent, and what it did so far."""
+        self._counts.guard = guard
+
     def declare_privileged_inputs(self, kinds: Sequence[str]) -> None:
         """Store what the agent is given in addition to instruction and pictures."""
         self._counts.given = list(kinds)

@@ -63,6 +63,7 @@ class EpisodeCounts:
     repaired: int = 0
     said: str = ""  # the agent's last words
     usage: dict[str, Any] | None = None  # usage counted by the agent itself: tokens, money
+    guard: dict[str, Any] | None = None  # what watched the agent; `None` for nothing
     # What the agent was given in addition to instruction and pictures; `None` if unknown.
     given: list[str] | None = None
     history: list[str] = field(default_factory=list[str])
@@ -158,6 +159,8 @@ def make_record(
     }
     if inputs or (request.planner is not None and request.planner.inputs):
         record["inputs"] = inputs or []
+    if counts.guard is not None:
+        record["guard"] = counts.guard
     return json.loads(json.dumps(record, default=repr))
 
 

@@ -14,6 +14,8 @@ from hijack_data.types import BoxArray, Scene, Size, as_boxes
 from ..desktops.capability_survey import lacks
 from ..desktops.protocol import Capability, Desktop
 from ..effects import find
+from ..effects.base import PASSWORD
+from ..effects.guest import Guest
 from ..errors import MissingCapabilityError
 
 BEFORE = -1  # the step number of effects before the episode
@@ -119,6 +121,8 @@ class Script:
             raise MissingCapabilityError(
                 f"{get_label(self.planner)} needs {', '.join(missing)}, {lacks(desktop, missing)}"
             )
+        for kind in kinds:
+            find(kind, desktop).require(Guest(desktop, PASSWORD, None))
 
 
 def check_corruptions(planners: Iterable[Planner | None], steps: int, desktop: Desktop) -> None:

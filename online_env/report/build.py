@@ -17,7 +17,14 @@ from .cells import compute_cells, feasible_and_not
 from .further_tests import MARGIN, equivalence_tests, measure_changes, severity_curves
 from .identity import run_identity
 from .model import ReportError, RunReport, from_data
-from .notes import design_notes, early_end_note, fraction_note, recovery_note, report_notes
+from .notes import (
+    design_notes,
+    early_end_note,
+    fraction_note,
+    guard_note,
+    recovery_note,
+    report_notes,
+)
 from .summaries import summarise_agents
 from .unplayable import counted_records, unplayable_note
 
@@ -130,6 +137,7 @@ def build_report(
         *early_end_note(run),
         *unplayable_note(run),
         *recovery_note(run),
+        *guard_note(run),
         *fraction_note(run),
         *design_notes(run, groups),
         *report_notes(report, scores.count_partial(run.last_attempts)),

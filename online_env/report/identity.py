@@ -201,6 +201,8 @@ def _setting_digest(config: Mapping[str, Any]) -> str:
     order = config.get("environment_errors", _OLD_ORDER)
     if order != _OLD_ORDER:
         setting["environment_errors"] = order
+    if config.get("guard"):  # a guarded agent is ranked with guarded agents
+        setting["guard"] = config["guard"]
     code = _task_code(config)
     if code:
         setting["code"] = code

@@ -1,7 +1,9 @@
 """Sentences that a reader of a report has to know in addition to its numbers."""
 
+import json
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from hijack_data.errors import quantity, shorten_list
 from hijack_data.plan import CLEAN
@@ -38,6 +40,36 @@ def recovery_note(run: Run) -> Iterator[str]:
     ]
     summary = "; ".join(requests) or "no agent asked to be re-initialised"
     yield f"Recovery policy {run.config.get('recovery', 'unknown')}: {summary}."
+
+
+def guard_note(run: Run) -> Iterator[str]:
+    """Yield the guard of a run with its settings, and how often it acted, for each agent."""
+    guard = run.config.get("guard")
+    if not guard:
+        return
+    by_agent: dict[str, list[Mapping[str, Any]]] = {}
+    for record in run.last_attempts:
+        by_agent.setdefault(record["agent"], []).append(record)
+    for agent, agent_records in by_agent.items():
+        acts: Counter[str] = Counter()
+        reminders = false_alarms = 0
+        settings: dict[str, None] = {}
+        for record in agent_records:
+            guard_record = record.get("guard")
+            if not isinstance(guard_record, dict):
+                continue
+            settings[json.dumps(guard_record["settings"], sort_keys=True)] = None
+            for each in guard_record["interventions"]:
+                acts[each["kind"]] += bool(each["actions"])
+                reminders += not each["actions"]
+                false_alarms += record["corruption"] == CLEAN
+        kinds = ", ".join(f"{kind}: {count}" for kind, count in acts.most_common() if count)
+        listed = f" ({kinds})" if kinds else ""
+        yield (
+            f"Guard {guard} {' and '.join(settings)}: in {quantity(len(agent_records), 'episode')}"
+            f" of {agent} it acted {acts.total()} times{listed} and reminded {reminders} times;"
+            f" {false_alarms} of these were in clean episodes (false alarms)."
+        )
 
 
 def fraction_note(run: Run) -> Iterator[str]:

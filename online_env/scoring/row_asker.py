@@ -15,6 +15,8 @@ from hijack_data.runs.run_log import GIVEN, ROW, VERSION
 from hijack_data.types import Action, Box, check_aim
 
 from ..agents.agent_calls import AgentAnswer, AgentError, RunningAgent
+from ..agents.guarded import Guarded, Onlooker
+from ..agents.guards import make_onlooker
 from ..choices import Question
 from ..results.reading import ResultRecord
 from .answers import StepAnswer, read_answer
@@ -43,6 +45,7 @@ class AskSettings:
         near: how far a click may be off where no box is known.
         batch: rows that `predict_batch` is given at a time.
         in_process: whether a user's agent runs in this process, for debugging.
+        guard: what watches the agent; "" for nothing.
         privileged_inputs: what the agent is given beside instruction and pictures, for the records.
     """
 
@@ -51,6 +54,7 @@ class AskSettings:
     near: Distance
     batch: int = 8
     in_process: bool = False
+    guard: str = ""
     privileged_inputs: tuple[str, ...] = ()
 
 
@@ -75,11 +79,13 @@ class RowAsker:
         self._failed_starts = MAX_STARTS - 1  # the first failure is final
         self._agent = self._start_agent()
         self._is_used = False
+        self._onlooker = make_onlooker(settings.guard, settings.agent) if settings.guard else None
+        self._guard_record: dict[str, Any] | None = None
 
     @property
     def batch(self) -> int:
         """How many rows the agent takes at a time."""
-        batched = "predict_batch" in self._agent.traits.methods
+        batched = "predict_batch" in self._agent.traits.methods and self._onlooker is None
         return self._settings.batch if batched and self._settings.question == "steps" else 1
 
     def close(self) -> None:
@@ -168,7 +174,26 @@ class RowAsker:
             return self._agent.check(row["screenshot"])
         if self._settings.question == "summaries":
             return self._agent.summarise(row["before"], row["action_text"], row["after"])
-        return self._agent.predict(row["instruction"], {"screenshot": row["screenshot"]})
+        obs = {"screenshot": row["screenshot"]}
+        if self._onlooker is None:
+            return self._agent.predict(row["instruction"], obs)
+        return self._ask_guarded(self._onlooker, row["instruction"], obs)
+
+    def _ask_guarded(self, onlooker: Onlooker, instruction: str, obs: dict[str, Any]) -> Any:
+        """Return the answer of the guard to a first screen, or that of the agent.
+
+        Raises:
+            AgentError: The agent or its guard fails.
+        """
+        self._guard_record = None
+        onlooker.reset()
+        guarded = Guarded(self._agent, onlooker)
+        try:
+            answer = guarded.predict(instruction, obs)
+        except HijackError as error:
+            raise AgentError(f"{type(error).__name__} in its guard: {error}") from error
+        self._guard_record = guarded.guard_record
+        return answer
 
     def _batch(self, rows: Sequence[RowData]) -> list[AgentAnswer]:
         self._reset_agent()
@@ -184,7 +209,8 @@ class RowAsker:
             words, actions = answer
             size = row["screenshot"].shape[:2]
             scored = _step(row["wanted"], read_answer(words, actions, size), self._settings.near)
-        return self._record(case, row, seconds) | scored
+        guard = {} if self._guard_record is None else {"guard": self._guard_record}
+        return self._record(case, row, seconds) | scored | guard
 
     def _failed_record(
         self, case: Case, row: RowData, error: AgentError, seconds: float

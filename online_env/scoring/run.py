@@ -13,6 +13,7 @@ from hijack_data.registry import is_ours
 from hijack_data.runs.run_log import SCORE_RUN
 
 from ..agents.agent_calls import method_names
+from ..agents.guards import check_guard, is_file
 from ..agents.references import AgentReference, is_user_code
 from ..agents.registry import AGENTS
 from ..choices import ROW_TIMEOUT_S, Question
@@ -48,6 +49,7 @@ class ScoreSettings:
         batch: rows that `predict_batch` is given at a time.
         in_process: whether agents of users run in this process, for debugging.
         agent_memory: GiB that an agent's process may use; 0 for the default.
+        guard: what watches every agent; "" for nothing. It sees the row's picture only.
     """
 
     dataset: Path
@@ -60,6 +62,7 @@ class ScoreSettings:
     batch: int = 8
     in_process: bool = False
     agent_memory: float = 0.0
+    guard: str = ""
 
     def ask_settings(self, agent: str) -> AskSettings:
         """How rows are put to one of the agents."""
@@ -70,6 +73,7 @@ class ScoreSettings:
             near=self.near,
             batch=self.batch,
             in_process=self.in_process,
+            guard=self.guard,
             privileged_inputs=("process",) if in_runner else (),
         )
 
@@ -91,7 +95,13 @@ class ScoreRun:
         self.cases: CaseList = select_cases(feed, settings.question, settings.selection)
         for agent in settings.agents:
             _check_agent(agent, settings.question)
-        codes = map(_agent_code, settings.agents)
+        if settings.guard and settings.question != "steps":
+            raise ParameterError(
+                f"--guard: agents are guarded when --ask is steps, not {settings.question}"
+            )
+        check_guard(settings.guard, settings.agents)
+        guards = (settings.guard,) if is_file(settings.guard) else ()
+        codes = map(_agent_code, (*settings.agents, *guards))
         self._code = {agent: code for agent, code in codes if code}
 
     @property
@@ -104,8 +114,10 @@ class ScoreRun:
         settings = self.settings
         seeds = sorted({case.seed for case in self.cases.cases})
         in_process = {"in_process": True} if settings.in_process else {}
+        guard = {"guard": settings.guard} if settings.guard else {}
         return {
             **in_process,
+            **guard,
             "kind": SCORE_RUN,
             "source": str(settings.dataset),
             "content": self._content,

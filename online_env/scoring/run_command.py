@@ -11,6 +11,7 @@ from hijack_data.cli.printable_console import PrintableConsole
 from hijack_data.cli.terminal import console, echo
 from hijack_data.errors import ParameterError
 
+from ..agents.guards import find_guard
 from ..bench.config import Bench, override
 from ..report.outcome import exit_code
 from ..report.terminal import score_rows, show
@@ -35,6 +36,7 @@ def run_command(
     timeout: float,
     workers: int,
     batch: int,
+    guard: str | None,
     in_process: bool,
     agent_memory: float | None,
     resume: bool,
@@ -57,6 +59,7 @@ def run_command(
         timeout=timeout,
         workers=workers,
         batch=batch,
+        guard=find_guard(guard) if guard else "",
         in_process=in_process,
         agent_memory=agent_memory or 0.0,
     )

@@ -12,13 +12,16 @@ import click
 from hijack_data.cli.completion import complete
 from hijack_data.cli.options import BriefCommand, FiniteRange, new_run_options
 
-from ..agents.options import agent_memory_option, in_process_option
+from ..agents.options import agent_memory_option, guard_option, in_process_option
 from ..choices import NEAR_PIXELS, QUESTIONS, ROW_TIMEOUT_S
 
 
 @click.command(
     cls=BriefCommand,
-    more=("agent_memory", "ask", "batch", "distance", "in_process", "split", "timeout", "workers"),
+    more=(
+        *("agent_memory", "ask", "batch", "distance", "guard", "in_process", "split"),
+        *("timeout", "workers"),
+    ),
 )
 @click.argument("dataset", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option(
@@ -77,6 +80,7 @@ from ..choices import NEAR_PIXELS, QUESTIONS, ROW_TIMEOUT_S
     metavar="N",
     help="Rows at a time, for an agent with predict_batch.",
 )
+@guard_option
 @in_process_option
 @agent_memory_option
 @click.option("--dry-run", is_flag=True, help="Say what would be scored, and score nothing.")

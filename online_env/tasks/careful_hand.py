@@ -33,6 +33,8 @@ PASSWORD = "password"
 _FIELDS = (*ENTRIES, "combo-box")
 _MAX_OPEN_DIALOGS = 3  # that one try may leave behind
 _MAX_UNDOS = 60  # before another try
+MAX_HANG_S = 60.0  # s in an episode for which applications that hang are waited for
+NO_ANSWER = "did not answer within"  # in a comment of the tree, see embedded/guest/atspi/reader.py
 LOST_S = 2.0  # without what is expected, until the hand looks for a reason
 TYPED_S = 1.0  # s within which a typed text shows
 _CURSOR_PIXELS = 4  # a cursor that blinks is narrower
@@ -81,6 +83,17 @@ class CarefulHand(Hand):
         self._last = ""  # the last action of the task
         self._layout_before: _Layout = frozenset()  # when it was done
         self._repeats_left = 0  # how often it may be done again
+        self._hang_s = MAX_HANG_S
+
+    def tree(self) -> str:
+        """Return the tree, once every application answers: one that hangs may go on."""
+        while True:
+            start = time.monotonic()
+            xml = super().tree()
+            if NO_ANSWER not in xml or self._hang_s <= 0:
+                return xml
+            time.sleep(PAUSE)
+            self._hang_s -= time.monotonic() - start
 
     def look(self) -> list[TreeNode]:
         """Return the nodes of the tree as it is now, and keep the titles of the own windows."""

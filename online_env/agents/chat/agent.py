@@ -5,9 +5,10 @@ from dataclasses import replace
 from typing import Any
 
 from ..base import Observation
+from ..guarded import Guarded, Notice
 from ..settings import AgentSettings
 from .endpoint import Endpoint
-from .onlooker import Onlooker
+from .onlooker import MAX_ANSWER_CHARS, ModelOnlooker
 from .parsing import ReplyParser
 from .prompts import Prompt, read_prompt
 from .query import ModelQuery, Reply, ScreenPicture, Turn
@@ -15,9 +16,6 @@ from .run import ChatRun
 from .usage import UsageMeter
 
 LANGUAGE = "English"
-# Characters of an answer that later requests repeat, so that a huge answer is not sent again in
-# full.
-MAX_ANSWER_CHARS = 32_000
 
 
 class ChatAgent:
@@ -26,20 +24,28 @@ class ChatAgent:
     Args:
         settings: the agent file.
         run: the state shared by the agents of a run: log, replay, prompts.
+        meter: counts what is used, for a guard that counts steps, too; by default one of its own.
     """
 
-    def __init__(self, settings: AgentSettings, run: ChatRun | None = None) -> None:
+    words_have_actions = True
+
+    def __init__(
+        self, settings: AgentSettings, run: ChatRun | None = None, meter: UsageMeter | None = None
+    ) -> None:
         self._settings = settings
         self._run = run or ChatRun()
         self._parser = ReplyParser.of(settings)
         self._prompt = read_prompt(settings.prompt, self._run.folders(settings))
-        self._meter = UsageMeter()
+        self._counts_steps = meter is None
+        self._meter = UsageMeter() if meter is None else meter
         self._model = self._endpoint()
         self._turns: list[Turn] = []
+        self._notice = Notice()
 
     def reset(self) -> None:
         """Forget the episode and close connections, but keep the usage counts."""
         self._turns = []
+        self._notice = Notice()
         self._model.close()
 
     @property
@@ -54,16 +60,34 @@ class ChatAgent:
             instruction: the task in words.
             obs: `obs["screenshot"]` is uint8 RGB `[H, W, 3]`.
         """
-        self._meter.begin_step()
-        return self._act(instruction, ScreenPicture(obs["screenshot"]))
-
-    def _act(
-        self, instruction: str, picture: ScreenPicture, reminder: str = ""
-    ) -> tuple[str, Sequence[str]]:
-        reply = self._model.ask(self._query(instruction, picture, reminder), "act")
+        if self._counts_steps:
+            self._meter.begin_step()
+        picture = ScreenPicture(obs["screenshot"])
+        self._add_notice(picture)
+        reply = self._model.ask(self._query(instruction, picture, self._notice.reminder), "act")
         words = reply.shown
         self._turns.append(_make_turn(picture, reply))
         return words, self._parser.read(reply, picture.size)
+
+    def take_notice(self, notice: Notice) -> None:
+        """Take what an onlooker says of the picture that the next `predict` gets.
+
+        The prompt has the reminder. The summary replaces the words of the last turn, and what the
+        action cannot have caused is a turn of its own (the paper's o_k, d_k).
+        """
+        self._notice = notice
+
+    def _add_notice(self, picture: ScreenPicture) -> None:
+        notice = self._notice
+        if self._turns and notice.summary:
+            self._turns[-1] = replace(self._turns[-1], summary=notice.summary)
+        if self._turns and notice.unexpected:
+            unexpected = notice.unexpected
+            self._turns.append(
+                Turn(picture=picture, answer="", summary=unexpected, unexpected=True)
+            )
+        # A request that fails is sent again: the history must not have the notice twice.
+        self._notice = Notice(reminder=notice.reminder)
 
     def _query(self, instruction: str, picture: ScreenPicture, reminder: str) -> ModelQuery:
         return ModelQuery(
@@ -76,7 +100,8 @@ class ChatAgent:
 
     @property
     def _summarised(self) -> bool:
-        return False
+        onlooker = self._settings.onlooker
+        return onlooker is not None and onlooker.summarise
 
     def _fill_prompt(self, instruction: str, picture: ScreenPicture, reminder: str) -> Prompt:
         height, width = self._parser.seen(picture.size)
@@ -103,76 +128,14 @@ class ChatAgent:
         )
 
 
-class OnlookedAgent(ChatAgent):
-    """The paper's AgentHijack-Agent: an agent whose steps an onlooker watches.
-
-    Before its first step, the onlooker compares the screen with the error repository. If it finds
-    an error, the agent asks once for re-initialisation, and the onlooker looks again; if it still
-    finds one, the agent's prompt contains its reminder. After each step, the onlooker summarises
-    what happened, and the summary replaces the agent's own words in the history. A change that the
-    action cannot have caused has an entry of its own there. The onlooker is given pictures, the
-    instruction and actions, nothing else.
-    """
-
-    def __init__(self, settings: AgentSettings, run: ChatRun | None = None) -> None:
-        super().__init__(settings, run)
-        self._onlooker = Onlooker(settings, self._run, self._meter)
-        self._checks = 0
-        self._reminder = ""
-
-    def reset(self) -> None:
-        """Forget the episode."""
-        super().reset()
-        self._onlooker.close()
-        self._checks = 0
-        self._reminder = ""
-
-    @property
-    def _summarised(self) -> bool:
-        return self._onlooker.summarises
-
-    def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:
-        """Let the onlooker check or summarise, then ask the model.
-
-        Args:
-            instruction: the task in words.
-            obs: `obs["screenshot"]` is uint8 RGB `[H, W, 3]`.
-        """
-        self._meter.begin_step()
-        picture = ScreenPicture(obs["screenshot"])
-        if self._needs_check():
-            self._reminder = self._onlooker.check(picture, instruction)
-            self._checks += 1
-            if self._reminder and self._checks == 1 and self._onlooker.reinits:
-                return f"Reminder: {self._reminder}", [self._onlooker.REQUEST]
-        if self._turns and self._onlooker.summarises and not self._turns[-1].unexpected:
-            self._summarise(instruction, picture)
-        return self._act(instruction, picture, self._reminder)
-
-    def _summarise(self, instruction: str, picture: ScreenPicture) -> None:
-        """Replace the last turn's words by a summary; an unexpected change is a turn of its own."""
-        last = self._turns[-1]
-        summary, unexpected = self._onlooker.summarise(instruction, last, picture)
-        self._turns[-1] = replace(last, summary=summary)
-        if unexpected:
-            self._turns.append(
-                Turn(picture=picture, answer="", summary=unexpected, unexpected=True)
-            )
-
-    def _needs_check(self) -> bool:
-        """Return whether the agent has not acted yet and the first check is not finished."""
-        if self._turns or not self._onlooker.checks:
-            return False
-        has_asked = bool(self._reminder) and self._onlooker.reinits
-        return self._checks == 0 or (has_asked and self._checks == 1)
-
-
 def _make_turn(picture: ScreenPicture, reply: Reply) -> Turn:
     return Turn(picture=picture, answer=reply.shown[:MAX_ANSWER_CHARS], raw=reply.raw)
 
 
-def make_agent(settings: AgentSettings, run: ChatRun | None = None) -> ChatAgent:
-    """Return the agent of a file: with an onlooker, if the file has one."""
+def make_agent(settings: AgentSettings, run: ChatRun | None = None) -> ChatAgent | Guarded:
+    """Return the agent of a file: the paper's AgentHijack-Agent, if the file has an onlooker."""
     if settings.onlooker is None:
         return ChatAgent(settings, run)
-    return OnlookedAgent(settings, run)
+    run = run or ChatRun()
+    meter = UsageMeter()
+    return Guarded(ChatAgent(settings, run, meter), ModelOnlooker(settings, run, meter))

@@ -27,8 +27,12 @@ class ChatRun:
     waits: RetryWaits = field(default_factory=RetryWaits)
     recorder: RequestRecorder = field(default_factory=NoRecorder)
 
-    def begin(self, episode: str, settings: AgentSettings) -> None:
+    def begin(self, episode: str, files: Iterable[AgentSettings]) -> None:
         """Open the log of an episode, or its replay.
+
+        Args:
+            episode: its id.
+            files: the agent files whose models are asked in it; their keys are kept out of the log.
 
         Raises:
             ReplayError: The replayed run has no such episode.
@@ -37,7 +41,7 @@ class ChatRun:
         if self.replay is not None:
             self.recorder = RequestReplay(self.replay / name)
         elif self.log is not None:
-            secrets = tuple(_secrets(settings))
+            secrets = tuple(secret for settings in files for secret in _secrets(settings))
             self.recorder = RequestLog(self.log / name, secrets)
 
     def folders(self, settings: AgentSettings) -> tuple[str | os.PathLike[str], ...]:

@@ -20,7 +20,7 @@ from .text_matching import MIN_LIKENESS, all_texts, even, find_text, likeness
 PASSWORD = "password"  # of the desktop's user, who knows it
 GONE = "The window is gone"
 COVERED = "A foreign window is in the way"
-_MAX_DESKTOP_LINES = 8  # lines that a bare desktop has at most: names of icons, and the panel
+MAX_DESKTOP_LINES = 8  # lines that a bare desktop has at most: names of icons, and the panel
 _MAX_LISTED_TEXTS = 6  # texts that a summary names
 _PANEL_TOP_SHARE = 0.9  # of the height: the panel is below
 _CLOCK_LEFT_SHARE = 0.9  # of the width: the clock is to the right
@@ -93,7 +93,7 @@ class PictureOnlooker:
         """Return the error of the repository that a screen shows, or `None` (the initial check)."""
         for error in self._errors:
             signs = SIGNS.get(error.name)
-            if signs is None or not _shows_error(lines, signs):
+            if signs is None or not shows_error(lines, signs):
                 continue
             return ScreenFinding(kind=error.name, say=error.say, steps=signs.steps)
         return None
@@ -140,14 +140,14 @@ class PictureOnlooker:
         return [
             line
             for line in other_buttons
-            if any(_begins_title(line, text) for text in self._foreign)
+            if any(begins_title(line, text) for text in self._foreign)
         ]
 
     def _is_button_of_window(self, button: TextLine, window: str) -> bool:
         """Return whether a button of the panel, which may be cut short, is that of a window."""
         if find_text([button], window) is not None:
             return True
-        return _begins_title(button, self._titles.get(window, ""))
+        return begins_title(button, self._titles.get(window, ""))
 
     def summarise(
         self, step: str, before: Sequence[TextLine], after: Sequence[TextLine], share: float
@@ -194,7 +194,7 @@ def _find_gone_window(
     above: Sequence[TextLine], buttons: Sequence[TextLine], window: str
 ) -> ScreenFinding | None:
     """Return the finding that the window is not visible, if only desktop and panel are."""
-    if not buttons or len(above) > _MAX_DESKTOP_LINES or all_texts(above, window):
+    if not buttons or len(above) > MAX_DESKTOP_LINES or all_texts(above, window):
         return None
     return ScreenFinding(
         kind=GONE,
@@ -203,7 +203,7 @@ def _find_gone_window(
     )
 
 
-def _begins_title(button: TextLine, title: str) -> bool:
+def begins_title(button: TextLine, title: str) -> bool:
     """Return whether a button says the beginning of a title, or all of it."""
     short = even(button.text.rstrip("."))
     return likeness(short, even(title)[: len(short)]) >= MIN_LIKENESS
@@ -221,7 +221,8 @@ def _find_foreign_window(foreign: Sequence[TextLine]) -> ScreenFinding | None:
     )
 
 
-def _shows_error(lines: Sequence[TextLine], signs: ErrorSigns) -> bool:
+def shows_error(lines: Sequence[TextLine], signs: ErrorSigns) -> bool:
+    """Return whether all texts of one of the groups are on the screen."""
     return any(all(find_text(lines, text) for text in group) for group in signs.texts)
 
 

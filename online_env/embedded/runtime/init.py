@@ -296,7 +296,8 @@ class Init:
 
     def _handle_exit(self, pid: int, status: int) -> None:
         if os.WIFSTOPPED(status):
-            if pid in self.running:  # a part of the session; what users stop stays stopped
+            # A part of the session; what users stop stays stopped, and so do applications.
+            if self.running.get(pid, "") not in ("", *self.order.apps):
                 os.kill(pid, signal.SIGCONT)
             return
         name = self.running.pop(pid, None)

@@ -188,6 +188,7 @@ def _record_problems(replay: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
             yield f"{name} is {record.get(name)!r}, by {STEPS} it is {value!r}"
     requests = sum(line.get("code") == REINIT for line in replay.lines)
     yield from field_checks.recovery_problems(record, replay.lines, requests)
+    yield from field_checks.guard_problems(record, replay.lines)
     yield from field_checks.time_problems(record, replay.lines)
     is_declared = key.planner is not None and bool(key.planner.inputs)
     yield from input_problems(record, replay.lines, is_declared)

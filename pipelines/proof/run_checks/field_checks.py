@@ -42,6 +42,7 @@ FREE: Final = "free"  # only a hash protects it
 
 CONFIG, DESKTOP, RECOVERY, EVENT, EFFECT = "config", "desktop", "recovery", "event", "effect"
 INPUT = "input"
+GUARD, INTERVENTION = "guard", "intervention"
 _CODE_LISTS = ("agents", "tasks")  # the lists whose names may have an entry in `config.code`
 
 FIELDS: Mapping[str, Mapping[str, str]] = {
@@ -73,6 +74,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "episode_timeout": FREE,
         "osworld_files": FREE,
         "text_boxes": FREE,
+        "guard": COPIED,
         "unplayable": FREE,
         "unplayable_score": FREE,
         "code": FREE,
@@ -124,6 +126,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "last_action": DERIVED,
         "said": DERIVED,
         "usage": FREE,
+        "guard": COPIED,
         GIVEN: LIBRARY,
         "desktop": COPIED,
         "lines": DERIVED,
@@ -137,6 +140,8 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "repaired": DERIVED,
         "free": DERIVED,
     },
+    GUARD: {"name": COPIED, "settings": FREE, "interventions": DERIVED},
+    INTERVENTION: {"step": DERIVED, "kind": FREE, "actions": DERIVED},
     STEPS: {
         "said": FREE,
         "step": DERIVED,
@@ -228,6 +233,7 @@ def head_problems(
     code = config.get("code", {})
     plugin_names = {str(name) for key in _CODE_LISTS for name in config.get(key, ())}
     plugin_names.add(str(_mapping(config.get("desktop")).get("provider")))
+    plugin_names.add(str(config.get(GUARD)))
     for name in code if isinstance(code, dict) else [short_repr(code)]:
         if name not in plugin_names:
             yield f"config.code has {short_repr(name)}, which the config does not use"
@@ -327,7 +333,7 @@ def outcome_problems(record: Mapping[str, Any]) -> Iterator[str]:
         yield f"seconds is {short_repr(seconds)}, no number of at least 0"
     elif setup is not None and not (_is_time(setup) and setup <= seconds + ROUNDING_S):
         yield f"setup_seconds is {short_repr(setup)}, seconds is {seconds}"
-    for key in (DESKTOP, RECOVERY):
+    for key in (DESKTOP, RECOVERY, GUARD):
         for text in unknown_fields(_mapping(record.get(key)), key):
             yield f"{key}: {text}"
 
@@ -383,6 +389,11 @@ def _expected(
         yield "max_steps", config["max_steps"], RUN
     if _mapping(record.get(RECOVERY)) and "recovery" in config:
         yield f"{RECOVERY}.policy", config["recovery"], RUN
+    guard = config.get(GUARD)
+    if guard is not None and is_played:
+        yield f"{GUARD}.name", "rules" if guard == "rules" else "model", RUN
+    elif guard is None:
+        yield GUARD, None, RUN
     desktop, planned = _mapping(record.get(DESKTOP)), _mapping(config.get(DESKTOP))
     if not desktop:
         return  # no desktop came up
@@ -394,6 +405,28 @@ def _expected(
 
 
 # Steps
+
+
+def guard_problems(record: Mapping[str, Any], lines: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Yield the interventions of a guard that are not in `steps.jsonl`."""
+    by_step = {line.get("step"): line.get("raw") for line in lines}
+    for each in _mappings(_mapping(record.get(GUARD)).get("interventions")):
+        for text in unknown_fields(each, INTERVENTION):
+            yield f"{GUARD}.interventions: {text}"
+        actions = each.get("actions")
+        first = each.get("step")
+        if not isinstance(first, int) or not isinstance(actions, list):
+            yield f"{GUARD}.interventions has {short_repr(each)}: step or actions is missing"
+            continue
+        if not actions and first not in by_step:
+            yield f"{GUARD}.interventions has step {first}, which {STEPS} has not"
+        for step, action in enumerate(actions, first):
+            # The episode may have ended between two actions.
+            if by_step.get(step) != action and (step in by_step or step == first):
+                yield (
+                    f"{GUARD}.interventions has {short_repr(action)} at step {step}, by {STEPS}"
+                    f" it is {short_repr(by_step.get(step))}"
+                )
 
 
 def line_problems(line: Mapping[str, Any]) -> Iterator[str]:

@@ -14,6 +14,7 @@ LISTEN = "0A"
 REJECT = 0x200  # RTF_REJECT: the kernel's mark of an unreachable route
 LOCAL = ("127.", "::1")
 DNS_PORT = 53
+HTTP_PORT = 80
 RECURSION_DESIRED = 0x100
 A_RECORD = 1
 INTERNET = 1
@@ -141,7 +142,55 @@ def _dns(target: _Facts, timeout: float) -> _Facts:
     return {}
 
 
-OPERATIONS: dict[str, Callable[..., _Facts]] = {"survey": survey, "reach": reach}
+def speed(
+    host: str, port: int, name: str, rounds: int, max_seconds: float, timeout: float
+) -> _Facts:
+    """Time connections to a site, and a download from it over HTTP.
+
+    Args:
+        host: its address.
+        port: its port; a download needs 80.
+        name: its name, for the request.
+        rounds: how many connections are made, one after the other.
+        max_seconds: seconds for which the download is timed at most.
+        timeout: for each connection, in seconds.
+    """
+    seconds: list[float] = []
+    for _ in range(rounds):
+        start = time.monotonic()
+        try:
+            socket.create_connection((host, port), timeout).close()
+        except OSError:
+            break
+        seconds.append(round(time.monotonic() - start, 5))
+    received, download = (
+        _download(host, name, max_seconds, timeout) if port == HTTP_PORT else (0, 0.0)
+    )
+    return {"seconds": seconds, "bytes": received, "download": download}
+
+
+def _download(host: str, name: str, max_seconds: float, timeout: float) -> tuple[int, float]:
+    """Return how many bytes came in how many seconds."""
+    received = 0
+    start = time.monotonic()
+    try:
+        with socket.create_connection((host, HTTP_PORT), timeout) as connection:
+            request = f"GET / HTTP/1.0\r\nHost: {name}\r\n\r\n"
+            start = time.monotonic()
+            connection.sendall(request.encode())
+            connection.settimeout(max_seconds)
+            while time.monotonic() - start < max_seconds:
+                part = connection.recv(1 << 16)
+                if not part:
+                    break
+                received += len(part)
+    except OSError:
+        if not received:
+            return 0, 0.0
+    return received, max(time.monotonic() - start, 1e-6)
+
+
+OPERATIONS: dict[str, Callable[..., _Facts]] = {"survey": survey, "reach": reach, "speed": speed}
 
 
 def main(operation: str, fields: str) -> None:
