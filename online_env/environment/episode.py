@@ -118,7 +118,7 @@ class Episode:
             self._set_up()
         script = self._script()
         # A refusal up to this point leaves no record, because nothing was played.
-        size = script.check(self._max_observations, self._stage.desktop)
+        size = script.check(self._max_observations, self._stage.desktop, self._settings.layer)
         self._log = self._open_log()
         observer = Observer(self._stage.desktop, self._settings, script, self._effects, self._log)
         self._observer = observer
@@ -178,6 +178,8 @@ class Episode:
         """Undo all effects and write the record; later calls do nothing."""
         if self.record is not None:
             return
+        if self._observer is not None:
+            self._observer.erase()
         self._effects.undo()
         self.record = make_record(
             request=self._request,

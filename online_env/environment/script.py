@@ -5,12 +5,13 @@ from dataclasses import dataclass
 
 from hijack_data.corruption import make_corruption
 from hijack_data.errors import HijackError, ParameterError
-from hijack_data.plan import CLEAN, Plan
+from hijack_data.plan import CLEAN, Plan, Resample
 from hijack_data.planner import Planner, as_planner
 from hijack_data.rng import Stream
 from hijack_data.runs.run_planners import get_label
 from hijack_data.types import BoxArray, Scene, Size, as_boxes
 
+from ..choices import Layer
 from ..desktops.capability_survey import lacks
 from ..desktops.protocol import Capability, Desktop
 from ..effects import find
@@ -81,19 +82,27 @@ class Script:
         """Return the random draws for decisions that need the live desktop."""
         return Stream(self.seed, f"effect-{kind}", self.sample, step)
 
-    def check(self, steps: int, desktop: Desktop) -> Size:
+    def check(self, steps: int, desktop: Desktop, layer: Layer = "picture") -> Size:
         """Plan `steps` steps ahead, and refuse a corruption that cannot work before it begins.
+
+        Args:
+            steps: the most observations after the first.
+            desktop: where it is played.
+            layer: who draws what plans paste; see `EvalSettings`.
 
         Returns:
             The size of the agent's pictures, (height, width).
 
         Raises:
-            ParameterError: The screen is too small, or the pictures have several sizes.
+            ParameterError: The screen is too small, the pictures have several sizes, or a node of
+                a page cannot do what the corruption does.
             MissingCapabilityError: The desktop lacks capabilities, all of which are named.
             UnknownNameError: An effect is of an unknown kind.
         """
         plans = [self.plan(step) for step in range(BEFORE, steps + 1)]
         self._check_capabilities(plans, desktop)
+        if layer == "dom":
+            self._check_layer(plans, desktop)
         sizes = {plan.out_size for plan in plans[1:]}
         if len(sizes) > 1:
             raise ParameterError(
@@ -102,6 +111,24 @@ class Script:
                 " Resolution(restore=True)"
             )
         return sizes.pop()
+
+    def _check_layer(self, plans: list[Plan], desktop: Desktop) -> None:
+        """Check that nodes of a page can be what the plans draw.
+
+        Raises:
+            MissingCapabilityError: The desktop is no browser.
+            ParameterError: A plan resizes the picture.
+        """
+        if not hasattr(desktop, "page_layer"):
+            raise MissingCapabilityError(
+                f"layer='dom' draws into the page of a browser, not on {type(desktop).__name__}:"
+                " use layer='picture'"
+            )
+        if any(isinstance(op, Resample) for plan in plans for op in plan.ops):
+            raise ParameterError(
+                f"{get_label(self.planner)} resizes the picture, which no node of a page can do:"
+                " use layer='picture', or leave it out"
+            )
 
     def _check_capabilities(self, plans: list[Plan], desktop: Desktop) -> None:
         kinds = {effect.kind for plan in plans for effect in plan.effects}
@@ -115,7 +142,9 @@ class Script:
             )
 
 
-def check_corruptions(planners: Iterable[Planner | None], steps: int, desktop: Desktop) -> None:
+def check_corruptions(
+    planners: Iterable[Planner | None], steps: int, desktop: Desktop, layer: Layer = "picture"
+) -> None:
     """Refuse corruptions that cannot work on a desktop, before any episode begins.
 
     Raises:
@@ -124,7 +153,7 @@ def check_corruptions(planners: Iterable[Planner | None], steps: int, desktop: D
         UnknownNameError: An effect is of an unknown kind.
     """
     for planner in planners:
-        Script(planner, 0, "", (), desktop.size).check(steps, desktop)
+        Script(planner, 0, "", (), desktop.size).check(steps, desktop, layer)
 
 
 def _acts(plan: Plan) -> bool:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final, TypeGuard
 
 from hijack_data.actions.agent_actions import REINIT
+from hijack_data.runs.page_layer import LAYER
 from hijack_data.runs.run_head import config_digest
 from hijack_data.runs.run_log import (
     EPISODE,
@@ -71,6 +72,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "episode_timeout": FREE,
         "osworld_files": FREE,
         "text_boxes": FREE,
+        "layer": FREE,
         "unplayable": FREE,
         "unplayable_score": FREE,
         "code": FREE,
@@ -139,6 +141,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "image": DERIVED,
         "image_sha256": DERIVED,
         "seen": DERIVED,
+        LAYER: DERIVED,
         "seen_sha256": DERIVED,
         "plan": DERIVED,
         "plan_digest": DERIVED,
