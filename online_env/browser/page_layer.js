@@ -21,16 +21,16 @@
   for (const type of ['pointerdown', 'pointerup', 'pointermove', 'mousedown', 'mouseup', 'mousemove', 'click', 'dblclick',
     'auxclick', 'contextmenu']) addEventListener(type, keepFromPage, true);
 
-  const make = (tag, [x, y, width, height], scale) => {
+  const make = (tag, [x, y, width, height]) => {
     const node = document.createElement(tag);
-    node.style.cssText = `all: initial; direction: ltr; position: absolute; display: block; left: ${x / scale}px;
-      top: ${y / scale}px; width: ${width / scale}px; height: ${height / scale}px; forced-color-adjust: none`;
+    node.style.cssText = `all: initial; direction: ltr; position: absolute; display: block; left: ${x}px; top: ${y}px;
+      width: ${width}px; height: ${height}px; forced-color-adjust: none`;
     return node;
   };
-  const addParts = (parent, parts, images, scale) => {
+  const addParts = (parent, parts, images) => {
     for (const part of parts) {
       const isPicture = part.image !== undefined;
-      const node = make(part.tag, part.box, scale);
+      const node = make(part.tag, part.box);
       if (part.fill) node.style.background = part.fill;
       if (isPicture) {
         node.width = images[part.image].width;
@@ -43,9 +43,9 @@
       if (part.text !== undefined) {
         node.textContent = part.text;
         node.style.cssText += `; color: transparent; white-space: pre; overflow: hidden; cursor: default;
-          font: ${part.font / scale}px/${part.box[3] / scale}px sans-serif`;
+          font: ${part.font}px/${part.box[3]}px sans-serif`;
       }
-      addParts(node, part.parts || [], images, scale);
+      addParts(node, part.parts || [], images);
       parent.append(node);
     }
   };
@@ -59,7 +59,7 @@
       state.box.remove();
     }
     state.box = null;
-    return state.root ? state.root.childElementCount - 1 : 0;
+    return state.root ? state.root.childElementCount - 1 : 0; // all but the slot
   };
 
   // Draw; return why that is impossible, or "".
@@ -78,20 +78,24 @@
       state.root.append(document.createElement('slot'));
       state.body = body;
     }
-    const box = make('div', [0, 0, 0, 0], 1);
+    const box = make('div', [0, 0, 0, 0]);
     // In the top layer, no property of the page's elements moves, clips or covers it.
     box.popover = 'manual';
     box.style.cssText += `; position: fixed; inset: 0; width: auto; height: auto; overflow: hidden; pointer-events: none;
       zoom: ${1 / (body.currentCSSZoom || 1)}`;
+    // In this one, a CSS pixel is a pixel of the screen: the layout rounds to CSS pixels.
+    const screen = make('div', [0, 0, innerWidth * scale, innerHeight * scale]);
+    if (scale !== 1) screen.style.cssText += `; transform: scale(${1 / scale}); transform-origin: 0 0`;
+    box.append(screen);
     for (const sprite of sprites) sprite.bitmaps = await Promise.all(sprite.images.map(decode));
     for (const [index, x, y] of places) {
       const { width, height, role, label, parts, bitmaps } = sprites[index];
-      const node = make('div', [x, y, width, height], scale);
+      const node = make('div', [x, y, width, height]);
       node.role = role;
       node.ariaLabel = label;
       if (role === 'dialog') node.style.pointerEvents = 'auto';
-      addParts(node, parts, bitmaps, scale);
-      box.append(node);
+      addParts(node, parts, bitmaps);
+      screen.append(node);
     }
     if (!body.isConnected || document.body !== body) return 'the document changed while it was drawn on';
     state.box = box;
@@ -104,7 +108,7 @@
   // Return what the document has now.
   const look = () => {
     const ratio = devicePixelRatio;
-    const nodes = state.box ? [...state.box.children] : [];
+    const nodes = state.box ? [...state.box.firstChild.children] : [];
     return {
       shown: Boolean(state.box && state.box.matches(':popover-open') && state.box.checkVisibility()),
       boxes: nodes.map((node) => {

@@ -21,7 +21,7 @@ from online_env.browser.site import FolderSite
 from support import needs
 
 TIMEOUT_S = 20.0
-PAGE = "<!doctype html><title>Shop</title><p>Shop<script>document.cookie = 'a=b'; localStorage.a = 'b'</script>"
+PAGE = "<!doctype html><title>Shop</title><p style='height: 90vh'>Shop<script>document.cookie = 'a=b'; localStorage.a = 'b'</script>"
 
 
 class Client:
@@ -163,8 +163,9 @@ def test_effects_come_once_a_page_has_loaded_and_are_proved(url: str) -> None:
         client = Client(address)
         session = client.open(url)
         assert process.stderr is not None
-        assert process.stderr.readline().strip()
-        wait_for(lambda: client.evaluate(session, "navigator.onLine") is False)
+        words = process.stderr.readline()
+        wait_for(lambda: client.evaluate(session, "!!document.querySelector('.error-code')"))
+        assert "can be reached" not in words
         client.close()
 
 
@@ -190,11 +191,11 @@ def test_playwright_drives_it(url: str) -> None:
                 return buttons and buttons[0]
 
             wait_for(find_button)
-            with pytest.raises(playwright.TimeoutError, match="intercepts pointer events"):
-                page.locator("p").click(timeout=500, position={"x": 600, "y": 5})
             quad = session.send("DOM.getBoxModel", {"backendNodeId": find_button()})["model"][
                 "content"
             ]
+            with pytest.raises(playwright.TimeoutError, match="intercepts pointer events"):
+                page.locator("p").click(timeout=800, position={"x": quad[0] + 9, "y": quad[1] - 40})
             page.mouse.click((quad[0] + quad[4]) / 2, (quad[1] + quad[5]) / 2)
             wait_for(lambda: not find_button())
         browser.close()
