@@ -20,8 +20,12 @@ CORRUPTIONS = (PopUps(), PopUps(avoid_elements=False), Marks(), Subtitle(fit="sh
 
 def main() -> None:
     print("Load before:", *(f"{value:.1f}" for value in os.getloadavg()))
-    print(f"\nOver {len(PAGES)} pages of MiniWoB++ and 3 seeds each, on 960x720 pixels, 3 for each CSS pixel.\n")
-    print("| corruption | pixels that differ | largest difference of 255 | draw, picture and probe, ms | picture alone, ms |")
+    print(
+        f"\nOver {len(PAGES)} pages of MiniWoB++ and 3 seeds each, on 960x720 pixels, 3 for each CSS pixel.\n"
+    )
+    print(
+        "| corruption | pixels that differ | largest difference of 255 | draw, picture and probe, ms | picture alone, ms |"
+    )
     print("| --- | --- | --- | --- | --- |")
     stage = open_miniwob(SIZE)
     desktop = stage.desktop
