@@ -13,8 +13,7 @@ from hijack_data.planner import Planner
 from hijack_data.rng import Stream
 from hijack_data.types import Scene, Size, as_boxes
 
-from ..effects import perform
-from ..effects.descriptions import in_words
+from ..effects import find, perform
 from ..errors import DesktopError
 from .cdp_relay import CdpRelay
 from .desktop import BrowserDesktop
@@ -175,7 +174,8 @@ class SharedBrowser(BrowserDesktop):
             for effect in plan.effects:
                 applied = perform(effect, self, Stream(self._seed, plan.corruption, SAMPLE, 0))
                 probe = applied.probe()
-                yield in_words(effect.kind, probe.facts, probe.problem)
+                words = find(effect.kind, self).in_words(probe.facts)
+                yield f"{effect.kind}: {probe.problem or words}"
         if plan.ops:
             document = self._documents.setdefault(page.target, _Document(page, PageLayer(self)))
             problem = document.layer.draw(plan, page, ratio)

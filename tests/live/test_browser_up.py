@@ -164,6 +164,7 @@ def test_effects_come_once_a_page_has_loaded_and_are_proved(url: str) -> None:
         session = client.open(url)
         assert process.stderr is not None
         words = process.stderr.readline()
+        print(words)
         wait_for(lambda: client.evaluate(session, "!!document.querySelector('.error-code')"))
         assert "can be reached" not in words
         client.close()
