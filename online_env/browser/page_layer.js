@@ -19,12 +19,12 @@
     if (button) button.closest('[role=dialog]').remove();
   };
   for (const type of ['pointerdown', 'pointerup', 'pointermove', 'mousedown', 'mouseup', 'mousemove', 'click', 'dblclick',
-    'auxclick', 'contextmenu']) addEventListener(type, keepFromPage, true);
+    'auxclick', 'contextmenu', 'wheel']) addEventListener(type, keepFromPage, { capture: true, passive: false });
 
   const make = (tag, [x, y, width, height]) => {
     const node = document.createElement(tag);
     node.style.cssText = `all: initial; direction: ltr; position: absolute; display: block; left: ${x}px; top: ${y}px;
-      width: ${width}px; height: ${height}px; forced-color-adjust: none`;
+      width: ${width}px; height: ${height}px; forced-color-adjust: none; pointer-events: inherit`;
     return node;
   };
   const addParts = (parent, parts, images) => {
@@ -54,10 +54,7 @@
     { colorSpaceConversion: 'none' });
 
   const erase = () => {
-    if (state.box) {
-      removeEventListener('wheel', keepFromPage, { capture: true });
-      state.box.remove();
-    }
+    if (state.box) state.box.remove();
     state.box = null;
     return state.root ? state.root.childElementCount - 1 : 0; // all but the slot
   };
@@ -101,7 +98,6 @@
     state.box = box;
     state.root.append(box);
     box.showPopover();
-    addEventListener('wheel', keepFromPage, { capture: true, passive: false });
     return '';
   };
 
