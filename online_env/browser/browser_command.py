@@ -18,7 +18,9 @@ def browser() -> None:
 @click.option(
     "--size", default="1280x720", show_default=True, metavar="WxH", help="WIDTHxHEIGHT in pixels."
 )
-@click.option("--corruption", metavar="NAME", help="One of hijack list, but no resolution.")
+@click.option(
+    "--corruption", metavar="NAME", help="One of hijack list, but not resolution and network_error."
+)
 @click.option(
     "--set",
     "settings",

@@ -49,7 +49,8 @@ class SharedBrowser(BrowserDesktop):
         port: Of the loopback interface; 0 for a free one.
 
     Raises:
-        ParameterError: The corruption resizes the picture, or the port is in use.
+        ParameterError: The corruption resizes the picture or cuts the network, or the port is in
+            use.
         MissingPackageError: There is no Chromium, or it is too old.
         DesktopError: Chromium does not start.
     """
@@ -74,6 +75,11 @@ class SharedBrowser(BrowserDesktop):
         if any(isinstance(op, Resample) for op in self._plan(size).ops):
             raise ParameterError(
                 "the corruption resizes the picture, which no node of a page can do: leave it out"
+            )
+        if any(effect.kind == "firewall" for effect in self._plan(size).effects):
+            raise ParameterError(
+                "being offline is not proved while a client shares the browser: play network_error"
+                " by hijack bench, or have the client switch its network off"
             )
         try:
             self._relay = CdpRelay(self._get_port, port)

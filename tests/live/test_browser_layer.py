@@ -216,7 +216,7 @@ def test_a_run_has_the_same_plans_on_both_layers_is_verified_and_built(tmp_path:
         config = tmp_path / f"{layer}.yaml"
         config.write_text(
             "desktop: {provider: browser, size: [960, 720]}\nagents: [oracle]\ntasks: [miniwob/enter-text.html]\n"
-            f"corruptions: [pop_ups, marks, subtitle: {{fit: shrink}}, network_error]\nseeds: [0]\nmax_steps: 6\nlayer: {layer}\n"
+            f"corruptions: [pop_ups, marks, subtitle: {{fit: shrink}}]\nseeds: [0]\nmax_steps: 6\nlayer: {layer}\n"
         )
         run = tmp_path / layer
         hijack("bench", config, "--desktops", "1", "--out", run)

@@ -158,18 +158,6 @@ def test_a_client_gets_nodes_in_every_page_and_leaves_nothing_when_it_vanishes(u
         other.close()
 
 
-def test_effects_come_once_a_page_has_loaded_and_are_proved(url: str) -> None:
-    with browser_up("--corruption", "network_error") as (address, process):
-        client = Client(address)
-        session = client.open(url)
-        assert process.stderr is not None
-        words = process.stderr.readline()
-        print(words)
-        wait_for(lambda: client.evaluate(session, "!!document.querySelector('.error-code')"))
-        assert "can be reached" not in words
-        client.close()
-
-
 def test_playwright_drives_it(url: str) -> None:
     playwright = pytest.importorskip(
         "playwright.sync_api", reason="needs Playwright; pip install playwright"
@@ -227,6 +215,7 @@ def list_processes() -> str:
     ("words", "problem"),
     [
         (["--corruption", "resolution"], "resizes the picture"),
+        (["--corruption", "network_error"], "is not proved"),
         (["--corruption", "pop_upz"], "did you mean"),
         (["--set", "width=3"], "--set is for a corruption"),
         (["--size", "big"], "--size must be WIDTHxHEIGHT"),
