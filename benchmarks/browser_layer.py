@@ -12,6 +12,7 @@ import numpy as np
 from hijack_data import Marks, PopUps, Subtitle, apply
 from hijack_data.types import Scene
 from online_env.browser.miniwob import open_miniwob, task_class
+from online_env.environment.settle import wait_until_settled
 
 SIZE = (720, 960)
 PAGES = ("enter-text", "click-checkboxes-large", "read-table", "login-user")
@@ -35,6 +36,7 @@ def main() -> None:
             for seed in range(3):
                 stage.reset(task_class(f"miniwob/{page}.html")(seed), seed)
                 desktop.evaluate("document.activeElement?.blur()")
+                wait_until_settled(desktop, desktop.settle, False)
                 plan = corruption.plan(Scene(SIZE), seed=seed)
                 start = time.monotonic()
                 clean = desktop.screenshot()
