@@ -33,7 +33,6 @@ from hijack_data.runs.run_log import (
     row_slug,
 )
 
-from ...readers import fields
 from .library import LIBRARY_INPUTS, Library
 
 DERIVED: Final = "derived"  # computed again from other files
