@@ -75,6 +75,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "local_internet",
         "bring_your_own_vm",
         "browser",
+        "browser_dom",
         "osworld",
         "osworld_vm",
         "recordings",

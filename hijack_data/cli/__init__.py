@@ -48,6 +48,7 @@ COMMANDS = {
     "view": "pipelines.viewer.view_command:view",
     "train": "pipelines.train.train_command:train",
     "desktop": "online_env.desktop_commands:desktop",
+    "browser": "online_env.browser.browser_command:browser",
     "bench": "online_env.bench.bench_command:bench",
     "serve": "online_env.serving.serve_command:serve",
     "score": "online_env.scoring.score_command:score",
@@ -60,7 +61,7 @@ COMMANDS = {
     "osworld": "online_env.osworld.osworld_commands:osworld",
 }
 # Commands that need the processes, users and sockets of a POSIX system.
-NEEDS_POSIX = ("desktop", "bench", "serve", "osworld")
+NEEDS_POSIX = ("desktop", "browser", "bench", "serve", "osworld")
 
 
 class LazyGroup(WholeSummaries):

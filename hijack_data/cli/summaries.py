@@ -32,6 +32,7 @@ SECTIONS = {
     },
     "Live desktops and scores": {
         "desktop": "Real Linux desktops on this machine, without a virtual machine.",
+        "browser": ("A corrupted Chromium for Playwright, browser-use and other DevTools clients."),
         "bench": "Run agents on a live desktop, clean and corrupted.",
         "serve": (
             "Serve desktops with the tasks of a benchmark to trainers, as an OpenEnv environment."

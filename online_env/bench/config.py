@@ -39,7 +39,7 @@ from ..agents.guards import is_file
 from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
-from ..choices import ERROR_ORDERS, POLICIES, ErrorOrder, Recovery
+from ..choices import ERROR_ORDERS, LAYERS, POLICIES, ErrorOrder, Layer, Recovery
 from ..results.stop_rule import StopRule
 from ..tasks import TASKS, Task, families, task_sets
 from ..tasks.machines import MachineSettings
@@ -69,7 +69,8 @@ RECOVERY = Parameter("choice", "What a request of the agent for help leads to", 
 ENVIRONMENT_ERRORS = Parameter(
     "choice", "When the network is cut that is down from the beginning", choices=ERROR_ORDERS
 )
-CHOICES = {"recovery": RECOVERY, "environment_errors": ENVIRONMENT_ERRORS}
+LAYER = Parameter("choice", "Who draws what plans paste", choices=LAYERS)
+CHOICES = {"recovery": RECOVERY, "environment_errors": ENVIRONMENT_ERRORS, "layer": LAYER}
 DESKTOP_KEYS = ("provider", "size")
 TEXT_BOXES = Parameter("bool", "Whether pop-ups and marks keep lines of text free")
 KEYS = (
@@ -105,6 +106,7 @@ class Bench:
         recovery: `none`, `repair` or `reset`.
         environment_errors: `before_setup` or `after_setup`; see `EvalSettings`.
         text_boxes: whether pop-ups and marks keep the lines of text free, which OCR finds.
+        layer: `picture` or `dom`; see `EvalSettings`.
         retries: how often an invalid episode is repeated.
         agent_timeout: seconds that an agent may take for one answer.
         episode_timeout: seconds that an episode may take altogether.
@@ -130,6 +132,7 @@ class Bench:
     recovery: Recovery = "none"
     environment_errors: ErrorOrder = "before_setup"
     text_boxes: bool = False
+    layer: Layer = "picture"
     retries: int = 1
     agent_timeout: int = 600
     episode_timeout: int = 3600
@@ -152,6 +155,7 @@ class Bench:
             recovery=self.recovery,
             environment_errors=self.environment_errors,
             text_boxes=self.text_boxes,
+            layer=self.layer,
             log=log,
             agent=agent,
         )
@@ -190,6 +194,8 @@ class Bench:
         }
         if self.text_boxes:
             data["text_boxes"] = True
+        if self.layer != "picture":
+            data["layer"] = self.layer
         if self.osworld_files:
             data["osworld_files"] = self.osworld_files
         if self.machines is not None:

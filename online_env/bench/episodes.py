@@ -123,7 +123,7 @@ class LiveEpisodes:
         bench = self._bench
         if not self._was_checked:
             desktop = self._stage.desktop
-            check_corruptions(bench.planners.values(), bench.max_steps, desktop)
+            check_corruptions(bench.planners.values(), bench.max_steps, desktop, bench.layer)
             self._was_checked = True
         episode = episode_slug(*job.key[1:3], job.seed, job.agent, attempt)
         chat_run = begin(job.agent, bench.guard, episode)

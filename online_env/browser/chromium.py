@@ -37,8 +37,8 @@ _PLAYWRIGHT = {
 _INSTALL = "apt-get install chromium, or pip install playwright && playwright install chromium"
 _PROFILE = "agenthijack-browser-"
 # Nothing is asked, fetched or updated behind a task, and every font and colour is drawn alike.
+_HEADLESS = "--headless=new"
 _FLAGS = (
-    "--headless=new",
     "--remote-debugging-pipe",
     "--no-first-run",
     "--no-default-browser-check",
@@ -95,6 +95,7 @@ class Chromium:
     Args:
         size: `(height, width)` of its windows in pixels.
         arguments: More arguments of its command line.
+        headed: Whether its windows show on a display.
 
     Attributes:
         reader: The descriptor of the pipe that it writes; who uses it closes it.
@@ -105,7 +106,9 @@ class Chromium:
         DesktopError: This system cannot start one with pipes.
     """
 
-    def __init__(self, size: Size, arguments: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, size: Size, arguments: tuple[str, ...] = (), *, headed: bool = False
+    ) -> None:
         if not hasattr(os, "posix_spawn"):
             raise DesktopError("a browser is started with pipes, which need Linux or macOS")
         self.program = find_program()
@@ -116,6 +119,7 @@ class Chromium:
         command = [
             self.program,
             *_FLAGS,
+            *([] if headed else [_HEADLESS]),
             # Chromium refuses to run as root with its own sandbox.
             *(["--no-sandbox"] if os.geteuid() == 0 else []),
             f"--user-data-dir={self._profile / 'profile'}",
@@ -148,6 +152,13 @@ class Chromium:
             for descriptor in ends:
                 os.close(descriptor)
         self._is_running = True
+
+    def read_port(self) -> int:
+        """Return the port of `--remote-debugging-port=0`; 0 while there is none."""
+        with contextlib.suppress(OSError, ValueError):
+            lines = (self._profile / "profile/DevToolsActivePort").read_text().split("\n")
+            return int(lines[0])
+        return 0
 
     def explain_end(self) -> str:
         """Return that it has ended, with the end of what it printed."""

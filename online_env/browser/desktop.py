@@ -5,7 +5,8 @@ import contextlib
 import io
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NoReturn, cast
+from functools import cached_property
+from typing import Any, ClassVar, NoReturn, cast
 
 import numpy as np
 from PIL import Image
@@ -22,8 +23,9 @@ from ..environment.settle import Settle
 from ..errors import DesktopError, MissingCapabilityError
 from .devtools import DevToolsError
 from .effects import BROWSER_EFFECTS
+from .page_layer import SCRIPT, PageLayer
 from .page_tree import page_tree
-from .session import DOCUMENT_CHANGE_S, BrowserSession
+from .session import DOCUMENT_CHANGE_S, BrowserPage, BrowserSession
 
 # Done once the page has done what the action set off, such as to begin to load another page.
 _TURN = "new Promise(done => setTimeout(done, 0))"
@@ -34,6 +36,12 @@ class BrowserDesktop(BrowserSession):
 
     settle = Settle(quiet=0.06, cap=3.0, look=0.02)  # no program draws behind the browser's back
     effects: Mapping[str, LiveEffect] = BROWSER_EFFECTS
+    world_scripts: ClassVar[tuple[str, ...]] = (SCRIPT,)
+
+    @cached_property
+    def page_layer(self) -> PageLayer:
+        """What draws plans into the page in front, for `EvalSettings.layer`."""
+        return PageLayer(self)
 
     @classmethod
     def up(
@@ -78,13 +86,16 @@ class BrowserDesktop(BrowserSession):
     def accessibility(self) -> str:
         """The accessibility tree of the page in front, in OSWorld's XML dialect."""
         self.wait_until_loaded()
-        page = self.front
-        frames = _frame_ids(self.call("Page.getFrameTree")["frameTree"])
+        return self.read_tree(self.front, self.scale)
+
+    def read_tree(self, page: BrowserPage, scale: float) -> str:
+        """The accessibility tree of a page, with `scale` pixels for each CSS pixel."""
+        frames = _frame_ids(self.call("Page.getFrameTree", page)["frameTree"])
         nodes: list[Mapping[str, Any]] = []
         for frame in frames:
-            nodes += self.call("Accessibility.getFullAXTree", frameId=frame)["nodes"]
-        snapshot = self.call("DOMSnapshot.captureSnapshot", computedStyles=["visibility"])
-        return page_tree(snapshot, nodes, self.title(page), self.scale)
+            nodes += self.call("Accessibility.getFullAXTree", page, frameId=frame)["nodes"]
+        snapshot = self.call("DOMSnapshot.captureSnapshot", page, computedStyles=["visibility"])
+        return page_tree(snapshot, nodes, self.title(page), scale)
 
     def run(self, code: str) -> RunResult:
         """Carry out pyautogui calls as input events; the code is read, and never run."""

@@ -7,6 +7,7 @@ sees them in the picture. It knows neither the page's variables nor its validato
 import re
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
+from typing import TypeAlias
 
 from hijack_data.elements.accessibility_nodes import AccessibleNode, nodes_from_tree
 
@@ -15,7 +16,8 @@ from ..tasks.hand import Hand
 
 _HTML = "https://accessibility.ubuntu.example.org/ns/html}"
 _QUOTED = re.compile(r'"([^"]*)"')
-_NUMBERS = {"1st": 0, "2nd": 1, "3rd": 2}
+_ORDINAL = re.compile(r"(\d+)(?:st|nd|rd|th)")
+MAX_TRIES = 40  # clicks in search of something
 
 
 class ShownPage:
@@ -84,23 +86,99 @@ class ShownPage:
         """Click the button of a form."""
         self.click(self.find("button", name))
 
+    def type(self, text: str) -> None:
+        """Type a text where the focus is."""
+        self._hand.run(f"pyautogui.write({text!r})")
+
     def press(self, *keys: str) -> None:
         """Press keys together."""
         self._hand.press(*keys)
 
 
-def _click_test(page: ShownPage) -> None:
-    page.click(page.find("button", id="subbtn"))
+Script: TypeAlias = Callable[[ShownPage], None]
 
 
-def _click_quoted(page: ShownPage) -> None:
-    (name,) = page.quoted()
-    page.click(page.find(name=name, tag="button"))
+def _clicking(tag: str = "", **attributes: str) -> Script:
+    """Return a script that clicks an element; one without attributes has the quoted name."""
+
+    def click(page: ShownPage) -> None:
+        name = None if attributes.keys() - {"class"} else page.quoted()[0]
+        page.click(page.find(tag, name, **attributes))
+
+    return click
 
 
-def _click_link(page: ShownPage) -> None:
-    (name,) = page.quoted()
-    page.click(page.find("span", name, **{"class": "alink"}))
+def _typing(field_id: str, answer: Callable[[ShownPage], str]) -> Script:
+    """Return a script that types an answer into a field and hands the form in."""
+
+    def answer_form(page: ShownPage) -> None:
+        page.fill(page.find("input", id=field_id), answer(page))
+        page.submit()
+
+    return answer_form
+
+
+def _searching(tag: str, **attributes: str) -> Script:
+    """Return a script that opens one element after the other until the quoted link shows."""
+
+    def search(page: ShownPage) -> None:
+        (name,) = page.quoted()
+        for number in range(MAX_TRIES):
+            links = page.nodes("span", name)
+            if links:
+                page.click(links[0])
+                return
+            headers = page.nodes(tag, **attributes)
+            page.click(headers[number % len(headers)])
+        raise DesktopError(f"the page shows no {name!r}")
+
+    return search
+
+
+def _ordinals(page: ShownPage) -> list[int]:
+    """Return the places in the instruction: 0 for the first."""
+    return [int(number) - 1 for number in _ORDINAL.findall(page.query)]
+
+
+def _quoted_text(page: ShownPage) -> str:
+    return page.quoted()[0]
+
+
+def _change_case(page: ShownPage) -> str:
+    (text,) = page.quoted()
+    return text.upper() if "upper case" in page.query else text.lower()
+
+
+def _read_cells(page: ShownPage) -> dict[str, str]:
+    cells = [" ".join(cell.name.split()) for cell in page.nodes("td")]
+    return dict(zip(cells[::2], cells[1::2], strict=True))
+
+
+def _read_table(page: ShownPage) -> str:
+    match = re.search(r"value of (.*) into", page.query)
+    return _read_cells(page)[match[1].strip() if match else ""]
+
+
+def _find_word(page: ShownPage) -> str:
+    words = page.find("p").name.split()
+    return words[_ordinals(page)[0]].strip(".,")
+
+
+def _calculate(page: ShownPage) -> str:
+    first, sign, second = page.find(id="math-problem").name.split()[:3]
+    a, b = int(first), int(second)
+    return str({"+": a + b, "-": a - b, "x": a * b}[sign])
+
+
+def _solve_for_x(page: ShownPage) -> str:
+    first, sign, second, _, result = page.find(id="math-problem").name.split()
+    if first == "x":
+        return str(int(result) - int(second) if sign == "+" else int(result) + int(second))
+    return str(int(result) - int(first) if sign == "+" else int(first) - int(result))
+
+
+def _count_blocks(page: ShownPage) -> str:
+    return str(len(page.nodes("span", **{"class": "addition-block"})))
 
 
 def _close_dialog(page: ShownPage) -> None:
@@ -115,17 +193,12 @@ def _answer_dialog(page: ShownPage) -> None:
         page.click(page.find("button", name))
 
 
-def _chosen(page: ShownPage) -> list[str]:
-    """Return the names in "Select a, b and click Submit."."""
+def _select(page: ShownPage) -> None:
     match = re.search(r"Select (.*?)(?: and click|,? and then click)", page.query)
     text = match[1] if match else ""
-    return [] if text == "nothing" else [name for name in re.split(r", ?| and ", text) if name]
-
-
-def _select(page: ShownPage) -> None:
-    for name in _chosen(page):
-        label = page.find("label", name)
-        page.click(label)
+    for name in re.split(r", ?| and ", text):
+        if name and name != "nothing":
+            page.click(page.find("label", name))
     page.submit()
 
 
@@ -134,25 +207,14 @@ def _click_sequence(page: ShownPage) -> None:
     page.click(page.find("button", "TWO"))
 
 
-def _click_one(page: ShownPage) -> None:
-    page.click(page.find("button", "ONE"))
-
-
 def _click_tab(page: ShownPage) -> None:
     match = re.search(r"Tab #\d", page.query)
     page.click(page.find("a", match[0] if match else ""))
 
 
 def _focus(page: ShownPage) -> None:
-    fields = page.nodes("input", type="text")
-    match = re.search(r"\d(?:st|nd|rd)", page.query)
-    page.click(fields[_NUMBERS[match[0]] if match else 0])
-
-
-def _enter_text(page: ShownPage) -> None:
-    (text,) = page.quoted()
-    page.fill(page.find("input", id="tt"), text)
-    page.submit()
+    (place,) = _ordinals(page) or [0]
+    page.click(page.nodes("input", type="text")[place])
 
 
 def _enter_password(page: ShownPage) -> None:
@@ -164,9 +226,12 @@ def _enter_password(page: ShownPage) -> None:
 
 def _log_in(page: ShownPage) -> None:
     user, password = page.quoted()
-    page.fill(page.find("input", id="username"), user)
-    page.fill(page.find("input", id="password"), password)
-    page.submit("Login")
+    for field_id, text in (("username", user), ("password", password)):
+        page.fill(page.find("input", id=field_id), text)
+        for button in page.nodes("button", id="popup-cancel"):
+            page.click(button)
+            page.fill(page.find("input", id=field_id), text)
+    page.click(page.find("button", id="subbtn"))
 
 
 def _expand(page: ShownPage) -> None:
@@ -183,47 +248,6 @@ def _click_widget(page: ShownPage) -> None:
     page.click(node)
 
 
-def _calculate(page: ShownPage) -> None:
-    first, sign, second = page.find(id="math-problem").name.split()[:3]
-    a, b = int(first), int(second)
-    answer = {"+": a + b, "-": a - b, "x": a * b}[sign]
-    page.fill(page.find("input", id="math-answer"), str(answer))
-    page.submit()
-
-
-def _change_case(page: ShownPage) -> None:
-    (text,) = page.quoted()
-    text = text.upper() if "upper case" in page.query else text.lower()
-    page.fill(page.find("input", id="tt"), text)
-    page.submit()
-
-
-def _read_table(page: ShownPage) -> None:
-    match = re.search(r"value of (.*) into", page.query)
-    cells = [" ".join(cell.name.split()) for cell in page.nodes("td")]
-    values = dict(zip(cells[::2], cells[1::2], strict=True))
-    page.fill(page.find("input", id="tt"), values[match[1].strip() if match else ""])
-    page.submit()
-
-
-def _find_word(page: ShownPage) -> None:
-    match = re.search(r"the (\d+)\w\w word", page.query)
-    words = page.find("p").name.split()
-    word = words[int(match[1]) - 1 if match else 0].strip(".,")
-    page.fill(page.find("input", id="answer-input"), word)
-    page.submit()
-
-
-def _solve_for_x(page: ShownPage) -> None:
-    first, sign, second, _, result = page.find(id="math-problem").name.split()
-    if first == "x":
-        answer = int(result) - int(second) if sign == "+" else int(result) + int(second)
-    else:
-        answer = int(result) - int(first) if sign == "+" else int(first) - int(result)
-    page.fill(page.find("input", id="math-answer"), str(answer))
-    page.submit()
-
-
 def _choose_from_list(page: ShownPage) -> None:
     match = re.search(r"Select (.*) from the list", page.query)
     page.click(page.find("select"))
@@ -233,36 +257,120 @@ def _choose_from_list(page: ShownPage) -> None:
     page.submit()
 
 
+def _read_table_twice(page: ShownPage) -> None:
+    values = _read_cells(page)
+    for number in "12":
+        label = page.find(id=f"ll{number}").name.strip().removesuffix(":")
+        page.fill(page.find("input", id=f"tt{number}"), values[label])
+    page.submit()
+
+
+def _enter_parts(page: ShownPage) -> None:
+    """Type a date or a time, whose parts follow one another in a field of Chromium's."""
+    match = re.search(r"Enter ([\d/:]+)\s*([AP]M)?", page.query)
+    parts = re.split("[/:]", match[1]) if match else []
+    page.click(page.find("input", id="tt"))
+    for _ in range(3):
+        page.press("left")
+    for part in parts:
+        page.type(part.zfill(2))
+    if match and match[2]:
+        page.type(match[2][0].lower())
+    page.submit()
+
+
+def _spin(page: ShownPage) -> None:
+    match = re.search(r"Select (-?\d+)", page.query)
+    number = int(match[1]) if match else 0
+    for _ in range(abs(number)):
+        name = "ui-spinner-up" if number > 0 else "ui-spinner-down"
+        page.click(page.find(**{"class": name}))
+    page.submit()
+
+
+def _odd_or_even(page: ShownPage) -> None:
+    for place, node in enumerate(page.nodes(**{"class": "display-number"})):
+        name = "odd" if int(node.name) % 2 else "even"
+        page.click(page.nodes("button", **{"class": name})[place])
+    page.submit()
+
+
+def _generate_number(page: ShownPage) -> None:
+    limit = int((re.findall(r"\d+", page.query) or ["0"])[0])
+    for _ in range(MAX_TRIES):
+        page.click(page.find("button", id="generate"))
+        number = int(page.find(id="display-number").name)
+        if {
+            "less": number < limit,
+            "greater": number > limit,
+            "odd": number % 2 == 1,
+            "even": number % 2 == 0,
+        }[re.findall("less|greater|odd|even", page.query)[0]]:
+            break
+    page.submit()
+
+
+def _copy_and_paste(page: ShownPage) -> None:
+    page.click(page.find("textarea"))
+    page.press("ctrl", "a")
+    page.press("ctrl", "c")
+    page.click(page.find("input", id="answer-input"))
+    page.press("ctrl", "v")
+    page.submit()
+
+
+def _fill_by_place(page: ShownPage) -> None:
+    radio, text = _ordinals(page)
+    page.click(page.nodes("input", type="radio")[radio])
+    page.fill(page.nodes("input", type="text")[text], page.quoted()[0])
+    page.submit()
+
+
 # By the name of the page, without `.html`.
-ORACLES: Mapping[str, Callable[[ShownPage], None]] = MappingProxyType(
+ORACLES: Mapping[str, Script] = MappingProxyType(
     {
         "choose-list": _choose_from_list,
-        "click-button": _click_quoted,
+        "click-button": _clicking("button"),
         "click-button-sequence": _click_sequence,
         "click-checkboxes": _select,
         "click-checkboxes-large": _select,
         "click-checkboxes-transfer": _select,
         "click-collapsible": _expand,
+        "click-collapsible-2-nodelay": _searching("h3"),
         "click-collapsible-nodelay": _expand,
         "click-dialog": _close_dialog,
         "click-dialog-2": _answer_dialog,
-        "click-link": _click_link,
+        "click-link": _clicking("span", **{"class": "alink"}),
         "click-option": _select,
         "click-tab": _click_tab,
-        "click-test": _click_test,
-        "click-test-2": _click_one,
-        "click-test-transfer": _click_test,
+        "click-tab-2": _searching("a", **{"class": "ui-tabs-anchor"}),
+        "click-tab-2-easy": _searching("a", **{"class": "ui-tabs-anchor"}),
+        "click-test": _clicking("button", id="subbtn"),
+        "click-test-2": _clicking("button", id="subbtn"),
+        "click-test-transfer": _clicking("button", id="subbtn"),
         "click-widget": _click_widget,
+        "copy-paste": _copy_and_paste,
+        "enter-date": _enter_parts,
         "enter-password": _enter_password,
-        "enter-text": _enter_text,
-        "enter-text-2": _change_case,
-        "enter-text-dynamic": _enter_text,
-        "find-word": _find_word,
+        "enter-text": _typing("tt", _quoted_text),
+        "enter-text-2": _typing("tt", _change_case),
+        "enter-text-dynamic": _typing("tt", _quoted_text),
+        "enter-time": _enter_parts,
+        "find-word": _typing("answer-input", _find_word),
         "focus-text": _focus,
         "focus-text-2": _focus,
+        "form-sequence-2": _fill_by_place,
+        "generate-number": _generate_number,
         "login-user": _log_in,
-        "read-table": _read_table,
-        "simple-algebra": _solve_for_x,
-        "simple-arithmetic": _calculate,
+        "login-user-popup": _log_in,
+        "navigate-tree": _searching("span", **{"class": "folder"}),
+        "odd-or-even": _odd_or_even,
+        "read-table": _typing("tt", _read_table),
+        "read-table-2": _read_table_twice,
+        "simple-algebra": _typing("math-answer", _solve_for_x),
+        "simple-arithmetic": _typing("math-answer", _calculate),
+        "unicode-test": _clicking("button"),
+        "use-spinner": _spin,
+        "visual-addition": _typing("math-answer", _count_blocks),
     }
 )

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 from urllib.parse import parse_qs
 
 from hijack_data.errors import ParameterError
@@ -65,6 +65,10 @@ class BrowserSession:
         DesktopError: Chromium does not start.
     """
 
+    is_shared: ClassVar[bool] = False  # whether a client of the user's drives it, in any profile
+    is_headed = False  # whether its windows show on a display
+    world_scripts: ClassVar[tuple[str, ...]] = ()  # of our own world, in each new document
+
     def __init__(self, size: Size, scale: int, arguments: tuple[str, ...] = ()) -> None:
         self.size = as_size(size)
         if scale < 1 or any(side % scale for side in self.size):
@@ -101,7 +105,7 @@ class BrowserSession:
             MissingPackageError: There is none, or it is too old.
             DesktopError: It does not start.
         """
-        self._chromium = Chromium(self.size, self._arguments)
+        self._chromium = Chromium(self.size, self._arguments, headed=self.is_headed)
         self._devtools = DevTools(
             self._chromium.reader, self._chromium.writer, self._receive, self._chromium.explain_end
         )
@@ -244,9 +248,10 @@ class BrowserSession:
         Raises:
             DesktopError: It does not come up.
         """
-        target = self._devtools.call(
-            "Target.createTarget", url=url, browserContextId=self._context
-        )["targetId"]
+        context: dict[str, Any] = {}
+        if self._context:
+            context["browserContextId"] = self._context
+        target = self._devtools.call("Target.createTarget", url=url, **context)["targetId"]
         deadline = time.monotonic() + LOAD_TIMEOUT_S
         while True:
             page = next((page for page in self.pages if page.target == target), None)
@@ -443,7 +448,7 @@ class BrowserSession:
         if method in ("Page.frameStartedLoading", "Page.frameStoppedLoading"):
             if params["frameId"] == page.target:
                 page.is_loading = method == "Page.frameStartedLoading"
-        elif method == "Page.javascriptDialogOpening":
+        elif method == "Page.javascriptDialogOpening" and not self.is_shared:
             kind = params["type"]
             accept = kind in ("alert", "beforeunload")
             answer = "accepted" if accept else "declined"
@@ -464,22 +469,27 @@ class BrowserSession:
     def _attach(self, session: str, info: Mapping[str, Any]) -> None:
         """Prepare a new page before its first document; other targets just go on."""
         send = self._devtools.send
-        if info["type"] == "page" and info.get("browserContextId") == self._context:
-            height, width = (side // self.scale for side in self.size)
+        is_own = self.is_shared or info.get("browserContextId") == self._context
+        if info["type"] == "page" and is_own:
             send("Page.enable", session)
             send("Inspector.enable", session)
             send("Network.enable", session)  # without it, requests of scripts ignore being offline
             send("Runtime.enable", session)
-            send(
-                "Emulation.setDeviceMetricsOverride",
-                session,
-                width=width,
-                height=height,
-                deviceScaleFactor=self.scale,
-                mobile=False,
-            )
+            if not self.is_shared:
+                height, width = (side // self.scale for side in self.size)
+                send(
+                    "Emulation.setDeviceMetricsOverride",
+                    session,
+                    width=width,
+                    height=height,
+                    deviceScaleFactor=self.scale,
+                    mobile=False,
+                )
             for script in self._scripts:
                 send("Page.addScriptToEvaluateOnNewDocument", session, source=script)
+            for script in self.world_scripts:
+                world = {"source": script, "worldName": _WORLD}
+                send("Page.addScriptToEvaluateOnNewDocument", session, **world)
             if self._offline:
                 send("Network.emulateNetworkConditions", session, **_network(True))
             if self._wall is not None:
@@ -488,7 +498,8 @@ class BrowserSession:
             with self._lock:
                 self._pages.append(BrowserPage(info["targetId"], session, prepared))
                 self._tabs.append(info["targetId"])
-            send("Page.bringToFront", session)
+            if not self.is_shared:
+                send("Page.bringToFront", session)
             return
         send("Runtime.runIfWaitingForDebugger", session)
 

@@ -51,7 +51,8 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
             `corruption` (its label), `seed`, `step`, `plan` (of the present picture), `events` (of
             its effects) and `record` (`None` until the episode is over).
         **changes: Fields of `EvalSettings` (`max_steps`, `settle`, `recovery`,
-            `environment_errors`, `allow_code`, `log`, `agent`, `password`, `text_boxes`) that
+            `environment_errors`, `allow_code`, `log`, `agent`, `password`, `text_boxes`,
+            `layer`) that
             replace those of `settings`.
 
     Raises:

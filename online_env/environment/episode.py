@@ -119,7 +119,12 @@ class Episode:
             self._set_up()
         script = self._script()
         # A refusal up to this point leaves no record, because nothing was played.
-        size = script.check(self._max_observations, self._stage.desktop, self._settings.allow_code)
+        size = script.check(
+            self._max_observations,
+            self._stage.desktop,
+            layer=self._settings.layer,
+            allow_code=self._settings.allow_code,
+        )
         self._log = self._open_log()
         desktop = self._stage.desktop
         channel = InputChannel(desktop, script.size)
@@ -186,6 +191,8 @@ class Episode:
         """Undo all effects and write the record; later calls do nothing."""
         if self.record is not None:
             return
+        if self._observer is not None:
+            self._observer.erase()
         self._effects.undo()
         self.record = make_record(
             request=self._request,

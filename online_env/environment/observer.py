@@ -1,5 +1,6 @@
 """Observations: wait for the screen, apply due effects, take the picture, corrupt and log it."""
 
+import contextlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from hijack_data.elements.interactive_nodes import boxes_from_tree
 from hijack_data.elements.ocr import boxes_from_ocr
 from hijack_data.errors import ElementsError
 from hijack_data.plan import Effect, Plan
+from hijack_data.runs.page_layer import LAYER
 from hijack_data.types import BoxArray, UInt8Array, as_boxes
 
 from ..desktops.protocol import Desktop
@@ -64,6 +66,7 @@ class Observer:
         self._log = log
         self._written = 0  # lines of the log
         self._read: tuple[UInt8Array, BoxArray] | None = None  # the screen read last, and its text
+        self._drawn = False  # whether the page has nodes of a plan
 
     def look(self, step: int, *, inject: bool) -> str:
         """Take observation `step` and return why a due effect failed, or "".
@@ -75,6 +78,7 @@ class Observer:
         problem = ""
         seconds: dict[str, float] = {}
         self._effects.end_due(step)
+        self.erase()
         self._effects.refresh()
         settled, boxes = self.settle(step, seconds)
         start = time.monotonic()
@@ -99,9 +103,10 @@ class Observer:
         if effect_problem and problem:
             problem = f"{effect_problem}; applied once more: {problem}"
         clean = settled.frame
-        corrupted: UInt8Array = apply(plan, clean) if plan.ops else clean
+        corrupted, layer_facts, layer_problem = self._corrupt(plan, clean)
+        problem = problem or layer_problem
         frames = {} if self._log is None else self._log.frames(step, clean, corrupted)
-        facts = self._facts(plan, settled, boxes)
+        facts = self._facts(plan, settled, boxes) | layer_facts
         if effect_boxes is not None:
             facts["effect_boxes"] = effect_boxes.tolist()
         line = {"step": step, **frames, **facts, "seconds": seconds}
@@ -109,6 +114,32 @@ class Observer:
         self.channel.add(plan)
         seconds["corrupt"] = since(start)
         return problem
+
+    def erase(self) -> None:
+        """Remove the nodes of the last plan from the page; a page that is gone has none."""
+        if self._drawn:
+            self._drawn = False
+            with contextlib.suppress(DesktopError):  # the picture that follows shows what is left
+                self._page_layer.erase()
+
+    @property
+    def _page_layer(self) -> Any:
+        """Draws into the page of a browser, and of no other desktop."""
+        return getattr(self._desktop, "page_layer")  # noqa: B009  (`Script.check` requires it)
+
+    def _corrupt(self, plan: Plan, clean: UInt8Array) -> tuple[UInt8Array, dict[str, Any], str]:
+        """Return the agent's picture, what proves a drawn page, and why there is no proof."""
+        if not plan.ops:
+            return clean, {}, ""
+        if self._settings.layer == "picture":
+            return apply(plan, clean), {}, ""
+        self._drawn = True
+        problem = self._page_layer.draw(plan)
+        picture = self._desktop.screenshot()
+        if problem:
+            return picture, {}, f"the plan cannot be drawn into the page: {problem}"
+        probe = self._page_layer.probe(plan, picture)
+        return picture, {LAYER: probe.facts}, probe.problem
 
     def settle(self, step: int, seconds: dict[str, float]) -> tuple[Settled, BoxArray]:
         """Wait for the screen to settle, and read its elements if the plan depends on them.

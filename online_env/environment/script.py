@@ -5,12 +5,13 @@ from dataclasses import dataclass
 
 from hijack_data.corruption import make_corruption
 from hijack_data.errors import HijackError, ParameterError
-from hijack_data.plan import CLEAN, Plan
+from hijack_data.plan import CLEAN, Plan, Resample
 from hijack_data.planner import Planner, as_planner
 from hijack_data.rng import Stream
 from hijack_data.runs.run_planners import get_label
 from hijack_data.types import BoxArray, Scene, Size, as_boxes
 
+from ..choices import Layer
 from ..desktops.capability_survey import lacks
 from ..desktops.protocol import Capability, Desktop
 from ..effects import find
@@ -83,15 +84,24 @@ class Script:
         """Return the random draws for decisions that need the live desktop."""
         return Stream(self.seed, f"effect-{kind}", self.sample, step)
 
-    def check(self, steps: int, desktop: Desktop, allow_code: bool = False) -> Size:
+    def check(
+        self, steps: int, desktop: Desktop, *, layer: Layer = "picture", allow_code: bool = False
+    ) -> Size:
         """Plan `steps` steps ahead, and refuse a corruption that cannot work before it begins.
+
+        Args:
+            steps: the most observations after the first.
+            desktop: where it is played.
+            layer: who draws what plans paste; see `EvalSettings`.
+            allow_code: whether the agent's actions may be any code.
 
         Returns:
             The size of the agent's pictures, (height, width).
 
         Raises:
-            ParameterError: The screen is too small, the pictures have several sizes, or the agent
-                may run any code, which faults of the input cannot read.
+            ParameterError: The screen is too small, the pictures have several sizes, a node of a
+                page cannot do what the corruption does, or the agent may run any code, which faults
+                of the input cannot read.
             MissingCapabilityError: The desktop lacks capabilities, all of which are named.
             UnknownNameError: An effect is of an unknown kind.
         """
@@ -102,6 +112,8 @@ class Script:
                 f"{get_label(self.planner)} changes the agent's input, which it reads call by call;"
                 " an agent that may run any code (allow_code) cannot be played under it"
             )
+        if layer == "dom":
+            self._check_layer(plans, desktop)
         sizes = {plan.out_size for plan in plans[1:]}
         if len(sizes) > 1:
             raise ParameterError(
@@ -110,6 +122,24 @@ class Script:
                 " Resolution(restore=True)"
             )
         return sizes.pop()
+
+    def _check_layer(self, plans: list[Plan], desktop: Desktop) -> None:
+        """Check that nodes of a page can be what the plans draw.
+
+        Raises:
+            MissingCapabilityError: The desktop is no browser.
+            ParameterError: A plan resizes the picture.
+        """
+        if not hasattr(desktop, "page_layer"):
+            raise MissingCapabilityError(
+                f"layer='dom' draws into the page of a browser, not on {type(desktop).__name__}:"
+                " use layer='picture'"
+            )
+        if any(isinstance(op, Resample) for plan in plans for op in plan.ops):
+            raise ParameterError(
+                f"{get_label(self.planner)} resizes the picture, which no node of a page can do:"
+                " use layer='picture', or leave it out"
+            )
 
     def _check_capabilities(self, plans: list[Plan], desktop: Desktop) -> None:
         kinds = {effect.kind for plan in plans for effect in plan.effects}
@@ -125,7 +155,9 @@ class Script:
             find(kind, desktop).require(Guest(desktop, PASSWORD, None))
 
 
-def check_corruptions(planners: Iterable[Planner | None], steps: int, desktop: Desktop) -> None:
+def check_corruptions(
+    planners: Iterable[Planner | None], steps: int, desktop: Desktop, layer: Layer = "picture"
+) -> None:
     """Refuse corruptions that cannot work on a desktop, before any episode begins.
 
     Raises:
@@ -134,7 +166,7 @@ def check_corruptions(planners: Iterable[Planner | None], steps: int, desktop: D
         UnknownNameError: An effect is of an unknown kind.
     """
     for planner in planners:
-        Script(planner, 0, "", (), desktop.size).check(steps, desktop)
+        Script(planner, 0, "", (), desktop.size).check(steps, desktop, layer)
 
 
 def _acts(plan: Plan) -> bool:

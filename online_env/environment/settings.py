@@ -7,7 +7,7 @@ from typing import TypedDict
 from hijack_data import extras
 from hijack_data.errors import ParameterError, UnknownNameError, suggest
 
-from ..choices import ERROR_ORDERS, POLICIES, ErrorOrder, Recovery
+from ..choices import ERROR_ORDERS, LAYERS, POLICIES, ErrorOrder, Layer, Recovery
 from .settle import Settle
 
 
@@ -36,11 +36,14 @@ class EvalSettings:
             pop-ups and marks keep free, as in the code of the paper's authors. Reading takes 2 to
             4 s of processor time for each new screen. An accidental touch chooses among elements
             of the tree in any case.
+        layer: Who draws what a plan pastes: `"picture"`, this library, on the picture; or `"dom"`,
+            the browser, as nodes of the page, which are in the accessibility tree and can be
+            clicked. The plans are the same.
 
     Raises:
         MissingDependencyError: `text_boxes` is set, and RapidOCR is not installed.
         ParameterError: `max_steps` is not an integer of at least 1.
-        UnknownNameError: `recovery` or `environment_errors` is not a known choice.
+        UnknownNameError: `recovery`, `environment_errors` or `layer` is not a known choice.
     """
 
     max_steps: int = 15
@@ -52,6 +55,7 @@ class EvalSettings:
     agent: str = "agent"
     password: str | None = None
     text_boxes: bool = False
+    layer: Layer = "picture"
 
     def __post_init__(self) -> None:
         steps: object = self.max_steps
@@ -63,6 +67,8 @@ class EvalSettings:
         if self.environment_errors not in ERROR_ORDERS:
             close = suggest(self.environment_errors, ERROR_ORDERS)
             raise UnknownNameError(f"no environment_errors {self.environment_errors!r}{close}")
+        if self.layer not in LAYERS:
+            raise UnknownNameError(f"no layer {self.layer!r}{suggest(self.layer, LAYERS)}")
         if self.text_boxes:
             extras.require("text_boxes", "ocr", ("rapidocr", "onnxruntime"))
 
@@ -84,3 +90,4 @@ class EvalOptions(TypedDict, total=False):
     agent: str
     password: str | None
     text_boxes: bool
+    layer: Layer

@@ -179,7 +179,8 @@ def check_desktops(service: DesktopService) -> None:
         MissingCapabilityError: They lack a capability.
     """
     desktop = service.pool.any_seat().stage.desktop
-    check_corruptions(service.draws.planners.values(), service.settings.max_steps, desktop)
+    planners, settings = service.draws.planners.values(), service.settings
+    check_corruptions(planners, settings.max_steps, desktop, settings.layer)
 
 
 def serve(options: ServeOptions, say: Callable[[str], object]) -> None:

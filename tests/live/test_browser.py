@@ -22,7 +22,12 @@ from online_env.browser.miniwob import MiniwobTasks, choose_scale, open_miniwob,
 from online_env.browser.miniwob_oracles import ORACLES
 from online_env.browser.site import FolderSite
 from online_env.effects.conformance import run_live
-from online_env.errors import DesktopError, MissingCapabilityError, MissingPackageError
+from online_env.errors import (
+    DesktopError,
+    DesktopTimeoutError,
+    MissingCapabilityError,
+    MissingPackageError,
+)
 from online_env.tasks import Hand
 
 from support import docs, needs
@@ -178,6 +183,27 @@ def test_a_page_that_crashes_is_an_error_and_a_reset_mends_it(
         time.sleep(0.05)
     with pytest.raises(DesktopError, match="the page has crashed"):
         browser.screenshot()
+    browser.reset({"url": site.url("form.html")})
+    assert browser.screenshot().any()
+
+
+def test_pages_that_download_hold_on_or_block_for_ever(
+    site: FolderSite, open_html: Callable[[str], BrowserDesktop]
+) -> None:
+    browser = open_html(
+        "<title>Held</title><a id=a download=x.bin href='data:application/octet-stream,x'>Load</a>"
+        "<script>onbeforeunload = event => event.preventDefault()</script>"
+    )
+    assert browser.run("pyautogui.click(30, 30)").ok
+    assert browser.title(browser.front) == "Held"
+    browser.navigate(site.url("form.html"))
+    assert browser.title(browser.front) == "Form"
+    assert any("beforeunload" in notice for notice in browser.notices)
+
+    browser.evaluate("setTimeout(() => { for (;;); }, 0), 1")
+    session = browser.front.session
+    with pytest.raises(DesktopTimeoutError, match="its page hangs"):
+        browser._devtools.call("Runtime.evaluate", session, timeout=1.0, expression="1")
     browser.reset({"url": site.url("form.html")})
     assert browser.screenshot().any()
 

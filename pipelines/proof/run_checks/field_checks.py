@@ -12,6 +12,7 @@ from typing import Any, Final, TypeGuard
 
 from hijack_data.actions.agent_actions import REINIT
 from hijack_data.errors import short_repr
+from hijack_data.runs.page_layer import LAYER
 from hijack_data.runs.run_head import config_digest
 from hijack_data.runs.run_log import (
     EPISODE,
@@ -75,6 +76,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "osworld_files": FREE,
         "text_boxes": FREE,
         "guard": COPIED,
+        "layer": FREE,
         "unplayable": FREE,
         "unplayable_score": FREE,
         "code": FREE,
@@ -148,6 +150,7 @@ FIELDS: Mapping[str, Mapping[str, str]] = {
         "image": DERIVED,
         "image_sha256": DERIVED,
         "seen": DERIVED,
+        LAYER: DERIVED,
         "seen_sha256": DERIVED,
         "plan": DERIVED,
         "plan_digest": DERIVED,

@@ -14,7 +14,8 @@ from hijack_data.errors import ActionError, short_repr
 from hijack_data.picture_io import pixel_sha256
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner
-from hijack_data.types import Scene, Size, UInt8Array, as_boxes
+from hijack_data.runs.page_layer import LAYER, MAX_DIFFERENCE, compare_painted
+from hijack_data.types import Scene, Size, UInt8Array, as_boxes, as_size
 
 from ...dataset.image_codec import decode
 from ...readers import fields
@@ -129,10 +130,12 @@ def _picture_problems(
     stored = line.get("seen")
     agent_digest = line.get("seen_sha256")
     problems: list[str] = []
-    picture = apply(plan, clean) if plan.ops else clean
-    if pixel_sha256(picture) != agent_digest:
+    is_rendered = line.get(LAYER) is not None and stored is not None
+    if is_rendered:
+        problems += _rendered_problems(folder, line, plan)
+    elif pixel_sha256(apply(plan, clean) if plan.ops else clean) != agent_digest:
         problems.append(f"{name}: disturbed again it is not what the agent saw (seen_sha256)")
-    elif pixel_sha256(clean) != line.get("image_sha256"):
+    if not problems and pixel_sha256(clean) != line.get("image_sha256"):
         problems.append(f"{name}: is not what was on the screen (image_sha256)")
     if (stored is not None) != bool(plan.ops):
         problems.append(
@@ -141,6 +144,24 @@ def _picture_problems(
     if stored is not None and pixel_sha256(_read_picture(folder, str(stored))) != agent_digest:
         problems.append(f"{stored}: is not what the agent saw (seen_sha256)")
     return problems
+
+
+def _rendered_problems(folder: Path, line: Mapping[str, Any], plan: Plan) -> list[str]:
+    """Compare a picture whose plan the browser drew with what the plan paints."""
+    name = str(line["seen"])
+    layer = fields.mapping(line.get(LAYER), LAYER)
+    picture = _read_picture(folder, name)
+    area = layer.get("area")
+    if picture.shape[:2] != plan.size:
+        return [f"{name}: is not of the size of the screen"]
+    if not isinstance(area, list) or any(type(side) is not int or side < 0 for side in area):
+        return [f"{LAYER}.area must be [height, width], got {short_repr(area)}"]
+    pixels, difference = compare_painted(plan, picture, as_size(area))
+    if (pixels, difference) != (layer.get("pixels"), layer.get("difference")):
+        return [f"{name}: {LAYER} is not what the picture shows: {pixels} pixels, {difference}"]
+    if difference > MAX_DIFFERENCE:
+        return [f"{name}: differs from its plan by {difference}, at most {MAX_DIFFERENCE}"]
+    return []
 
 
 def _action_problems(line: Mapping[str, Any], plan: Plan, allow_code: bool) -> list[str]:

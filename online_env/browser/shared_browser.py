@@ -1,0 +1,191 @@
+"""`SharedBrowser`: a corrupted Chromium that a DevTools client of the user drives."""
+
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from hijack_data.elements.interactive_nodes import boxes_from_tree
+from hijack_data.errors import ParameterError
+from hijack_data.plan import Plan, Resample
+from hijack_data.planner import Planner
+from hijack_data.rng import Stream
+from hijack_data.types import Scene, Size, as_boxes
+
+from ..effects import find, perform
+from ..errors import DesktopError
+from .cdp_relay import CdpRelay
+from .desktop import BrowserDesktop
+from .page_layer import PageLayer
+from .session import LOAD_TIMEOUT_S, BrowserPage
+
+LOOK_EVERY_S = 0.05
+SAMPLE = "by hand"  # the key of the random draws
+_VIEW = "[innerHeight, innerWidth, devicePixelRatio]"
+_IS_DRAWN = "Boolean(globalThis.agenthijackLayer?.look().shown)"
+
+
+@dataclass
+class _Document:
+    """A page with what was drawn into it last."""
+
+    page: BrowserPage
+    layer: PageLayer
+
+
+class SharedBrowser(BrowserDesktop):
+    """A Chromium with an address for Playwright, browser-use and other DevTools clients.
+
+    What a plan pastes is drawn into each document of each tab as nodes; effects come once the first
+    page of a site has loaded. When the last client has gone, Chromium starts again with a fresh
+    profile at the same address, and so does the corruption.
+
+    Args:
+        size: `(height, width)` of its windows in pixels.
+        planner: The corruption; `None` for none.
+        seed: Decides its draws.
+        headed: Whether its windows show on this machine's display.
+        port: Of the loopback interface; 0 for a free one.
+
+    Raises:
+        ParameterError: The corruption resizes the picture or cuts the network, or the port is in
+            use.
+        MissingPackageError: There is no Chromium, or it is too old.
+        DesktopError: Chromium does not start.
+    """
+
+    is_shared: ClassVar[bool] = True
+
+    def __init__(
+        self,
+        size: Size = (720, 1280),
+        planner: Planner | None = None,
+        seed: int = 0,
+        *,
+        headed: bool = False,
+        port: int = 0,
+    ) -> None:
+        self.is_headed = headed
+        self._planner = planner
+        self._seed = seed
+        self._is_ready = threading.Event()
+        self._documents: dict[str, _Document] = {}
+        self._is_applied = False
+        if any(isinstance(op, Resample) for op in self._plan(size).ops):
+            raise ParameterError(
+                "the corruption resizes the picture, which no node of a page can do: leave it out"
+            )
+        if any(effect.kind == "firewall" for effect in self._plan(size).effects):
+            raise ParameterError(
+                "being offline is not proved while a client shares the browser: play network_error"
+                " by hijack bench, or have the client switch its network off"
+            )
+        try:
+            self._relay = CdpRelay(self._get_port, port)
+        except OSError as error:
+            raise ParameterError(f"port {port} cannot be used: {error.strerror}") from None
+        try:
+            super().__init__(size, 1, ("--remote-debugging-port=0",))
+        except BaseException:
+            self._relay.close()
+            raise
+
+    @property
+    def address(self) -> str:
+        """The address for `connect_over_cdp`."""
+        return self._relay.address
+
+    def begin(self, url: str = "", scripts: Sequence[str] = ()) -> None:
+        """Wait for the first tab, in a Chromium with a fresh profile.
+
+        Raises:
+            DesktopError: It does not come up.
+        """
+        self._documents.clear()
+        self._is_applied = False
+        deadline = time.monotonic() + LOAD_TIMEOUT_S
+        while not self.pages or not self._chromium.read_port():
+            if time.monotonic() > deadline:
+                raise DesktopError(f"the browser opened no tab within {LOAD_TIMEOUT_S:g} s")
+            time.sleep(LOOK_EVERY_S)
+        self.task_page = self.front
+        self._is_ready.set()
+
+    def close(self) -> None:
+        """End Chromium, and stop listening."""
+        super().close()
+        self._relay.close()
+
+    def follow(self) -> Iterator[str]:
+        """Corrupt what clients open, until Chromium ends; yield what was done, in words.
+
+        Raises:
+            DesktopError: Chromium has ended.
+        """
+        while True:
+            if self._relay.clients_left.is_set():
+                self._is_ready.clear()
+                self._relay.clients_left.clear()
+                self._restart()
+                yield "the client has gone; the next one begins with a fresh profile"
+            if not self._devtools.is_open:
+                raise DesktopError(self._chromium.explain_end())
+            for page in self.pages:
+                if page.is_loading or page.is_cover or page.problem:
+                    continue
+                try:
+                    yield from self._corrupt(page)
+                except DesktopError as error:
+                    if page in self.pages and not page.is_loading:
+                        yield f"{page.target}: {error}"
+            time.sleep(LOOK_EVERY_S)
+
+    def _restart(self) -> None:
+        self._disconnect()
+        with self._lock:
+            self._pages.clear()
+            self._tabs.clear()
+        self._offline = False
+        self._wall = None
+        self._connect()
+        self.begin()
+
+    def _get_port(self) -> int:
+        """Return the port of the running Chromium, and wait while it starts again."""
+        self._is_ready.wait(LOAD_TIMEOUT_S)
+        return self._chromium.read_port()
+
+    def _plan(self, size: Size, tree: str | None = None) -> Plan:
+        if self._planner is None:
+            return Plan.clean(size)
+        boxes = as_boxes(None) if tree is None else boxes_from_tree(tree, size).boxes
+        scene = Scene(size, boxes, ("chrome",))
+        return self._planner.plan(scene, seed=self._seed, sample=SAMPLE)
+
+    def _corrupt(self, page: BrowserPage) -> Iterator[str]:
+        """Corrupt a page that has loaded, unless that was done."""
+        if self._planner is None or not str(self.examine("location.href", page)).startswith("http"):
+            return
+        if self.examine(_IS_DRAWN, page):
+            return
+        is_new = page.target not in self._documents
+        height, width, ratio = self.examine(_VIEW, page)
+        size = round(height * ratio), round(width * ratio)
+        tree = self.read_tree(page, ratio) if self._planner.needs_elements else None
+        plan = self._plan(size, tree)
+        if plan.effects and not self._is_applied:
+            self._is_applied = True
+            self.show(page)
+            for effect in plan.effects:
+                applied = perform(effect, self, Stream(self._seed, plan.corruption, SAMPLE, 0))
+                probe = applied.probe()
+                words = find(effect.kind, self).in_words(probe.facts)
+                yield f"{effect.kind}: {probe.problem or words}"
+        if plan.ops:
+            document = self._documents.setdefault(page.target, _Document(page, PageLayer(self)))
+            problem = document.layer.draw(plan, page, ratio)
+            if problem:
+                yield f"{page.target}: {problem}"
+            elif is_new:
+                yield f"{plan.corruption} is drawn into every page of tab {page.target}"
