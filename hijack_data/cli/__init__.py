@@ -50,6 +50,7 @@ COMMANDS = {
     "desktop": "online_env.desktop_commands:desktop",
     "bench": "online_env.bench.bench_command:bench",
     "serve": "online_env.serving.serve_command:serve",
+    "mcp": "online_env.mcp.mcp_command:mcp",
     "score": "online_env.scoring.score_command:score",
     "report": "online_env.report.report_command:report",
     "compare": "online_env.report.report_command:compare_command",
@@ -59,7 +60,7 @@ COMMANDS = {
     "osworld": "online_env.osworld.osworld_commands:osworld",
 }
 # Commands that need the processes, users and sockets of a POSIX system.
-NEEDS_POSIX = ("desktop", "bench", "serve", "osworld")
+NEEDS_POSIX = ("desktop", "bench", "serve", "mcp", "osworld")
 
 
 class LazyGroup(WholeSummaries):

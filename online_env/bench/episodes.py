@@ -192,6 +192,9 @@ def play(
     attempt: int,
     planner: Planner | None,
     show: Callable[[Agent, Job], object] | None = None,
+    *,
+    privileged_inputs: Sequence[str] = (),
+    limit: float = math.inf,
 ) -> ResultRecord:
     """Run one episode and return its record.
 
@@ -208,14 +211,16 @@ def play(
         planner: The corruption; `None` for a clean episode.
         show: Called once the task is set up, with a privileged agent and the job, to give the agent
             its task and desktop.
+        privileged_inputs: What the agent is given besides, of `run_log.GIVEN_KINDS`.
+        limit: Seconds that the episode may take.
 
     Raises:
         MissingCapabilityError: The desktop lacks a capability that the corruption needs.
     """
-    privileged_inputs = () if is_ours(type(agent)) else ("process",)
+    inputs = [*privileged_inputs, *(() if is_ours(type(agent)) else ("process",))]
     with AgentThread(lambda: agent) as thread:
         return _play_episode(
-            env, thread, job, attempt, planner, show, privileged_inputs=privileged_inputs
+            env, thread, job, attempt, planner, show, limit, privileged_inputs=inputs
         )
 
 
