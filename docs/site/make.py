@@ -49,6 +49,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Scoring": (
         "score_my_agent",
         "score_my_model",
+        "mcp",
         "offline_scoring",
         "benchmark",
         "suite",

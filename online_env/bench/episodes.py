@@ -20,7 +20,7 @@ from ..agents.base import Agent, Privileged
 from ..agents.references import is_user_code, reference_to
 from ..agents.registry import AGENTS, make
 from ..environment import CorruptedEnv
-from ..environment.script import check_corruptions
+from ..environment.script import Script, check_corruptions
 from ..environment.settle import Settle
 from ..environment.stage import TaskStage
 from ..errors import DesktopError, MissingCapabilityError
@@ -29,6 +29,7 @@ from .config import Bench
 from .jobs import Job
 from .models import begin
 
+_NO_ACTION = "pyautogui.sleep(0)"  # a step in which the runner does nothing
 MAX_PROBLEM_CHARS = 2000  # characters of a problem
 # The fields of a record that identify an episode, and by which episodes are paired.
 IDENTITY = (
@@ -140,8 +141,18 @@ class LiveEpisodes:
         try:
             limit = bench.episode_timeout
             read_plan = self._read_plan
+            address = self._open_port(agent, job)
             return _play_episode(
-                env, agent, job, attempt, planner, self._pass_task, limit, read_plan, inputs
+                env,
+                agent,
+                job,
+                attempt,
+                planner,
+                self._pass_task,
+                limit,
+                read_plan,
+                inputs,
+                address,
             )
         finally:
             _call_agent(agent.reset)
@@ -175,6 +186,31 @@ class LiveEpisodes:
             self._processes[name] = process
         process.make()
         return process
+
+    def _open_port(self, agent: RunningAgent, job: Job) -> str:
+        """Return the address of the browser's DevTools for an agent that wants it; "" for others.
+
+        Raises:
+            MissingCapabilityError: The desktop is no browser, or the corruption is in the picture.
+        """
+        desktop = self._stage.desktop
+        open_port: Callable[[bool], str] | None = getattr(desktop, "open_port", None)
+        if not _uses_devtools(agent):
+            return "" if open_port is None else open_port(False)
+        if open_port is None:
+            raise MissingCapabilityError(
+                f"{job.agent} drives a browser by DevTools, and this desktop is none: name tasks of"
+                " a browser, such as miniwob/click-test.html"
+            )
+        script = Script(self._bench.planners[job.corruption], job.seed, "", (), desktop.size)
+        plans = [script.plan(step) for step in range(self._bench.max_steps + 1)]
+        layer = getattr(self._bench, "layer", "picture")
+        if layer == "picture" and any(plan.ops for plan in plans):
+            raise MissingCapabilityError(
+                f"{job.corruption} is in the pictures that the runner gives, and {job.agent} takes"
+                " its own by DevTools: leave it out with --corruptions"
+            )
+        return open_port(True)
 
     def _pass_task(self, agent: Agent, job: Job) -> None:
         """Pass the task and the desktop to a privileged agent."""
@@ -234,6 +270,7 @@ def _play_episode(
     limit: float = math.inf,
     read_plan: Callable[[], Sequence[str]] | None = None,
     privileged_inputs: Sequence[str] = (),
+    address: str = "",
 ) -> ResultRecord:
     start = time.monotonic()
     options = {"task": job.task, "corruption": planner, "label": job.corruption, "attempt": attempt}
@@ -252,6 +289,9 @@ def _play_episode(
         error_raised = _call_agent(_prepare, agent, show, job, kinds)
     if read_plan is not None and error_raised is None:
         error_raised = _call_agent(_pass_plan, agent, read_plan, kinds)
+    if address and error_raised is None:
+        kinds.append("devtools")
+        error_raised = _call_agent(agent.connect, address)
     env.declare_privileged_inputs(kinds)
     if error_raised is not None:
         _end_as_failure(env, error_raised)
@@ -276,6 +316,14 @@ def _prepare(
         raise AgentError(NEEDS_TASK)
     kinds.append("task")
     agent.call(show, agent.agent, job)
+
+
+def _uses_devtools(agent: RunningAgent) -> bool:
+    """Return whether an agent acts in the browser by itself; one that cannot say so does not."""
+    try:
+        return agent.traits.uses_devtools
+    except AgentError:
+        return False
 
 
 def _pass_plan(
@@ -305,7 +353,8 @@ def _take_turn(env: EpisodeEnv, agent: RunningAgent, obs: dict[str, Any]) -> dic
     _store_usage(env, agent)
     env.record_message(text)
     # An empty list of actions counts as a malformed action: otherwise an agent could stall forever.
-    for action in actions or [""]:
+    # An agent with DevTools has acted by itself.
+    for action in actions or [_NO_ACTION if _uses_devtools(agent) else ""]:
         if env.record is None:
             obs, *_ = env.step(action)
     return obs

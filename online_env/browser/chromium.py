@@ -149,6 +149,13 @@ class Chromium:
                 os.close(descriptor)
         self._is_running = True
 
+    def read_port(self) -> int:
+        """Return the port of `--remote-debugging-port=0`; 0 while there is none."""
+        with contextlib.suppress(OSError, ValueError):
+            lines = (self._profile / "profile/DevToolsActivePort").read_text().split("\n")
+            return int(lines[0])
+        return 0
+
     def explain_end(self) -> str:
         """Return that it has ended, with the end of what it printed."""
         lines: list[str] = []

@@ -1,0 +1,39 @@
+"""An agent that drives the corrupted Chromium by Playwright; it presses the buttons that a task names.
+
+    pip install playwright        # no download of a browser is needed
+    hijack bench miniwob_small --agent examples/playwright_agent.py:PlaywrightAgent \\
+        --tasks miniwob/click-button.html --corruptions clean,multi_apps --out runs/playwright
+"""
+
+import re
+
+from playwright.sync_api import sync_playwright
+
+
+class PlaywrightAgent:
+    """Acts in the browser by itself; the runner only counts the steps."""
+
+    uses_devtools = True
+
+    def reset(self):
+        self.close()
+
+    def connect(self, address):
+        self.playwright = sync_playwright().start()
+        self.browser = self.playwright.chromium.connect_over_cdp(address)
+
+    def predict(self, instruction, obs):
+        # The last page is in front. A task's own page has more buttons than that of another window.
+        page = self.browser.contexts[0].pages[-1]
+        for name in [*re.findall(r'"([^"]+)"', instruction), "Close"]:
+            button = page.get_by_role("button", name=name, exact=True)
+            if button.count():
+                button.first.click()
+                return f"I press {name}.", ["DONE"] if name != "Close" else []
+        return "There is no such button.", ["FAIL"]
+
+    def close(self):
+        if getattr(self, "playwright", None) is not None:
+            self.browser.close()
+            self.playwright.stop()
+            self.playwright = None
