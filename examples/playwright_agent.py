@@ -1,4 +1,4 @@
-"""An agent that drives the corrupted Chromium by Playwright; it presses the buttons that a task names.
+"""An agent that drives the corrupted Chromium by Playwright: it presses the button of its task.
 
     pip install playwright        # no download of a browser is needed
     hijack bench miniwob_small --agent examples/playwright_agent.py:PlaywrightAgent \\
