@@ -16,8 +16,10 @@ from pathlib import Path
 import browsergym.miniwob  # noqa: F401
 import gymnasium
 import miniwob
+from browsergym.core.action.highlevel import HighLevelActionSet
 from playwright.sync_api import BrowserType
 
+from hijack_data import Subtitle
 from hijack_data.actions.pyautogui_functions import LIVE_FUNCTIONS
 from hijack_data.actions.pyautogui_grammar import read_calls
 from hijack_data.actions.python_source import ParsedSource
@@ -93,9 +95,11 @@ def play(task, corruption, address):
         viewport={"width": 640, "height": 480},
         slow_mo=0,
         pre_observation_delay=0.05,
+        action_mapping=HighLevelActionSet(subsets=["bid", "coord", "tab"]).to_python_code,
         disable_env_checker=True,
     )
-    env = corrupt(env, corruption)
+    # With the defaults, the text does not fit into the page.
+    env = corrupt(env, Subtitle(fit="shrink") if corruption == "subtitle" else corruption)
     try:
         observation, _ = env.reset(seed=SEED)
         player = Player(env, observation)

@@ -1,6 +1,7 @@
 """`corrupt`: any environment of BrowserGym under a corruption, with its own tasks and judges."""
 
 import ast
+from dataclasses import replace
 from typing import Any, cast
 
 import gymnasium
@@ -12,7 +13,7 @@ from hijack_data.errors import ActionError, ParameterError
 from hijack_data.plan import Plan
 from hijack_data.planner import Planner
 from hijack_data.runs.run_planners import get_label
-from hijack_data.types import BoxArray, UInt8Array, as_boxes
+from hijack_data.types import BoxArray, Size, UInt8Array, as_boxes
 
 from ..effects.base import PASSWORD, EffectError
 from ..environment.live_effects import EpisodeEffects
@@ -143,8 +144,7 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
         self._step = 0
         self._digests = []
         observation, info = self.env.reset(seed=seed)
-        picture: UInt8Array = observation["screenshot"]
-        size = (picture.shape[0], picture.shape[1])
+        size = _picture_size(observation)
         base = self._base
         self._coords = CoordMap.identity(size)
         self._browser = PlaywrightBrowser(
@@ -171,8 +171,10 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
         self._step += 1
         if self._browser is not None and not (terminated or truncated):
             self._browser.tidy()
+            self._resize(observation)
             observation = self._observe(observation)
         elif self._script is not None:
+            self._resize(observation)
             observation = self._corrupt(observation)
         return observation, reward, terminated, truncated, info
 
@@ -189,6 +191,14 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
             self._effects.undo()
             self._browser.close()
         self._effects = self._browser = self._script = None
+
+    def _resize(self, observation: dict[str, Any]) -> None:
+        """Follow the size of the pictures: BrowserGym enlarges those of some pages only."""
+        size = _picture_size(observation)
+        if self._browser is not None and self._script is not None and size != self._script.size:
+            scale = float(getattr(self._base.page, "_bgym_scale_factor", 1.0))
+            self._browser.resize(size, scale)
+            self._script = replace(self._script, size=size)
 
     def _inject(self, plan: Plan, step: int) -> bool:
         """Apply the effects of a plan; return whether there were any.
@@ -247,7 +257,9 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
 
     def _look(self) -> dict[str, Any]:
         """Return a new observation, without asking the task's validator."""
-        return self._base.post_step({}, validate=False)[0]
+        observation = self._base.post_step({}, validate=False)[0]
+        self._resize(observation)
+        return observation
 
     def _corrupt(self, observation: dict[str, Any]) -> dict[str, Any]:
         """Return the observation with the corrupted picture, and boxes in its pixels."""
@@ -363,6 +375,12 @@ def _map_call(call: ast.Call, coords: CoordMap) -> None:
     call.keywords = [
         ast.keyword(word.arg, nodes.get(word.arg or "", word.value)) for word in call.keywords
     ]
+
+
+def _picture_size(observation: dict[str, Any]) -> Size:
+    """Return (height, width) of an observation's screenshot."""
+    picture: UInt8Array = observation["screenshot"]
+    return picture.shape[0], picture.shape[1]
 
 
 def _element_boxes(observation: dict[str, Any]) -> BoxArray:

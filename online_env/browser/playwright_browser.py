@@ -15,7 +15,7 @@ from .desktop import BrowserDesktop
 from .devtools import DevToolsError
 from .effects import BROWSER_EFFECTS, HideWindow, OtherWindow
 from .input_devices import InputDevices
-from .session import BrowserPage
+from .session import BrowserPage, _network
 
 LOAD_TIMEOUT_MS = 15_000
 
@@ -69,6 +69,12 @@ class PlaywrightBrowser(BrowserDesktop):
         self._wall: str | None = None
         context.expose_binding(SHOW, self._show_from_cover)
 
+    def resize(self, size: Size, scale: float) -> None:
+        """Take another size of the pictures, and other pixels for each CSS pixel."""
+        self.size = size
+        self.scale = cast("int", scale)
+        self.input = InputDevices(self._send_input, lambda keys, key: False, size, self.scale)
+
     def close(self) -> None:
         """Take everything of ours away; the browser is not ours to end."""
         self.set_wall(None)
@@ -115,6 +121,8 @@ class PlaywrightBrowser(BrowserDesktop):
         """Open a page in front of the others."""
         page = self._find(self._context.new_page())
         page.is_cover = is_cover
+        # BrowserGym's own attribute: by how much its pictures of a page are enlarged.
+        page.page._bgym_scale_factor = float(self.scale)
         page.page.goto(url)
         self.show(page)
         return page
@@ -173,6 +181,9 @@ class PlaywrightBrowser(BrowserDesktop):
         """Switch the network of all pages, also of those to come."""
         self._offline = offline
         self._context.set_offline(offline)
+        for page in self.pages:
+            self.call("Network.enable", page)
+            self.call("Network.emulateNetworkConditions", page, **_network(offline))
 
     def set_wall(self, password: str | None) -> None:
         """Put a sign-in page in the place of every page that is loaded, or take it away."""

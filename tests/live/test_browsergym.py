@@ -16,8 +16,10 @@ pytest.importorskip("miniwob", reason=needs.BROWSER)
 
 import gymnasium
 import miniwob
+from browsergym.core.action.highlevel import HighLevelActionSet
 from playwright.sync_api import BrowserType
 
+from hijack_data import Subtitle
 from hijack_data.coords import CoordMap
 from hijack_data.errors import ActionError, HijackError, ParameterError
 from online_env.browser.browsergym import corrupt, map_code
@@ -65,6 +67,9 @@ def make(pages: str) -> Iterator[Any]:
             viewport=viewport,
             slow_mo=0,
             pre_observation_delay=0.1,
+            action_mapping=HighLevelActionSet(
+                subsets=["bid", "coord", "tab", "infeas"], multiaction=True
+            ).to_python_code,
             disable_env_checker=True,
         )
         made.append(corrupt(env, corruption, **options))
@@ -92,9 +97,11 @@ def pixels_differ(first: dict[str, Any], second: dict[str, Any]) -> int:
     return int((first["screenshot"] != second["screenshot"]).any(axis=2).sum())
 
 
-@pytest.mark.parametrize("corruption", [None, "pop_ups", "marks", "subtitle", "resolution"])
+@pytest.mark.parametrize(
+    "corruption", [None, "pop_ups", "marks", Subtitle(fit="shrink"), "resolution"]
+)
 def test_a_picture_corruption_leaves_a_task_that_a_click_by_pixels_solves(
-    corruption: str | None, make: Any
+    corruption: Any, make: Any
 ) -> None:
     clean, _ = make(None).reset(seed=3)
     env = make(corruption)
@@ -108,7 +115,7 @@ def test_a_picture_corruption_leaves_a_task_that_a_click_by_pixels_solves(
     action = f"mouse_click({x + width / 2}, {y + height / 2})"
     _, reward, terminated, _, _ = env.step(action)
     assert (reward, terminated) == (1.0, True), env.unwrapped.last_action_error
-    assert env.record["corruption"] == (corruption or "clean")
+    assert env.record["corruption"] in (corruption, "clean", "subtitle")
 
 
 @pytest.mark.parametrize("corruption", ["multi_apps", "app_minimization"])
@@ -186,7 +193,7 @@ def test_places_are_mapped_and_what_cannot_be_is_refused() -> None:
     coords = CoordMap((50, 100), (100, 200))
     code = "def mouse_click(x, y, button='left'):\n    page.mouse.click(x, y)\n\n"
     mapped = map_code(f"{code}mouse_click(10, y=20, button='right')\nscroll(-3, 5)", coords)
-    assert mapped.endswith("mouse_click(21, y=41, button='right')\nscroll(-6, 10)")
+    assert mapped.endswith("mouse_click(20, y=40, button='right')\nscroll(-6, 10)")
     assert map_code("click('a51')", coords) == "click('a51')"
     for text in ("page.mouse.click(3, 4)", "mouse_click(a, 4)", "mouse_click(3)", "my_click(3, 4)"):
         with pytest.raises(ActionError):

@@ -60,7 +60,7 @@ def http_server(folder: Path, *words: str) -> Iterator[tuple[subprocess.Popen[st
         yield process, re.search(r"http://\S+?(?=,)", line)[0]  # pyright: ignore
     finally:
         process.kill()
-        process.wait()
+        process.communicate()
 
 
 @contextlib.asynccontextmanager
@@ -240,6 +240,8 @@ def test_the_browser_of_a_client_that_vanishes_ends_within_5_seconds(
         assert len(running) > 2
         client.send_signal(signal.SIGKILL)
         client.wait()
+        assert client.stdout is not None
+        client.stdout.close()
         gone = time.monotonic()
         while any(map(is_running, running)) and time.monotonic() - gone < 20:
             time.sleep(0.05)
