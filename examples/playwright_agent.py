@@ -23,8 +23,8 @@ class PlaywrightAgent:
         self.browser = self.playwright.chromium.connect_over_cdp(address)
 
     def predict(self, instruction, obs):
-        # The last page is in front. A task's own page has more buttons than that of another window.
-        page = self.browser.contexts[0].pages[-1]
+        # Chromium has an empty page of its own; of the others, the last one is in front.
+        page = [page for page in self.browser.contexts[0].pages if page.url != "about:blank"][-1]
         for name in [*re.findall(r'"([^"]+)"', instruction), "Close"]:
             button = page.get_by_role("button", name=name, exact=True)
             if button.count():

@@ -333,11 +333,12 @@ def map_code(code: str, coords: CoordMap) -> str:
     except (SyntaxError, ValueError):
         return code  # BrowserGym reports it
     for statement in tree.body:
-        if isinstance(statement, ast.FunctionDef | ast.Import | ast.ImportFrom | ast.Assign):
+        # Definitions do nothing, and neither do settings that call nothing.
+        if isinstance(statement, ast.FunctionDef) or not any(
+            isinstance(node, ast.Call) for node in ast.walk(statement)
+        ):
             continue
         call = statement.value if isinstance(statement, ast.Expr) else None
-        if isinstance(call, ast.Constant):
-            continue
         if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name):
             raise ActionError(
                 f"the places in {ast.unparse(statement)[:80]!r} cannot be mapped to the screen:"
