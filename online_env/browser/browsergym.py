@@ -170,7 +170,6 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._step += 1
         if self._browser is not None and not (terminated or truncated):
-            self._browser.tidy()
             self._resize(observation)
             observation = self._observe(observation)
         elif self._script is not None:
@@ -190,7 +189,7 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
         if self._effects is not None and self._browser is not None:
             self._effects.undo()
             self._browser.close()
-        self._effects = self._browser = self._script = None
+        self._browser = self._script = None
 
     def _resize(self, observation: dict[str, Any]) -> None:
         """Follow the size of the pictures: BrowserGym enlarges those of some pages only."""
@@ -305,6 +304,7 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
         validate = task.validate
 
         def guarded(page: Any, messages: Any) -> tuple[float, bool, str, dict[str, Any]]:
+            browser.tidy()
             behind = [each for each in browser.pages if not each.is_cover]
             if browser.front.is_cover and behind:
                 page = cast("Any", behind[-1]).page

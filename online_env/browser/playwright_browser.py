@@ -146,11 +146,13 @@ class PlaywrightBrowser(BrowserDesktop):
             self.show(others[-1])
 
     def tidy(self) -> None:
-        """Close empty desktops that the agent has left, as clicking the panel does elsewhere."""
+        """Close pages of ours that the agent has left; what it went to comes to the front."""
         front = self.front
-        for page in self.pages:
-            if page.is_cover and page is not front:
-                cast("PlaywrightPage", page).page.close()
+        left = [page for page in self.pages if page.is_cover and page is not front]
+        for page in left:
+            cast("PlaywrightPage", page).page.close()
+        if left:
+            front.page.bring_to_front()
 
     def navigate(self, url: str, page: BrowserPage | None = None) -> None:
         """Load an address, and wait until it is there."""
