@@ -31,7 +31,7 @@ class EpisodeOverError(HijackError, RuntimeError):
 
 
 @dataclass(frozen=True)
-class Turn:
+class ClientView:
     """What the client may see between two actions: the instruction, and uint8 RGB `[H, W, 3]`."""
 
     instruction: str
@@ -53,7 +53,7 @@ class ToolClient:
     def __init__(self) -> None:
         self._condition = threading.Condition()
         self._one_call = threading.Lock()
-        self._turn: Turn | None = None  # while the runner waits for an action
+        self._turn: ClientView | None = None  # while the runner waits for an action
         self._action: str | None = None
         self._why_left = ""
         self._is_over = False
@@ -69,7 +69,7 @@ class ToolClient:
             ConnectionError: The client has left.
         """
         with self._condition:
-            self._turn = Turn(instruction, obs["screenshot"])
+            self._turn = ClientView(instruction, obs["screenshot"])
             self._condition.notify_all()
             self._condition.wait_for(lambda: self._action is not None or self._why_left)
             self._turn = None
@@ -97,7 +97,7 @@ class ToolClient:
             self._why_left = self._why_left or why
             self._condition.notify_all()
 
-    def look(self) -> Turn:
+    def look(self) -> ClientView:
         """Wait until the client may act, and return what it sees.
 
         Raises:
@@ -106,7 +106,7 @@ class ToolClient:
         with self._condition:
             return self._wait()
 
-    def act(self, action: str) -> Turn | None:
+    def act(self, action: str) -> ClientView | None:
         """Take an action; return what the client sees then, or `None` if it ended the episode.
 
         Args:
@@ -138,7 +138,7 @@ class ToolClient:
             coords = CoordMap(turn.size, self.desktop.size)
             return describe_tree(self.desktop.accessibility(), coords)
 
-    def _wait(self) -> Turn:
+    def _wait(self) -> ClientView:
         self._condition.wait_for(lambda: self._turn is not None or self._is_over)
         if self._is_over or self._turn is None:
             raise EpisodeOverError(OVER)

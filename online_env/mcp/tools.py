@@ -14,7 +14,7 @@ from hijack_data.errors import HijackError
 from hijack_data.png import encode
 
 from ..agents.base import DONE, FAIL, WAIT
-from .tool_client import OVER, ToolClient, Turn, action_code
+from .tool_client import OVER, ToolClient, ClientView, action_code
 
 MAX_CLICKS = 100  # of the wheel
 GUIDE = (
@@ -22,13 +22,13 @@ GUIDE = (
     "Every action answers with a picture of the screen; coordinates are its pixels, from the top"
     " left corner. Call done when the task is finished, or fail if it cannot be done."
 )
-Answer = list[Any]
-Pixel = Annotated[int, Field(ge=0, description="In pixels of the last picture")]
-Clicks = Annotated[
+ToolAnswer = list[Any]
+PixelCoordinate = Annotated[int, Field(ge=0, description="In pixels of the last picture")]
+WheelClicks = Annotated[
     int, Field(ge=-MAX_CLICKS, le=MAX_CLICKS, description="Clicks of the wheel; 0 for none")
 ]
-Text = Annotated[str, Field(max_length=10_000)]
-Keys = Annotated[
+TypedText = Annotated[str, Field(max_length=10_000)]
+KeyNames = Annotated[
     list[Annotated[str, Field(min_length=1, max_length=20)]],
     Field(min_length=1, max_length=8, description="Pressed together, such as ctrl and c"),
 ]
@@ -86,34 +86,39 @@ class _Tools:
         self._read_score = read_score
         self._note_call = note_call
 
-    def screenshot(self) -> Answer:
+    def screenshot(self) -> ToolAnswer:
         """Look at the screen as it was after the last action, and read the task again."""
         turn = self._look()
         height, width = turn.size
         return [f"Task: {turn.instruction}\nThe picture has {width}x{height} pixels.", _image(turn)]
 
     def click(
-        self, x: Pixel, y: Pixel, button: Literal["left", "right", "middle"] = "left"
-    ) -> Answer:
+        self,
+        x: PixelCoordinate,
+        y: PixelCoordinate,
+        button: Literal["left", "right", "middle"] = "left",
+    ) -> ToolAnswer:
         """Click at a point."""
         self._check_points((x, y))
         return self._act(action_code("click", x, y, button=button))
 
-    def double_click(self, x: Pixel, y: Pixel) -> Answer:
+    def double_click(self, x: PixelCoordinate, y: PixelCoordinate) -> ToolAnswer:
         """Double-click at a point."""
         self._check_points((x, y))
         return self._act(action_code("doubleClick", x, y))
 
-    def type(self, text: Text) -> Answer:
+    def type(self, text: TypedText) -> ToolAnswer:
         """Type a text where the focus is; a line break presses Enter."""
         return self._act(action_code("write", text))
 
-    def keys(self, keys: Keys) -> Answer:
+    def keys(self, keys: KeyNames) -> ToolAnswer:
         """Press keys together, such as ["enter"] or ["ctrl", "a"]."""
         return self._act(action_code("hotkey", *(key.lower() for key in keys)))
 
-    def scroll(self, x: Pixel, y: Pixel, down: Clicks = 0, right: Clicks = 0) -> Answer:
-        """Turn the wheel at a point; negative numbers scroll up and left."""
+    def scroll(
+        self, x: PixelCoordinate, y: PixelCoordinate, down: WheelClicks = 0, right: WheelClicks = 0
+    ) -> ToolAnswer:
+        """ClientView the wheel at a point; negative numbers scroll up and left."""
         self._check_points((x, y))
         calls = [action_code("moveTo", x, y)]
         if down:
@@ -122,7 +127,9 @@ class _Tools:
             calls.append(action_code("hscroll", right))
         return self._act("\n".join(calls))
 
-    def drag(self, x: Pixel, y: Pixel, to_x: Pixel, to_y: Pixel) -> Answer:
+    def drag(
+        self, x: PixelCoordinate, y: PixelCoordinate, to_x: PixelCoordinate, to_y: PixelCoordinate
+    ) -> ToolAnswer:
         """Drag with the left button from one point to another."""
         self._check_points((x, y), (to_x, to_y))
         return self._act(
@@ -134,23 +141,23 @@ class _Tools:
         with self._errors_for_client():
             return self._client.tree()
 
-    def wait(self) -> Answer:
+    def wait(self) -> ToolAnswer:
         """Wait for a second."""
         return self._act(WAIT)
 
-    def done(self) -> Answer:
+    def done(self) -> ToolAnswer:
         """Say that the task is finished; this ends the episode."""
         return self._act(DONE)
 
-    def fail(self) -> Answer:
+    def fail(self) -> ToolAnswer:
         """Say that the task cannot be done; this ends the episode."""
         return self._act(FAIL)
 
-    def _look(self) -> Turn:
+    def _look(self) -> ClientView:
         with self._errors_for_client():
             return self._client.look()
 
-    def _act(self, action: str) -> Answer:
+    def _act(self, action: str) -> ToolAnswer:
         with self._errors_for_client():
             turn = self._client.act(action)
         if turn is not None:
@@ -188,5 +195,5 @@ class _Tools:
                 )
 
 
-def _image(turn: Turn) -> Image:
+def _image(turn: ClientView) -> Image:
     return Image(data=encode(turn.picture), format="png")
