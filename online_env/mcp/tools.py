@@ -14,7 +14,7 @@ from hijack_data.errors import HijackError
 from hijack_data.png import encode
 
 from ..agents.base import DONE, FAIL, WAIT
-from .tool_client import OVER, ToolClient, ClientView, action_code
+from .tool_client import OVER, ClientView, ToolClient, action_code
 
 MAX_CLICKS = 100  # of the wheel
 GUIDE = (
