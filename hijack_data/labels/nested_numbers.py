@@ -6,7 +6,7 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import LabelError, shown
+from ..errors import LabelError, short_repr
 
 Numbers: TypeAlias = npt.NDArray[Any]
 NumberMap: TypeAlias = Callable[[Numbers], Numbers]
@@ -61,7 +61,7 @@ def change_groups(value: Any, width: int, change: NumberMap) -> Any:
         return value
     is_flat = array.ndim == 1 and array.size % width == 0
     if not is_flat and (array.ndim == 0 or array.shape[-1] != width):
-        raise LabelError(f"must hold groups of {width} numbers, got {shown(value)}")
+        raise LabelError(f"must hold groups of {width} numbers, got {short_repr(value)}")
     groups = _widest(array).reshape(-1, width)
     new_groups = change(groups)
     return put_back(value, new_groups.reshape(array.shape))
@@ -119,11 +119,11 @@ def as_numbers(value: Any) -> Numbers | None:
         array = np.empty(0, object)
     if array.dtype.kind in "iuf":
         if not np.isfinite(array).all():
-            raise LabelError(f"must hold finite numbers, got {shown(value)}")
+            raise LabelError(f"must hold finite numbers, got {short_repr(value)}")
         return array
     if array.dtype.kind == "O" and isinstance(value, list | tuple):
         return None
-    raise LabelError(f"must hold numbers, got {shown(value)} ({type(value).__name__})")
+    raise LabelError(f"must hold numbers, got {short_repr(value)} ({type(value).__name__})")
 
 
 def put_back(original: Any, numbers: Numbers) -> Any:

@@ -14,6 +14,7 @@ import hijack_data as hj
 from hijack_data.errors import HijackError, ParameterError, ParameterTypeError, UnknownNameError
 from online_env.bench.config import Bench
 from online_env.errors import DesktopError, MissingCapabilityError
+from online_env.serving.access import read_token
 from online_env.serving.episode_draws import EpisodeDraws, sides
 from online_env.serving.errors import (
     DesktopLostError,
@@ -21,7 +22,6 @@ from online_env.serving.errors import (
     LeaseExpiredError,
     ServerBusyError,
 )
-from online_env.serving.access import read_token
 from online_env.serving.server import TOKEN, ServeOptions, override_limits
 from online_env.serving.sessions import DesktopSession
 from online_env.tasks import task_sets
