@@ -50,6 +50,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "score_my_agent",
         "score_my_model",
         "guards",
+        "mcp",
         "offline_scoring",
         "benchmark",
         "suite",

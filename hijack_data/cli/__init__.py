@@ -51,6 +51,7 @@ COMMANDS = {
     "browser": "online_env.browser.browser_command:browser",
     "bench": "online_env.bench.bench_command:bench",
     "serve": "online_env.serving.serve_command:serve",
+    "mcp": "online_env.mcp.mcp_command:mcp",
     "score": "online_env.scoring.score_command:score",
     "report": "online_env.report.report_command:report",
     "compare": "online_env.report.report_command:compare_command",
@@ -61,7 +62,7 @@ COMMANDS = {
     "osworld": "online_env.osworld.osworld_commands:osworld",
 }
 # Commands that need the processes, users and sockets of a POSIX system.
-NEEDS_POSIX = ("desktop", "browser", "bench", "serve", "osworld")
+NEEDS_POSIX = ("desktop", "browser", "bench", "serve", "mcp", "osworld")
 
 
 class LazyGroup(WholeSummaries):

@@ -37,6 +37,7 @@ SECTIONS = {
         "serve": (
             "Serve desktops with the tasks of a benchmark to trainers, as an OpenEnv environment."
         ),
+        "mcp": "Let any MCP client play one corrupted, scored episode.",
         "score": "Score agents on the rows of a dataset, clean and corrupted, without a desktop.",
         "report": "Show the results of a run, such as: hijack report runs/small.",
         "compare": (

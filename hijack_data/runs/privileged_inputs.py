@@ -27,6 +27,8 @@ _WORDS = {
     "task": "the task and the machine",
     "plan": "the task's plan in words",
     "process": "the runner's process (--in-process)",
+    "tree": "the accessibility tree",
+    "devtools": "the browser's DevTools, which reach the page's own judge",
 }
 NOTHING = "nothing more"
 UNKNOWN = "not recorded"

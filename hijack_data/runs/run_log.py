@@ -53,8 +53,9 @@ UNTIL_RETENTION = "until_retention"
 ROW = "row"
 LINKS = ("previous", "episode_sha256")  # in a line of `records.jsonl`, but not in `episode.json`
 GIVEN = "given"  # in a record: a list of `GIVEN_KINDS`, or `null` if unknown
-# The task with the machine; the task's plan in words; the runner's process (`--in-process`).
-GIVEN_KINDS = ("task", "plan", "process")
+# The task with the machine; the task's plan in words; the runner's process (`--in-process`); the
+# accessibility tree; a browser's DevTools.
+GIVEN_KINDS = ("task", "plan", "process", "tree", "devtools")
 MAX_TEXT = 65_536  # characters kept of an agent's words, and of an action, in a step
 CUT = "cut"  # in a step: those of `said` and `raw` that were longer; absent if none was
 

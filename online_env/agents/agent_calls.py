@@ -62,6 +62,7 @@ class AgentTraits:
         is_privileged: whether it wants the task and the machine.
         uses_plan: whether it wants the plan of the task in words.
         is_deterministic: whether it claims to repeat its answers.
+        uses_devtools: whether it wants the address of the browser's DevTools.
     """
 
     kind: str
@@ -69,6 +70,7 @@ class AgentTraits:
     is_privileged: bool
     uses_plan: bool
     is_deterministic: bool
+    uses_devtools: bool = False
 
 
 class RunningAgent(Protocol):
@@ -114,6 +116,10 @@ class RunningAgent(Protocol):
         """Give the agent the plan of the task in words."""
         ...
 
+    def connect(self, address: str) -> None:
+        """Give the agent the address of the browser's DevTools."""
+        ...
+
     def usage(self) -> dict[str, Any] | None:
         """Return the usage that the agent reports so far; `None` if it reports none."""
         ...
@@ -123,7 +129,16 @@ class RunningAgent(Protocol):
         ...
 
 
-METHODS = ("predict", "reset", "predict_batch", "check", "summarise", "follow", "prepare")
+METHODS = (
+    "predict",
+    "reset",
+    "predict_batch",
+    "check",
+    "summarise",
+    "follow",
+    "prepare",
+    "connect",
+)
 
 
 def method_names(agent: Any) -> tuple[str, ...]:
@@ -140,6 +155,7 @@ def read_traits(agent: Any) -> AgentTraits:
         is_privileged="prepare" in methods,
         uses_plan=bool(getattr(agent, "uses_plan", False)),
         is_deterministic=bool(getattr(agent, "deterministic", True)),
+        uses_devtools=bool(getattr(agent, "uses_devtools", False)),
     )
 
 
@@ -203,6 +219,11 @@ def summarise(agent: Any, before: Any, action: str, after: Any) -> str:
 def follow(agent: Any, lines: Sequence[str]) -> None:
     """Give the agent the plan of the task in words."""
     _method(agent, "follow")(tuple(lines))
+
+
+def connect(agent: Any, address: str) -> None:
+    """Give the agent the address of the browser's DevTools."""
+    _method(agent, "connect", "connect(address)")(address)
 
 
 def usage(agent: Any) -> dict[str, Any] | None:

@@ -204,6 +204,10 @@ class AgentProcess:
         """Give the agent the plan of the task in words."""
         self._call("follow", lines=list(lines))
 
+    def connect(self, address: str) -> None:
+        """Give the agent the address of the browser's DevTools."""
+        self._call("connect", address=address)
+
     def usage(self) -> dict[str, Any] | None:
         """Return the usage that the agent reports so far."""
         value = self._call("usage")

@@ -89,6 +89,8 @@ class AgentServer:
             return agent_calls.summarise(self._agent, before, request["action"], after)
         if name == "follow":
             return agent_calls.follow(self._agent, request["lines"])
+        if name == "connect":
+            return agent_calls.connect(self._agent, request["address"])
         if name == "usage":
             return agent_calls.usage(self._agent)
         return agent_calls.reset(self._agent)

@@ -100,6 +100,10 @@ class AgentThread:
         """Give the agent the plan of the task in words."""
         self.call(agent_calls.follow, self.agent, lines)
 
+    def connect(self, address: str) -> None:
+        """Give the agent the address of the browser's DevTools."""
+        self.call(agent_calls.connect, self.agent, address)
+
     def usage(self) -> dict[str, Any] | None:
         """Return the usage that the agent reports so far."""
         return self.call(agent_calls.usage, self.agent)

@@ -63,3 +63,21 @@ class PlanFollower(Agent, Protocol):
             lines: the plan of the task, see `online_env.tasks.plan_words`; empty if it has none.
         """
         ...
+
+
+@runtime_checkable
+class DevToolsAgent(Agent, Protocol):
+    """An agent that drives the browser itself, by Playwright or another client of DevTools.
+
+    An empty list of actions from `predict` means that it has acted in the browser.
+    """
+
+    uses_devtools: bool
+
+    def connect(self, address: str) -> None:
+        """Called after `reset`, once the task is set up.
+
+        Args:
+            address: of the browser, for `connect_over_cdp`; the task's page is open there.
+        """
+        ...

@@ -23,7 +23,7 @@ from ..agents.guards import make_onlooker
 from ..agents.references import is_user_code, reference_to
 from ..agents.registry import AGENTS, make
 from ..environment import CorruptedEnv
-from ..environment.script import check_corruptions
+from ..environment.script import Script, check_corruptions
 from ..environment.settle import Settle
 from ..environment.stage import TaskStage
 from ..errors import DesktopError, MissingCapabilityError
@@ -32,6 +32,7 @@ from .config import Bench
 from .jobs import Job
 from .models import begin
 
+_NO_ACTION = "pyautogui.sleep(0)"  # a step in which the runner does nothing
 MAX_PROBLEM_CHARS = 2000  # characters of a problem
 # The fields of a record that identify an episode, and by which episodes are paired.
 IDENTITY = (
@@ -149,8 +150,19 @@ class LiveEpisodes:
             limit = bench.episode_timeout
             read_plan = self._read_plan
             guard = make_onlooker(bench.guard, job.agent, chat_run) if bench.guard else None
+            address = self._open_port(agent, job)
             return _play_episode(
-                env, agent, job, attempt, planner, self._pass_task, limit, read_plan, inputs, guard
+                env,
+                agent,
+                job,
+                attempt,
+                planner,
+                self._pass_task,
+                limit,
+                read_plan,
+                inputs,
+                onlooker=guard,
+                address=address,
             )
         finally:
             _call_agent(agent.reset)
@@ -185,6 +197,31 @@ class LiveEpisodes:
         process.make()
         return process
 
+    def _open_port(self, agent: RunningAgent, job: Job) -> str:
+        """Return the address of the browser's DevTools for an agent that wants it; "" for others.
+
+        Raises:
+            MissingCapabilityError: The desktop is no browser, or the corruption is in the picture.
+        """
+        desktop = self._stage.desktop
+        open_port: Callable[[bool], str] | None = getattr(desktop, "open_port", None)
+        if not _uses_devtools(agent):
+            return "" if open_port is None else open_port(False)
+        if open_port is None:
+            raise MissingCapabilityError(
+                f"{job.agent} drives a browser by DevTools, and this desktop is none: name tasks of"
+                " a browser, such as miniwob/click-test.html"
+            )
+        script = Script(self._bench.planners[job.corruption], job.seed, "", (), desktop.size)
+        plans = [script.plan(step) for step in range(self._bench.max_steps + 1)]
+        layer = getattr(self._bench, "layer", "picture")
+        if layer == "picture" and any(plan.ops for plan in plans):
+            raise MissingCapabilityError(
+                f"{job.corruption} is in the pictures that the runner gives, and {job.agent} takes"
+                " its own by DevTools: leave it out with --corruptions"
+            )
+        return open_port(True)
+
     def _pass_task(self, agent: Agent, job: Job) -> None:
         """Pass the task and the desktop to a privileged agent."""
         cast("Privileged", agent).prepare(self._stage.task, self._stage.machine)
@@ -201,6 +238,9 @@ def play(
     attempt: int,
     planner: Planner | None,
     show: Callable[[Agent, Job], object] | None = None,
+    *,
+    privileged_inputs: Sequence[str] = (),
+    limit: float = math.inf,
 ) -> ResultRecord:
     """Run one episode and return its record.
 
@@ -217,14 +257,16 @@ def play(
         planner: The corruption; `None` for a clean episode.
         show: Called once the task is set up, with a privileged agent and the job, to give the agent
             its task and desktop.
+        privileged_inputs: What the agent is given besides, of `run_log.GIVEN_KINDS`.
+        limit: Seconds that the episode may take.
 
     Raises:
         MissingCapabilityError: The desktop lacks a capability that the corruption needs.
     """
-    privileged_inputs = () if is_ours(type(agent)) else ("process",)
+    inputs = [*privileged_inputs, *(() if is_ours(type(agent)) else ("process",))]
     with AgentThread(lambda: agent) as thread:
         return _play_episode(
-            env, thread, job, attempt, planner, show, privileged_inputs=privileged_inputs
+            env, thread, job, attempt, planner, show, limit, privileged_inputs=inputs
         )
 
 
@@ -239,6 +281,7 @@ def _play_episode(
     read_plan: Callable[[], Sequence[str]] | None = None,
     privileged_inputs: Sequence[str] = (),
     onlooker: Onlooker | None = None,
+    address: str = "",
 ) -> ResultRecord:
     start = time.monotonic()
     guarded = None if onlooker is None else Guarded(agent, onlooker)
@@ -258,6 +301,9 @@ def _play_episode(
         error_raised = _call_agent(_prepare, agent, show, job, kinds)
     if read_plan is not None and error_raised is None:
         error_raised = _call_agent(_pass_plan, agent, read_plan, kinds)
+    if address and error_raised is None:
+        kinds.append("devtools")
+        error_raised = _call_agent(agent.connect, address)
     env.declare_privileged_inputs(kinds)
     if error_raised is not None:
         _end_as_failure(env, error_raised)
@@ -284,6 +330,14 @@ def _prepare(
         raise AgentError(NEEDS_TASK)
     kinds.append("task")
     agent.call(show, agent.agent, job)
+
+
+def _uses_devtools(agent: RunningAgent) -> bool:
+    """Return whether an agent acts in the browser by itself; one that cannot say so does not."""
+    try:
+        return agent.traits.uses_devtools
+    except AgentError:
+        return False
 
 
 def _pass_plan(
@@ -320,7 +374,8 @@ def _take_turn(
     _store_usage(env, agent, guarded)
     env.record_message(text)
     # An empty list of actions counts as a malformed action: otherwise an agent could stall forever.
-    for action in actions or [""]:
+    # An agent with DevTools has acted by itself.
+    for action in actions or [_NO_ACTION if _uses_devtools(agent) else ""]:
         if env.record is None:
             obs, *_ = env.step(action)
     return obs

@@ -21,6 +21,7 @@ from .input_devices import InputDevices
 LOAD_TIMEOUT_S = 15.0  # for a page to load
 DOCUMENT_CHANGE_S = 0.1  # in which another document takes the place of one
 _POLL_S = 0.005
+_PORT = "--remote-debugging-port=0"
 _WORLD = "agenthijack"  # the name of our isolated worlds, whose variables pages cannot see
 # Shortcuts of Chromium's windows and tabs, which only the browser itself could carry out.
 _CLOSE = {("ctrl", "w"), ("ctrl", "f4"), ("alt", "f4")}
@@ -159,6 +160,37 @@ class BrowserSession:
         self.walled_documents = 0
         self.notices = []
         self.input = InputDevices(self._send_input, self._shortcut, self.size, self.scale)
+
+    def open_port(self, is_open: bool) -> str:
+        """Start Chromium again with or without an address for DevTools clients of this machine.
+
+        Nothing happens if it is as it should be; otherwise the next `begin` opens the first page.
+
+        Args:
+            is_open: Whether there is an address.
+
+        Returns:
+            The address, for `connect_over_cdp`; "" if there is none.
+
+        Raises:
+            DesktopError: Chromium does not start.
+        """
+        others = tuple(word for word in self._arguments if word != _PORT)
+        arguments = (*others, _PORT) if is_open else others
+        if arguments != self._arguments:
+            self._arguments = arguments
+            self._disconnect()
+            self._context = ""
+            self._connect()
+            self.begin()
+        if not is_open:
+            return ""
+        deadline = time.monotonic() + LOAD_TIMEOUT_S
+        while not (port := self._chromium.read_port()):
+            if time.monotonic() > deadline:
+                raise DesktopError(f"the browser opened no port within {LOAD_TIMEOUT_S:g} s")
+            time.sleep(_POLL_S)
+        return f"http://127.0.0.1:{port}"
 
     def close(self) -> None:
         """End Chromium and remove its profile."""

@@ -36,10 +36,15 @@ class FolderSite:
         self.host = host
 
     @property
+    def port(self) -> int:
+        """The port at 127.0.0.1 where other browsers find the folder."""
+        return self._server.server_address[1]
+
+    @property
     def arguments(self) -> tuple[str, ...]:
         """Return the arguments of the browser's command line."""
-        port = self._server.server_address[1]
-        return (f"--host-resolver-rules=MAP {self.host}:80 127.0.0.1:{port}, MAP * ~NOTFOUND",)
+        rules = f"MAP {self.host}:80 127.0.0.1:{self.port}, MAP * ~NOTFOUND"
+        return (f"--host-resolver-rules={rules}",)
 
     def url(self, path: str) -> str:
         """Return the address of a file of the folder."""

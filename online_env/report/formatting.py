@@ -5,7 +5,13 @@ from collections.abc import Iterable, Sequence
 MAX_LINE = 300  # characters of a line on a terminal
 # p values below this show a difference.
 SIGNIFICANT_P = 0.05
-_INPUT_WORDS = {"task": "the task", "plan": "the plan", "process": "the runner's process"}
+_INPUT_WORDS = {
+    "task": "the task",
+    "plan": "the plan",
+    "process": "the runner's process",
+    "tree": "the tree",
+    "devtools": "DevTools",
+}
 
 
 def percent(share: float | None, sign: str = "") -> str:

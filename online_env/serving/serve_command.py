@@ -172,8 +172,9 @@ def serve(
     from ..bench.playable import check_machines, only_playable
     from ..bench.workers import default_desktops
     from . import server
+    from .access import read_token
 
-    token = server.read_token(token_file)
+    token = read_token(token_file, server.TOKEN)
     bench = override(
         load_bench(config), task=tasks, corruption=corruptions, osworld_files=osworld_files
     )

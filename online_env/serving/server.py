@@ -2,11 +2,8 @@
 
 import contextlib
 import ctypes
-import os
 import re
 import signal
-import socket
-import stat
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,6 +21,7 @@ from ..environment.script import check_corruptions
 from ..environment.stage import Stage
 from ..tasks import find_family
 from ..tasks.machines import MachineSettings
+from .access import bind, is_loopback
 from .episode_draws import HELD_OUT, TRAINING, EpisodeDraws, sides
 from .errors import HeldOutTaskError
 from .pool import DesktopPool, StageMaker
@@ -31,7 +29,6 @@ from .service import DesktopService
 
 TOKEN = "AGENTHIJACK_SERVE_TOKEN"
 ENDLESS = 2**31  # episodes: a server does not know how many it will play
-MIN_TOKEN_CHARS = 16  # least characters of a token
 MAX_MESSAGE_BYTES = 2**20  # most bytes of a message from a client
 PING_INTERVAL_S = 20.0  # seconds between two pings
 PING_TIMEOUT_S = 120.0  # seconds within which a client must answer a ping
@@ -194,7 +191,7 @@ def serve(options: ServeOptions, say: Callable[[str], object]) -> None:
         ParameterError: An option does not fit, or the port is taken.
         DesktopError: A desktop does not start.
     """
-    from .app import is_loopback, make_app
+    from .app import make_app
 
     if options.token is None and not is_loopback(options.host):
         raise ParameterError(
@@ -205,7 +202,7 @@ def serve(options: ServeOptions, say: Callable[[str], object]) -> None:
     service = make_service(options)
     sessions = options.sessions or 4 * options.desktops
     app = make_app(service, sessions=sessions, token=options.token)
-    with _bind(options.host, options.port) as listener:
+    with bind(options.host, options.port) as listener:
         signal.signal(signal.SIGTERM, _interrupt)
         try:
             service.start()
@@ -249,40 +246,6 @@ def make_web_server(app: Any, sessions: int) -> Any:
     return uvicorn.Server(config)
 
 
-def read_token(file: Path | None) -> str | None:
-    """Return the token of a file or of the environment variable, and remove it from the latter.
-
-    Desktops are started by this process: they would inherit the variable.
-
-    Raises:
-        ParameterError: The file cannot be read, others may read it, or the token is too short.
-    """
-    token = os.environ.pop(TOKEN, None)
-    source = TOKEN
-    if file is not None:
-        source = str(file)
-        try:
-            mode = file.stat().st_mode
-            token = file.read_text(encoding="utf-8").strip()
-        except (OSError, UnicodeError) as error:
-            raise ParameterError(f"--token-file {file}: {error}") from None
-        if stat.S_IMODE(mode) & 0o077:
-            raise ParameterError(f"--token-file {file}: others may read it; chmod 600 {file}")
-    if token is None:
-        return None
-    if (
-        len(token) < MIN_TOKEN_CHARS
-        or not token.isascii()
-        or not token.isprintable()
-        or " " in token
-    ):
-        raise ParameterError(
-            f"{source}: a token is at least {MIN_TOKEN_CHARS} printable characters without spaces,"
-            " such as: openssl rand -hex 32"
-        )
-    return token
-
-
 def _parse_size(text: str) -> Size:
     match = re.fullmatch(r"([0-9]{3,4})[xX]([0-9]{3,4})", text)
     if match is None:
@@ -313,27 +276,6 @@ def _return_freed_memory() -> None:
     if mallopt is not None:
         mallopt(MMAP_THRESHOLD, MMAP_MIN_BYTES)
         mallopt(ARENA_MAX, MAX_ARENAS)
-
-
-def _bind(host: str, port: int) -> socket.socket:
-    """Return a socket at an address; nobody is answered yet.
-
-    Raises:
-        ParameterError: The address is taken, or does not belong to this machine.
-    """
-    try:
-        addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
-        family, kind, protocol, _, address = addresses[0]
-        listener = socket.socket(family, kind, protocol)
-    except OSError as error:
-        raise ParameterError(f"--host {host}: {error}") from None
-    try:
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind(address)
-    except OSError as error:
-        listener.close()
-        raise ParameterError(f"--host {host} --port {port}: {error}") from None
-    return listener
 
 
 def _interrupt(*_: object) -> NoReturn:

@@ -366,7 +366,12 @@ def test_gymnasium_makes_it_by_its_name(miniwob: MiniwobTasks) -> None:
 
 
 @pytest.mark.parametrize(
-    "block", [block for block in docs.blocks_of(PAGE) if block.language in docs.PYTHON]
+    "block",
+    [
+        block
+        for block in docs.blocks_of(PAGE)
+        if block.language in docs.PYTHON and block.kind != docs.NO_RUN
+    ],
 )
 def test_the_python_of_browser_md_runs(
     block: docs.Block, miniwob: MiniwobTasks, tmp_path: Path

@@ -14,6 +14,7 @@ import hijack_data as hj
 from hijack_data.errors import HijackError, ParameterError, ParameterTypeError, UnknownNameError
 from online_env.bench.config import Bench
 from online_env.errors import DesktopError, MissingCapabilityError
+from online_env.serving.access import read_token
 from online_env.serving.episode_draws import EpisodeDraws, sides
 from online_env.serving.errors import (
     DesktopLostError,
@@ -21,7 +22,7 @@ from online_env.serving.errors import (
     LeaseExpiredError,
     ServerBusyError,
 )
-from online_env.serving.server import TOKEN, ServeOptions, override_limits, read_token
+from online_env.serving.server import TOKEN, ServeOptions, override_limits
 from online_env.serving.sessions import DesktopSession
 from online_env.tasks import task_sets
 
@@ -442,23 +443,23 @@ def test_nothing_to_draw_is_an_error():
 
 def test_the_token_leaves_the_environment(monkeypatch):
     monkeypatch.setenv(TOKEN, "s" * 32)
-    assert read_token(None) == "s" * 32
-    assert read_token(None) is None  # desktops do not inherit it
+    assert read_token(None, TOKEN) == "s" * 32
+    assert read_token(None, TOKEN) is None  # desktops do not inherit it
 
 
 def test_a_token_file_is_for_its_owner(tmp_path):
     file = tmp_path / "token"
     with pytest.raises(ParameterError, match="No such file"):
-        read_token(file)
+        read_token(file, TOKEN)
     file.write_text("s" * 32 + "\n")
     file.chmod(0o644)
     with pytest.raises(ParameterError, match=f"others may read it; chmod 600 {file}"):
-        read_token(file)
+        read_token(file, TOKEN)
     file.chmod(0o600)
-    assert read_token(file) == "s" * 32
+    assert read_token(file, TOKEN) == "s" * 32
     file.write_text("short")
     with pytest.raises(ParameterError, match="at least 16 printable characters"):
-        read_token(file)
+        read_token(file, TOKEN)
 
 
 @pytest.mark.parametrize("size", ["1280", "1280*720", "x720", "99999x720"])

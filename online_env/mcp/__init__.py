@@ -1,0 +1,1 @@
+"""An MCP server through which any MCP client plays one corrupted, scored episode."""

@@ -1,0 +1,149 @@
+"""`hijack mcp`.
+
+Exit codes: 0 the client has left, or SIGTERM or Ctrl-C ended it; 2 bad usage or configuration, or a
+desktop that does not start; 3 the disk is full or fails.
+"""
+
+import os
+import time
+from pathlib import Path
+
+import click
+
+from hijack_data import extras
+from hijack_data.cli.completion import complete
+from hijack_data.cli.options import BriefCommand, FiniteRange, seed_option
+from hijack_data.cli.terminal import echo
+
+MODULES = ("mcp", "starlette", "uvicorn", "gymnasium")
+DEFAULT_TASKS = {"embedded": "write_note", "browser": "miniwob/click-test-2.html"}
+DEFAULT_SIZES = {"embedded": "1280x720", "browser": "960x720"}
+
+
+@click.command(cls=BriefCommand, more=("host", "lease", "max_steps", "name", "size", "token_file"))
+@click.option(
+    "--desktop/--browser",
+    "is_desktop",
+    default=None,
+    help="An embedded Linux desktop, or a Chromium with tasks of MiniWoB++.",
+)
+@click.option(
+    "--task",
+    metavar="T",
+    shell_complete=complete("online_env.tasks:names"),
+    help="A task, such as write_note or miniwob/enter-text.html.",
+)
+@click.option(
+    "--corruption",
+    default="clean",
+    show_default=True,
+    metavar="C",
+    shell_complete=complete("hijack_data.corruption:corruption_names", "clean"),
+    help="What the client's computer does to it; the client is not told.",
+)
+@seed_option("Variant of the task, and all draws of the corruption.")
+@click.option(
+    "-o",
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="RUNS",
+    help="Folder of the run: new.  [default: a folder in runs/]",
+)
+@click.option("--no-tree", is_flag=True, help="Offer pictures only, without the tool `tree`.")
+@click.option("--tell-score", is_flag=True, help="Tell the client its score at the end.")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    metavar="PORT",
+    help="Serve over HTTP, not over standard input and output; 0 takes a free port.",
+)
+@click.option(
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    metavar="ADDRESS",
+    help="The address to listen at, with --port.",
+)
+@click.option(
+    "--token-file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="What the client has to send, with --port.  [also: AGENTHIJACK_MCP_TOKEN]",
+)
+@click.option(
+    "--name", default="mcp", show_default=True, metavar="NAME", help="The agent's name in the run."
+)
+@click.option(
+    "--max-steps",
+    type=click.IntRange(1, 1000),
+    default=15,
+    show_default=True,
+    metavar="N",
+    help="Actions until the episode is cut off.",
+)
+@click.option("--size", metavar="WIDTHxHEIGHT", help="Of the screen.")
+@click.option(
+    "--lease",
+    type=FiniteRange(1, 86_400),
+    default=600,
+    show_default=True,
+    metavar="SECONDS",
+    help="A client that is silent for so long has left.",
+)
+def mcp(
+    is_desktop: bool | None,
+    task: str | None,
+    corruption: str,
+    seed: int,
+    out: Path | None,
+    no_tree: bool,
+    tell_score: bool,
+    port: int | None,
+    host: str,
+    token_file: Path | None,
+    name: str,
+    max_steps: int,
+    size: str | None,
+    lease: float,
+) -> None:
+    """Let any MCP client play one corrupted, scored episode.
+
+    Such as: hijack mcp --browser --corruption pop_ups
+    """
+    extras.require("hijack mcp", "mcp", MODULES)
+    if is_desktop is None:
+        raise click.UsageError("give --desktop or --browser")
+    if port is None and token_file is not None:
+        raise click.UsageError("--token-file is for HTTP: give --port, too")
+    from ..bench.config import Bench, override
+    from ..record_command import parse_size
+    from ..serving.access import read_token
+    from . import server
+    from .episode import McpOptions
+
+    token = read_token(token_file, server.TOKEN)
+    provider = "embedded" if is_desktop else "browser"
+    bench = override(
+        Bench(
+            source="hijack mcp",
+            provider=provider,
+            size=parse_size(size or DEFAULT_SIZES[provider]),
+            agents=(name,),
+            seeds=(seed,),
+            max_steps=max_steps,
+        ),
+        task=task or DEFAULT_TASKS[provider],
+        corruption=corruption,
+    )
+    options = McpOptions(
+        bench=bench,
+        folder=out or Path("runs") / f"mcp-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}",
+        with_tree=not no_tree,
+        tell_score=tell_score,
+        lease=lease,
+    )
+    if port is None:
+        server.serve_stdio(options)
+    else:
+        server.serve_http(options, host, port, token, echo)
+        echo(f"the episode is in {options.folder}")
