@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeAlias, cast
 
+from .choices import CLEAN as CLEAN
 from .coords import CoordMap
 from .drawing.raster import render
 from .drawing.sprite import Sprite
@@ -23,7 +24,6 @@ from .types import MAX_SIDE, Point, Size, as_size
 
 FORMAT = "agenthijack-plan"
 VERSION = 1
-CLEAN = "clean"
 _FINGERPRINT = re.compile(r"[0-9a-f]{16}")
 
 

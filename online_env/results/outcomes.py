@@ -12,9 +12,9 @@ from sys import intern
 from types import MappingProxyType
 from typing import Protocol
 
+from hijack_data.choices import CLEAN
+from hijack_data.entries import Lazy
 from hijack_data.errors import HijackError, counted, some_of, suggest
-from hijack_data.plan import CLEAN
-from hijack_data.registry import Lazy
 
 from .reading import ResultRecord, Run
 

@@ -5,10 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import fmean
 from typing import Any, NamedTuple, TypeAlias
 
-from hijack_data.corruption import corruption_names, find_corruption
-from hijack_data.plan import CLEAN
+from hijack_data.choices import CLEAN
 
-from .records import ResultRecord
+from .reading import ResultRecord
 
 ScoreRow: TypeAlias = dict[str, Any]
 COLUMNS = (
@@ -215,6 +214,8 @@ def count_unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, s
         corruptions: the name of each label; only a corruption with effects on the machine can come
             too late.
     """
+    from hijack_data.corruption import corruption_names, find_corruption
+
     acting = {name for name in corruption_names() if find_corruption(name).effects}
     waiting = {label for label, name in corruptions.items() if name in acting}
     scored = [

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
+from hijack_data.choices import CLEAN
 from hijack_data.errors import shown, some_of, suggest
-from hijack_data.plan import CLEAN
 
 from ...extra import require
 from ..outcomes import EpisodeOutcome, OutcomeError
