@@ -8,6 +8,7 @@ import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,7 @@ REQUIRED_FIELDS = ("agent", "task", "corruption", "status", "id")
 _ID = re.compile(rb'"id": ?"([^"\\]{1,200})"')
 
 
-@dataclass(kw_only=True, slots=True)
+@dataclass(slots=True)
 class EpisodeEntry:
     """The entry of an episode in the list.
 
@@ -88,8 +89,13 @@ class RunListing:
     """All episodes of a folder, and the problems of the journal as a whole."""
 
     entries: list[EpisodeEntry]
-    lines: list[bytes]
+    journal: bytes
     problems: list[str]
+
+    @cached_property
+    def lines(self) -> list[bytes]:
+        """The lines of the journal."""
+        return self.journal.split(b"\n")
 
 
 def read_listing(folder: Path, head: bytes) -> RunListing:
@@ -103,15 +109,14 @@ def read_listing(folder: Path, head: bytes) -> RunListing:
     Raises:
         DatasetError: the folder of the episodes cannot be read.
     """
-    lines = _lines(folder)
-    listing = RunListing(entries=[], lines=[], problems=[])
-    if lines is not None:
-        listing.lines = lines
-        _read_journal(folder, listing, head)
+    journal = _read_records(folder)
+    listing = RunListing(entries=[], journal=journal or b"", problems=[])
+    if journal is not None:
+        _read_indexed_journal(folder, listing, head)
     listed = {entry.id for entry in listing.entries}
     for name in _episode_folders(folder):
         if name not in listed:
-            listing.entries.append(_from_folder(folder, name, lines is not None))
+            listing.entries.append(_from_folder(folder, name, journal is not None))
     return listing
 
 
@@ -221,16 +226,38 @@ def _score_problem(record: Mapping[str, Any], outcome: str) -> str:
     return f"status {shown(record.get('status'))} is none of ok, invalid, error"
 
 
-def _lines(folder: Path) -> list[bytes] | None:
-    """Return the lines of the journal; `None` if there is none."""
+def _read_records(folder: Path) -> bytes | None:
+    """Return the journal; `None` if there is none."""
     try:
-        return read_regular(folder / RECORDS).split(b"\n")
+        return read_regular(folder / RECORDS)
     except OSError:
         return None
 
 
-def _read_journal(folder: Path, listing: RunListing, before: bytes) -> None:
-    """Add the entries of the journal; its first line must name the hash of `before`, if any."""
+def _read_indexed_journal(folder: Path, listing: RunListing, head: bytes) -> None:
+    """Add the entries of the journal, of a large one from its index if it has one."""
+    from . import listing_index
+
+    if len(listing.journal) < listing_index.MIN_JOURNAL_BYTES:
+        _read_journal(folder, listing, head)
+        return
+    path = listing_index.index_path(listing.journal, head)
+    known = listing_index.read_index(path)
+    if known is not None:
+        listing.entries, listing.problems = known
+        return
+    is_whole = _read_journal(folder, listing, head)
+    if is_whole:
+        listing_index.write_index(path, listing.entries, listing.problems)
+
+
+def _read_journal(folder: Path, listing: RunListing, before: bytes) -> bool:
+    """Add the entries of the journal; its first line must name the hash of `before`, if any.
+
+    Returns:
+        Whether all lines could be read: the entry of another one may come from its folder.
+    """
+    is_whole = True
     last: EpisodeEntry | None = None
     first_lines: dict[str, int] = {}  # the lines that episodes are on
     for place, line in enumerate(listing.lines, 1):
@@ -241,6 +268,7 @@ def _read_journal(folder: Path, listing: RunListing, before: bytes) -> None:
             record = mapping(parse(line), "")
             entry = _checked_entry(record)
         except FieldError as error:
+            is_whole = False
             entry = _damaged_entry(folder, line, f"line {place} of {RECORDS}: {error}")
         if before and record:  # a head that cannot be read links to nothing
             _check_link(record, before, last, listing.problems)
@@ -257,6 +285,7 @@ def _read_journal(folder: Path, listing: RunListing, before: bytes) -> None:
             listing.entries.append(entry)
         else:
             listing.problems.append(entry.problem)
+    return is_whole
 
 
 def _checked_entry(record: Mapping[str, Any]) -> EpisodeEntry:
