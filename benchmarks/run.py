@@ -16,6 +16,7 @@ SCRIPTS = {
     "ray_builds": "Building datasets on Ray",
     "ray_episodes": "Episodes on Ray",
     "augment": "Training-time augmentation, against other libraries",
+    "labels": "Labels of a sample",
     "gpu": "On a GPU",
     "gpu_training": "Training a model of 7 billion weights on a GPU",
     "levels": "Severity levels, measured",
