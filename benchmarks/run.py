@@ -49,6 +49,7 @@ HEAD = """# Results
 
 Every table is remade by `python benchmarks/NAME.py`, all of them by `make bench`. Ratios are taken within one run;
 times are milliseconds, min / median / max. The machine is a shared virtual one: trust ratios and minima.
+`python benchmarks/compare.py` names the ratios that got 1.3 times worse than those of a commit.
 
 """
 

@@ -89,7 +89,7 @@ def is_plain(value: object) -> bool:
             return False
         if kinds <= _SCALARS:
             return True
-        parts = [part for part in level if type(part) in _CONTAINERS]
+        parts: list[Any] = [part for part in level if type(part) in _CONTAINERS]
         if dict in kinds:
             parts = [part.values() if type(part) is dict else part for part in parts]
         level = list(chain.from_iterable(parts))

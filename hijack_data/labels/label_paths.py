@@ -71,10 +71,11 @@ def _collect(value: Any, steps: list[str]) -> list[Any]:
         while any(issubclass(kind, list | tuple) for kind in set(map(type, level))):
             level = list(
                 chain.from_iterable(
-                    part if isinstance(part, list | tuple) else (part,) for part in level
+                    cast("list[Any]", part) if isinstance(part, list | tuple) else [part]
+                    for part in level
                 )
             )
-        kinds = {kind for kind in set(map(type, level)) if issubclass(kind, Mapping)}
+        kinds: set[Any] = {kind for kind in set(map(type, level)) if issubclass(kind, Mapping)}
         level = [part[step] for part in level if type(part) in kinds and step in part]
     return [label for label in level if label is not None]
 
