@@ -20,68 +20,23 @@ from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, RUN, VERSION, d
 from ...errors import DatasetError
 from ...readers.fields import FieldError, mapping
 from ...readers.safe_files import parse, parse_file
+from . import listing_index
+from .episode_entry import (
+    AGENT_ERROR,
+    FAILURE,
+    INVALID,
+    MACHINE_ERROR,
+    PARTIAL,
+    SUCCESS,
+    UNFINISHED,
+    UNREADABLE,
+    EpisodeEntry,
+)
 
-SUCCESS = "success"
-PARTIAL = "partial"
-FAILURE = "failure"
-AGENT_ERROR = "agent error"
-MACHINE_ERROR = "machine error"
-INVALID = "invalid"
-UNFINISHED = "unfinished"
-UNREADABLE = "unreadable"
-# In the order in which the page lists them.
-OUTCOMES = (SUCCESS, PARTIAL, FAILURE, AGENT_ERROR, MACHINE_ERROR, INVALID, UNFINISHED, UNREADABLE)
 MAX_SAID_CHARS = 160  # characters of the agent's last words that are searched
 MAX_NOTE_CHARS = 300  # characters of the reason for an episode's end that the list shows
 REQUIRED_FIELDS = ("agent", "task", "corruption", "status", "id")
 _ID = re.compile(rb'"id": ?"([^"\\]{1,200})"')
-
-
-@dataclass(slots=True)
-class EpisodeEntry:
-    """The entry of an episode in the list.
-
-    Args:
-        id: that of the episode; empty if it is not known.
-        agent: its name.
-        task: its id.
-        corruption: its label.
-        seed: of the corruption, and of the task where that is another, as text.
-        attempt: from 0.
-        outcome: one of `OUTCOMES`.
-        score: 0..1, or `None`.
-        steps: actions that the agent took.
-        seconds: how long it took.
-        tokens: read and written by models.
-        usd: what they cost.
-        instruction: of the task.
-        note: why it ended as it did.
-        said: the agent's last words, cut off.
-        number: of its line in the journal, from 1; 0 if it has none.
-        counts: whether the report counts it.
-        problem: what is wrong with the files, or "".
-        given: what the agent was given beside instruction and pictures, in words; "" for nothing.
-    """
-
-    id: str
-    agent: str = ""
-    task: str = ""
-    corruption: str = ""
-    seed: str = ""
-    attempt: int = 0
-    outcome: str = UNREADABLE
-    score: float | None = None
-    steps: int | None = None
-    seconds: float | None = None
-    tokens: int | None = None
-    usd: float | None = None
-    instruction: str = ""
-    note: str = ""
-    said: str = ""
-    number: int = 0
-    counts: bool = False
-    problem: str = ""
-    given: str = ""
 
 
 @dataclass(kw_only=True)
@@ -236,8 +191,6 @@ def _read_records(folder: Path) -> bytes | None:
 
 def _read_indexed_journal(folder: Path, listing: RunListing, head: bytes) -> None:
     """Add the entries of the journal, of a large one from its index if it has one."""
-    from . import listing_index
-
     if len(listing.journal) < listing_index.MIN_JOURNAL_BYTES:
         _read_journal(folder, listing, head)
         return

@@ -19,11 +19,12 @@ from hijack_data.errors import HijackError
 from hijack_data.file_io import make_folder, write_atomic
 from hijack_data.runs import privileged_inputs
 
-from . import listing
+from . import episode_entry
+from .episode_entry import EpisodeEntry
 
 MIN_JOURNAL_BYTES = 4 * 2**20  # smaller journals are read faster than an index pays off
 MAX_INDEXES = 16  # the least recently written are removed
-_NAMES = tuple(field.name for field in fields(listing.EpisodeEntry))
+_NAMES = tuple(field.name for field in fields(EpisodeEntry))
 
 
 def index_path(journal: bytes, head: bytes) -> Path:
@@ -35,19 +36,17 @@ def index_path(journal: bytes, head: bytes) -> Path:
     return Path(home) / "agenthijack" / "viewer" / f"{digest.hexdigest()}.json"
 
 
-def read_index(path: Path) -> tuple[list[listing.EpisodeEntry], list[str]] | None:
+def read_index(path: Path) -> tuple[list[EpisodeEntry], list[str]] | None:
     """Return the entries and problems of a journal; `None` without a usable index."""
     try:
         content = json.loads(path.read_bytes())
         columns = [_decoded(content["columns"][name]) for name in _NAMES]
-        return list(map(listing.EpisodeEntry, *columns)), content["problems"]
+        return list(map(EpisodeEntry, *columns)), content["problems"]
     except (OSError, ValueError, KeyError, TypeError, IndexError):
         return None
 
 
-def write_index(
-    path: Path, entries: Sequence[listing.EpisodeEntry], problems: Sequence[str]
-) -> None:
+def write_index(path: Path, entries: Sequence[EpisodeEntry], problems: Sequence[str]) -> None:
     """Write an index and remove old ones; a cache that cannot be written stays without it."""
     columns = {name: _encoded([getattr(entry, name) for entry in entries]) for name in _NAMES}
     with suppress(OSError, HijackError):
@@ -72,5 +71,9 @@ def _decoded(column: dict[str, list[Any]]) -> list[Any]:
 @lru_cache(1)
 def _code_digest() -> str:
     """Return the hash of the code that makes entries: another one makes other entries."""
-    files = [listing.__file__, privileged_inputs.__file__]
+    files = [
+        Path(__file__).with_name("listing.py"),
+        episode_entry.__file__,
+        privileged_inputs.__file__,
+    ]
     return sha256(b"\0".join(Path(file).read_bytes() for file in files)).hexdigest()

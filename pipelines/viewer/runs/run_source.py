@@ -16,7 +16,8 @@ from ...readers.fields import FieldError, mapping
 from ...readers.safe_files import parse, parse_file
 from .entry_columns import columns
 from .episode import EpisodeLines, episode_data, picture_file, read_lines, read_picture
-from .listing import EpisodeEntry, read_listing
+from .episode_entry import EpisodeEntry
+from .listing import read_listing
 
 if TYPE_CHECKING:
     from .scored_rows import ScoredRows
