@@ -27,7 +27,7 @@ from PIL import Image
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from hijack_data.runs.run_log import FORMAT, VERSION, digest_of, episode_slug  # noqa: E402
+from hijack_data.runs.run_log import FORMAT, VERSION, episode_slug, sha256_hex  # noqa: E402
 
 from support.chromium import Browser, chromium  # noqa: E402
 from support.viewed_runs import PLANNERS, Cast, play_run  # noqa: E402
@@ -102,8 +102,8 @@ def write_run(folder: Path, made: Mapping[str, Template], seeds: int) -> Path:
     with (folder / "records.jsonl").open("wb") as journal:
         for name, case, draw in zip(ids, cases, draws, strict=True):
             record = episode(folder, name, case, float(draw), made)
-            digest = digest_of((folder / "episodes" / name / "episode.json").read_bytes())
-            links = {"previous": digest_of(before), "episode_sha256": digest}
+            digest = sha256_hex((folder / "episodes" / name / "episode.json").read_bytes())
+            links = {"previous": sha256_hex(before), "episode_sha256": digest}
             before = json.dumps({**record, **links}).encode()
             journal.write(before + b"\n")
     return folder
@@ -123,12 +123,12 @@ def episode(
     (home / "frames").mkdir(parents=True)
     for picture in template.pictures:
         (home / "frames" / picture.name).hardlink_to(picture)
-    last = digest_of(name.encode())
+    last = sha256_hex(name.encode())
     content = b""
     for line in template.lines:
         text = json.dumps(line | {"previous": last}).encode()
         content += text + b"\n"
-        last = digest_of(text)
+        last = sha256_hex(text)
     (home / "steps.jsonl").write_bytes(content)
     solved = draw < (0.9 if label == "clean" else 0.5)
     record = {

@@ -9,7 +9,7 @@ from PIL import ExifTags, Image
 
 from .backends import find_backend
 from .backends.base import check_keeps_size, count_pictures
-from .errors import ImageError, ImageTypeError, ParameterError, ParameterTypeError, shown
+from .errors import ImageError, ImageTypeError, ParameterError, ParameterTypeError, short_repr
 from .kernels.stamps import check_drawings
 from .plan import Plan
 from .types import Size, size_text
@@ -53,7 +53,7 @@ def apply(plan: Plan | Sequence[Plan], image: Any, *, inplace: bool = False) -> 
 def _apply(plan: Plan | Sequence[Plan], image: Any, inplace: bool) -> Any:
     plans = _plans(plan)
     if not isinstance(cast(object, inplace), bool):
-        raise ParameterTypeError(f"inplace must be True or False, got {shown(inplace)}")
+        raise ParameterTypeError(f"inplace must be True or False, got {short_repr(inplace)}")
     if isinstance(image, list | tuple):
         return _apply_list(plan, plans, cast("Sequence[Any]", image), inplace)
     if isinstance(image, Image.Image):

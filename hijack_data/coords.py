@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast, overload
 import numpy as np
 import numpy.typing as npt
 
-from .errors import ActionError, ParameterError, PlanError, shown
+from .errors import ActionError, ParameterError, PlanError, short_repr
 from .smart_resize import smart_resize
 from .types import MAX_SIDE, Action, BoxArray, BoxesLike, Size, as_boxes, as_size
 
@@ -193,7 +193,7 @@ class CoordMap:
         """
         sizes = cast("dict[str, Any]", data) if isinstance(data, dict) else {}
         if set(sizes) != {"observation", "screen"} or not all(_is_size(s) for s in sizes.values()):
-            mapping = shown(cast("object", data))
+            mapping = short_repr(cast("object", data))
             raise PlanError(
                 f"coords must be {{'observation': [h, w], 'screen': [h, w]}}, got {mapping}"
             )
@@ -233,10 +233,12 @@ def _points(points: object, scaling: "Scaling") -> Any:
     if raw.shape == (0,):
         return np.zeros((0, 2), np.int32)
     if raw.dtype.kind not in "iuf" or raw.ndim < 1 or raw.shape[-1] != 2:
-        raise ActionError(f"points must be numbers of shape [..., 2] (x, y), got {shown(points)}")
+        raise ActionError(
+            f"points must be numbers of shape [..., 2] (x, y), got {short_repr(points)}"
+        )
     values = raw.astype(np.float64)
     if not np.isfinite(values).all():
-        raise ActionError(f"points must be finite, got {shown(points)}")
+        raise ActionError(f"points must be finite, got {short_repr(points)}")
     mapped = scaling.points(values)
     if isinstance(points, list | tuple) and raw.ndim == 1:
         return int(mapped[0]), int(mapped[1])

@@ -22,7 +22,7 @@ from .errors import (
     ParameterTypeError,
     PlanningError,
     UnknownNameError,
-    shown,
+    short_repr,
     suggest,
 )
 from .plan import Effect, Op, Plan
@@ -263,7 +263,9 @@ def register(cls: type[C]) -> type[C]:
         ParameterTypeError: the decorated object is not a class.
     """
     if not isinstance(cast(object, cls), type):
-        raise ParameterTypeError(f"register decorates a class of a corruption, got {shown(cls)}")
+        raise ParameterTypeError(
+            f"register decorates a class of a corruption, got {short_repr(cls)}"
+        )
     CORRUPTIONS.add(cls)
     return cls
 

@@ -102,7 +102,7 @@ class StorageError(HijackError, OSError):
     """A file that cannot be written because the disk is full or broken; the request is valid."""
 
 
-def shown(value: object) -> str:
+def short_repr(value: object) -> str:
     """Return a value as an error message shows it: its `repr`, cut to 80 letters."""
     try:
         text = repr(value)
@@ -114,20 +114,20 @@ def shown(value: object) -> str:
 def suggest(name: object, known: Iterable[str]) -> str:
     """Return `"; did you mean 'x'?"`, or the list of `known` names when none is close."""
     options = sorted(known)
-    text = name if isinstance(name, str) else shown(name)
+    text = name if isinstance(name, str) else short_repr(name)
     close = difflib.get_close_matches(text, options, n=1, cutoff=0.5)
     if close:
         return f"; did you mean {close[0]!r}?"
-    return f"; known: {some_of(options)}" if options else ""
+    return f"; known: {shorten_list(options)}" if options else ""
 
 
-def counted(number: int, one: str, several: str = "") -> str:
+def quantity(number: int, one: str, several: str = "") -> str:
     """Return a number and what it counts, for a message: `1 row`, `1,200 rows`."""
     name = one if number == 1 else several or f"{one}s"
     return f"{number:,} {name}"
 
 
-def some_of(options: Sequence[str], most: int = 20) -> str:
+def shorten_list(options: Sequence[str], most: int = 20) -> str:
     """Return options for a message: all of them, or the first `most` and the number of others."""
     listed = ", ".join(options[:most])
     remaining = len(options) - most

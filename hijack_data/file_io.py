@@ -16,7 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
-from .errors import HijackError, ParameterTypeError, StorageError, shown
+from .errors import HijackError, ParameterTypeError, StorageError, short_repr
 
 _STORAGE = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG})
 
@@ -84,7 +84,7 @@ def check_versioned(
     number = stored.get("version")
     if isinstance(number, bool) or not isinstance(number, int) or number < 1:
         raise error(
-            f"{begin}version {shown(number)} is not a version; it must be an integer,"
+            f"{begin}version {short_repr(number)} is not a version; it must be an integer,"
             f" 1 to {version}"
         )
     if number > version:
@@ -184,7 +184,7 @@ def replace_atomic(path: str | os.PathLike[str], write: Callable[[Path], object]
     try:
         target = Path(path)
     except TypeError:
-        raise ParameterTypeError(f"a file is named by its path, got {shown(path)}") from None
+        raise ParameterTypeError(f"a file is named by its path, got {short_repr(path)}") from None
     if _is_device(target):
         with tempfile.TemporaryDirectory() as folder:
             content = Path(folder) / "content"

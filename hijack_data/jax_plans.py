@@ -27,7 +27,7 @@ import numpy.typing as npt
 
 from . import resample
 from .backends import find_backend
-from .errors import ImageError, ImageTypeError, ParameterError, ParameterTypeError, shown
+from .errors import ImageError, ImageTypeError, ParameterError, ParameterTypeError, short_repr
 from .kernels import plan_stamps
 from .kernels.jax_ops import (
     MIN_BLOCK_SIDE,
@@ -158,7 +158,9 @@ class Packer:
 
     def _check(self, plan: Plan, i: int) -> None:
         if not isinstance(cast(object, plan), Plan):
-            raise ParameterTypeError(f"pack takes a list of plans, but item {i} is {shown(plan)}")
+            raise ParameterTypeError(
+                f"pack takes a list of plans, but item {i} is {short_repr(plan)}"
+            )
         if plan.size != self.size:
             raise ParameterError(
                 f"plan {i} was made for {size_text(plan.size)}, not for {size_text(self.size)}"

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from .errors import AssetError, ParameterTypeError, shown
+from .errors import AssetError, ParameterTypeError, short_repr
 from .file_io import read_versioned_json
 from .picture_io import pixel_sha256
 from .registry import find_registry
@@ -163,7 +163,7 @@ class AssetPack:
         try:
             place = Path(folder)
         except TypeError:
-            index = shown(folder)
+            index = short_repr(folder)
             raise ParameterTypeError(f"an asset pack is a folder's path, got {index}") from None
         try:
             state = (place / INDEX).stat()

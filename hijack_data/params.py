@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeAlias, cast
 
 from PIL import ImageColor
 
-from .errors import ParameterError, ParameterTypeError, shown, some_of, suggest
+from .errors import ParameterError, ParameterTypeError, short_repr, shorten_list, suggest
 
 ParamKind: TypeAlias = Literal["bool", "int", "float", "str", "color", "choice", "steps", "ip"]
 _KEY = "agenthijack"
@@ -125,7 +125,7 @@ def is_due(steps: Steps, step: int) -> bool:
 
 
 def _wrong_type(where: str, value: object, expected: str) -> ParameterTypeError:
-    actual = f"{shown(value)} ({type(value).__name__})"
+    actual = f"{short_repr(value)} ({type(value).__name__})"
     return ParameterTypeError(f"{where} must be {expected}, got {actual}")
 
 
@@ -133,7 +133,7 @@ def _in_range(p: Parameter, where: str, value: float) -> None:
     is_low = p.low is not None and value < p.low
     is_high = p.high is not None and value > p.high
     if is_low or is_high:
-        raise ParameterError(f"{where} must be {p.accepts}, got {shown(value)}")
+        raise ParameterError(f"{where} must be {p.accepts}, got {short_repr(value)}")
 
 
 def _check_bool(p: Parameter, where: str, value: object) -> bool:
@@ -163,7 +163,7 @@ def _check_float(p: Parameter, where: str, value: object) -> float:
     except (TypeError, ValueError):
         raise _wrong_type(where, value, "a number") from None
     if not math.isfinite(number):
-        raise ParameterError(f"{where} must be finite, got {shown(value)}")
+        raise ParameterError(f"{where} must be finite, got {short_repr(value)}")
     _in_range(p, where, number)
     return number
 
@@ -179,11 +179,11 @@ def _check_str(p: Parameter, where: str, value: object) -> str:
 
 def _check_choice(p: Parameter, where: str, value: object) -> str:
     if not isinstance(value, str):
-        raise _wrong_type(where, value, f"one of {some_of(p.choices)}")
+        raise _wrong_type(where, value, f"one of {shorten_list(p.choices)}")
     if value not in p.choices:
-        options = some_of(p.choices)
+        options = shorten_list(p.choices)
         hint = suggest(value, p.choices)
-        raise ParameterError(f"{where} must be one of {options}, got {shown(value)}{hint}")
+        raise ParameterError(f"{where} must be one of {options}, got {short_repr(value)}{hint}")
     return value
 
 
@@ -192,7 +192,7 @@ def _check_color(p: Parameter, where: str, value: object) -> str:
         parts = cast("Sequence[object]", value)
         if len(parts) == 3 and all(_is_channel(v) for v in parts):
             return "#{:02x}{:02x}{:02x}".format(*cast("Sequence[int]", parts))
-        raise ParameterError(f"{where} must be three integers in 0..255, got {shown(parts)}")
+        raise ParameterError(f"{where} must be three integers in 0..255, got {short_repr(parts)}")
     if not isinstance(value, str):
         raise _wrong_type(where, value, "a colour name, '#rrggbb' or [r, g, b]")
     try:
@@ -203,7 +203,7 @@ def _check_color(p: Parameter, where: str, value: object) -> str:
         hint = suggest(value.lower(), ImageColor.colormap) if value.isalpha() else ""
         if "did you mean" not in hint:
             hint = "; use a CSS colour name or '#rrggbb'"
-        raise ParameterError(f"{where} is not a colour: {shown(value)}{hint}") from None
+        raise ParameterError(f"{where} is not a colour: {short_repr(value)}{hint}") from None
     return value
 
 
@@ -234,7 +234,9 @@ def _check_steps(p: Parameter, where: str, value: object) -> Steps:
     if isinstance(value, Mapping):
         data = cast("Mapping[object, object]", value)
         if set(data) != {"every"}:
-            raise ParameterError(f"{where} as a mapping must be {{every: k}}, got {shown(data)}")
+            raise ParameterError(
+                f"{where} as a mapping must be {{every: k}}, got {short_repr(data)}"
+            )
         return _every(where, data["every"])
     if isinstance(value, list | tuple):
         items = cast("Sequence[object]", value)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from PIL import ExifTags, Image, ImageOps, UnidentifiedImageError
 
-from .errors import HijackError, ImageError, ParameterTypeError, shown
+from .errors import HijackError, ImageError, ParameterTypeError, short_repr
 from .limits import PICTURE_PIXELS
 from .types import UInt8Array
 
@@ -39,7 +39,9 @@ def load_image(path: str | os.PathLike[str]) -> tuple[UInt8Array, tuple[str, ...
     try:
         place = Path(path)
     except TypeError:
-        raise ParameterTypeError(f"a picture is named by its path, got {shown(path)}") from None
+        raise ParameterTypeError(
+            f"a picture is named by its path, got {short_repr(path)}"
+        ) from None
     try:
         data = place.read_bytes()
     except OSError as error:

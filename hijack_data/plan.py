@@ -17,7 +17,7 @@ from .choices import CLEAN as CLEAN
 from .coords import CoordMap
 from .drawing.raster import render
 from .drawing.sprite import Sprite
-from .errors import HijackError, ParameterTypeError, PlanError, shown, suggest
+from .errors import HijackError, ParameterTypeError, PlanError, short_repr, suggest
 from .frozen import freeze, thaw
 from .limits import check_area
 from .types import MAX_SIDE, Point, Size, as_size
@@ -272,7 +272,7 @@ def _check(value: object, kind: Any, where: str, expected: str) -> Any:
         PlanError: it has another type.
     """
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
-        actual = f"{shown(value)} ({type(value).__name__})"
+        actual = f"{short_repr(value)} ({type(value).__name__})"
         raise PlanError(f"plan: {where} has the wrong type: {actual}; it must be {expected}")
     return value
 
@@ -370,15 +370,17 @@ def _parse_op(data: object, where: str) -> Op:
     if kind == "paste":
         op = _fields(data, _PASTE, where)
         if not _FINGERPRINT.fullmatch(op["fingerprint"]):
-            raise PlanError(f"plan: {where}.fingerprint is malformed: {shown(op['fingerprint'])}")
+            raise PlanError(
+                f"plan: {where}.fingerprint is malformed: {short_repr(op['fingerprint'])}"
+            )
         return Paste(op["sprite"], _points(op["at"], f"{where}.at"), op["fingerprint"])
     if kind == "resample":
         op = _fields(data, _RESAMPLE, where)
         if op["filter"] != "bicubic":
-            actual = shown(op["filter"])
+            actual = short_repr(op["filter"])
             raise PlanError(f"plan: {where}.filter = {actual}; only 'bicubic' is known")
         return Resample(_size(op["size"], f"{where}.size"))
-    raise PlanError(f"plan: {where}.op = {shown(kind)} is not known; known: paste, resample")
+    raise PlanError(f"plan: {where}.op = {short_repr(kind)} is not known; known: paste, resample")
 
 
 def _size(value: list[object], where: str) -> Size:
@@ -393,7 +395,7 @@ def _points(values: list[Any], where: str) -> tuple[Point, ...]:
     if bad is None:
         return tuple((x, y) for x, y in values)
     expected = f"[x, y], two integers, pixel coordinates of at most {MAX_SIDE}"
-    problem = f"{where}[{bad}] is out of range or has the wrong type: {shown(values[bad])}"
+    problem = f"{where}[{bad}] is out of range or has the wrong type: {short_repr(values[bad])}"
     raise PlanError(f"plan: {problem}; it must be {expected}")
 
 

@@ -24,7 +24,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from typing import Any, cast
 
-from .errors import ParameterTypeError, shown
+from .errors import ParameterTypeError, short_repr
 from .plan import Plan
 from .types import Scene
 
@@ -124,7 +124,7 @@ def as_planner(value: object, expected: str) -> Planner:
     """
     if isinstance(value, Planner):
         return value
-    raise ParameterTypeError(f"{expected}, got {shown(value)}{advice_for(value)}")
+    raise ParameterTypeError(f"{expected}, got {short_repr(value)}{advice_for(value)}")
 
 
 def advice_for(value: object) -> str:

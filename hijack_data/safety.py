@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from .backends import find_backend, to_numpy
 from .drawing.sprite import Sprite
-from .errors import ParameterError, ParameterTypeError, shown
+from .errors import ParameterError, ParameterTypeError, short_repr
 from .kernels import lower
 from .kernels.cpu import compare
 from .plan import Paste, Plan, Resample
@@ -313,7 +313,9 @@ def judge(
         ParameterTypeError: `plan` is not a plan.
     """
     if not isinstance(cast(object, plan), Plan):
-        raise ParameterTypeError(f"judge needs the Plan that made the picture, got {shown(plan)}")
+        raise ParameterTypeError(
+            f"judge needs the Plan that made the picture, got {short_repr(plan)}"
+        )
     return judge_all([plan], [before], [after], targets=[target], ends=[end], boxes=[boxes])[0]
 
 
@@ -388,7 +390,7 @@ def plan_avoiding(
     """
     as_planner(planner, "a planner is a corruption or a combinator")
     if not isinstance(cast(object, scene), Scene):
-        raise ParameterTypeError(f"scene must be a hijack_data.Scene, got {shown(scene)}")
+        raise ParameterTypeError(f"scene must be a hijack_data.Scene, got {short_repr(scene)}")
     if not 0 <= at_least <= 1:
         raise ParameterError(f"at_least must be in 0..1, got {at_least}")
     for attempt in range(AVOID_TRIES):

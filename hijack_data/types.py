@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .choices import Platform
-from .errors import ParameterError, ParameterTypeError, shown
+from .errors import ParameterError, ParameterTypeError, short_repr
 
 Size: TypeAlias = tuple[int, int]  # (height, width) in pixels
 Box: TypeAlias = tuple[int, int, int, int]
@@ -103,9 +103,9 @@ def as_boxes(value: BoxesLike, what: str = "boxes") -> BoxArray:
         is_mask = np.asarray(value).dtype == np.bool_
         raw = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise ParameterTypeError(f"{expected}, got {shown(value)}") from None
+        raise ParameterTypeError(f"{expected}, got {short_repr(value)}") from None
     if is_mask:  # its values would be taken for tiny boxes
-        raise ParameterTypeError(f"{expected}, got {shown(value)}")
+        raise ParameterTypeError(f"{expected}, got {short_repr(value)}")
     if raw.size == 0:
         return np.zeros((0, 4), np.int32)
     if raw.ndim != 2 or raw.shape[1] != 4:

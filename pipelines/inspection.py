@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hijack_data.errors import HijackError, counted
+from hijack_data.errors import HijackError, quantity
 from hijack_data.paths import PathLike
 from hijack_data.planner import Planner
 from hijack_data.types import Trajectory
@@ -197,7 +197,7 @@ class Inspection:
         total = sum(self.rejected.values())
         if total:
             yield ""
-            yield f"[yellow]{counted(total, 'input')} cannot be read[/]"
+            yield f"[yellow]{quantity(total, 'input')} cannot be read[/]"
             for example in self.examples:
                 yield f"  {escape(example)}"
             if total > len(self.examples):

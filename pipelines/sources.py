@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
-from hijack_data.errors import ParameterTypeError, counted
+from hijack_data.errors import ParameterTypeError, quantity
 from hijack_data.paths import PathLike
 from hijack_data.types import Trajectory
 
@@ -159,7 +159,7 @@ class Sources:
     def exclusions(self) -> Iterator[str]:
         """Yield the remark about trajectories that the option `apps` does not apply to."""
         if self.excluded:
-            number = counted(len(self.excluded), "trajectory", "trajectories")
+            number = quantity(len(self.excluded), "trajectory", "trajectories")
             yield (
                 f"--apps is not applied to {number} whose instruction names another program, such"
                 f" as {self.excluded[0]}; list theirs in agenthijack.yaml"

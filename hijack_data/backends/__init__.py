@@ -15,7 +15,7 @@ from PIL import Image
 
 from .. import extras
 from ..choices import BACKENDS
-from ..errors import ImageTypeError, UnknownNameError, shown, suggest
+from ..errors import ImageTypeError, UnknownNameError, short_repr, suggest
 from .base import Backend
 
 __all__ = ["Backend", "convert", "find_backend", "to_numpy"]
@@ -57,7 +57,7 @@ def convert(image: np.ndarray[Any, Any], name: str) -> Any:
         MissingDependencyError: the framework is not installed.
     """
     if not isinstance(cast(object, name), str) or name not in BACKENDS:
-        raise UnknownNameError(f"unknown backend {shown(name)}{suggest(name, BACKENDS)}")
+        raise UnknownNameError(f"unknown backend {short_repr(name)}{suggest(name, BACKENDS)}")
     try:
         backend = _backend(name)
     except ImportError:

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ..errors import HijackError, ImageError, counted
+from ..errors import HijackError, ImageError, quantity
 from ..picture_io import FORMATS
 from ..plan import Plan
 from ..types import UInt8Array
@@ -105,7 +105,7 @@ def _report(out: Path, results: list[dict[str, Any]], problems: list[str], as_js
     if as_json:
         echo(json.dumps({"out": str(out), "pictures": results, "problems": problems}))
     else:
-        echo(f"{out}: {counted(len(results), 'picture')}")
+        echo(f"{out}: {quantity(len(results), 'picture')}")
         notes = Counter[str]()
         for row in results:
             notes.update(row["notes"])

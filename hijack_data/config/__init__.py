@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeAlias, cast
 
 from ..corruption import Corruption, corruption_names, make_corruption
-from ..errors import ParameterError, ParameterTypeError, shown, suggest
+from ..errors import ParameterError, ParameterTypeError, short_repr, suggest
 from ..params import Parameter
 from ..planner import Planner
 from .build import Builder
@@ -85,7 +85,7 @@ def specs_from(text: str) -> list[Corruption]:
     """
     if not isinstance(cast(object, text), str):
         names = "a string such as 'marks,subtitle' or 'all'"
-        raise ParameterTypeError(f"corruptions must be {names}, got {shown(text)}")
+        raise ParameterTypeError(f"corruptions must be {names}, got {short_repr(text)}")
     names = (
         corruption_names() if text.strip() == "all" else [name.strip() for name in text.split(",")]
     )
@@ -124,7 +124,9 @@ def _tree(source: object, problems: Problems) -> tuple[str, ConfigNode | None]:
     if isinstance(source, str | os.PathLike):
         name, data = read_config(cast("str | os.PathLike[str]", source), "corruptions")
         return name, read_yaml(data, name, problems)
-    raise ParameterTypeError(f"a configuration is a path, a name or a mapping, got {shown(source)}")
+    raise ParameterTypeError(
+        f"a configuration is a path, a name or a mapping, got {short_repr(source)}"
+    )
 
 
 def _config(tree: MappingNode, source: str, problems: Problems, paper: bool) -> Config:

@@ -5,7 +5,7 @@ from typing import Any, cast
 
 import yaml
 
-from ..errors import ParameterError, ParameterTypeError, shown
+from ..errors import ParameterError, ParameterTypeError, short_repr
 from ..planner import Planner, as_planner
 from .build import Builder
 from .nodes import Problems, from_python
@@ -33,7 +33,7 @@ def dump(
         ConfigError: a file cannot hold a label, or there is nothing to write.
     """
     if not isinstance(cast(object, planners), Iterable):
-        value = shown(planners)
+        value = short_repr(planners)
         raise ParameterTypeError(f"dump takes corruptions in a mapping or a list, got {value}")
     if isinstance(planners, Mapping):
         by_label = cast("Mapping[str, Planner]", planners)

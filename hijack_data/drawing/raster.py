@@ -31,7 +31,7 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw
 
 from ..cache import Cache as _Cache
-from ..errors import ImageError, ImageTypeError, PlanError, shown, suggest
+from ..errors import ImageError, ImageTypeError, PlanError, short_repr, suggest
 from ..limits import SPRITE_PIXELS
 from ..pack import find_asset
 from ..params import rgb
@@ -83,12 +83,14 @@ _WRONG_VALUE = (
 
 def _draw(recipe: object) -> Sprite:
     if not isinstance(recipe, dict):
-        raise PlanError(f"plan: the recipe of a sprite must be an object, got {shown(recipe)}")
+        raise PlanError(f"plan: the recipe of a sprite must be an object, got {short_repr(recipe)}")
     data = cast("dict[str, Any]", recipe)
     name = data.get("draw")
     if not isinstance(name, str) or name not in _DRAW:
         suggestion = suggest(name, _DRAW)
-        raise PlanError(f"plan: sprite.draw = {shown(name)} is not a known drawing{suggestion}")
+        raise PlanError(
+            f"plan: sprite.draw = {short_repr(name)} is not a known drawing{suggestion}"
+        )
     try:
         return _DRAW[name](data)
     except PlanError:
@@ -154,7 +156,7 @@ def _edge(recipe: Mapping[str, Any], key: str = "edge") -> int:
 def _texts(lines: object) -> list[str]:
     texts = cast("list[Any]", lines)
     if not isinstance(lines, list) or not all(isinstance(text, str) for text in texts):
-        raise PlanError(f"plan: the lines of a sprite must be strings, got {shown(texts)}")
+        raise PlanError(f"plan: the lines of a sprite must be strings, got {short_repr(texts)}")
     return texts
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from ..corruption import corruption_names, make_corruption
-from ..errors import ParameterError, ParameterTypeError, shown
+from ..errors import ParameterError, ParameterTypeError, short_repr
 from ..planner import Planner, as_planner
 from ..rng import Stream
 from .data_uris import WEBP_MAX_SIDE
@@ -72,7 +72,7 @@ def gallery(
 
 def _paths(images: object) -> list[str | os.PathLike[str]]:
     if isinstance(images, str | bytes | os.PathLike) or not isinstance(images, Sequence):
-        value = f"{shown(cast(object, images))}; for one picture give [path]"
+        value = f"{short_repr(cast(object, images))}; for one picture give [path]"
         raise ParameterTypeError(f"images must be a list of paths, got {value}")
     paths = list(cast("Sequence[Any]", images))
     bad = [type(path).__name__ for path in paths if not isinstance(path, str | os.PathLike)]

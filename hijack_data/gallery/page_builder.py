@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias
 from .._apply import apply
 from ..composites import Composite, composite, is_bare
 from ..elements import scene_from
-from ..errors import HijackError, ImageError, counted
+from ..errors import HijackError, ImageError, quantity
 from ..picture_io import load_image
 from ..plan import CLEAN, Plan
 from ..planner import Planner
@@ -65,7 +65,7 @@ class PageBuilder:
         lines = wrap("p", [_short(note, path) for note in notes])
         size = caption([shot.scene.size], shot.scale)
         facts = (
-            f"{size}; {counted(len(shot.scene.boxes), 'element')} {_DETECTION_TEXT[self.detect]}"
+            f"{size}; {quantity(len(shot.scene.boxes), 'element')} {_DETECTION_TEXT[self.detect]}"
         )
         section = fill("picture.html", name=name, facts=facts, notes=lines, tiles=join(tiles))
         self._sections.append(section)
@@ -139,8 +139,8 @@ class PageBuilder:
         """Return the finished page."""
         style = Html(source("page.css") + "".join(self._styles))
         script = Html(source("page.js"))
-        pictures = counted(len(self._sections), "picture")
-        corruptions = counted(len(self.planners), "corruption")
+        pictures = quantity(len(self._sections), "picture")
+        corruptions = quantity(len(self.planners), "corruption")
         filters: list[Html] = []
         for number, title in enumerate(self.planners):
             filters.append(fill("filter.html", number=number, title=title))
@@ -164,7 +164,7 @@ class PageBuilder:
             return Html()
         return fill(
             "problems.html",
-            title=counted(len(self.problems), "problem"),
+            title=quantity(len(self.problems), "problem"),
             items=wrap("li", self.problems),
         )
 

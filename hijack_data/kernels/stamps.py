@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from ..drawing.raster import render
 from ..drawing.sprite import Sprite
-from ..errors import PlanError, shown
+from ..errors import PlanError, short_repr
 from ..limits import PIXELS_AT_ONCE
 from ..plan import Paste, Plan
 from ..types import MAX_SIDE, Size
@@ -117,7 +117,7 @@ def _places(op: Paste) -> npt.NDArray[np.int32]:
         at = np.zeros(0)
     if at.dtype.kind not in "iu" or at.shape[1:] != (2,) or np.abs(at).max() > MAX_SIDE:
         expected = f"points (x, y), integers of at most {MAX_SIDE}"
-        raise PlanError(f"plan: the places of a Paste must be {expected}, got {shown(op.at)}")
+        raise PlanError(f"plan: the places of a Paste must be {expected}, got {short_repr(op.at)}")
     return at.astype(np.int32)
 
 

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 from ..actions import DICT_DIALECTS, RESIZED_DIALECTS, Scaling, map_typed, parse_actions
 from ..coords import CoordMap
-from ..errors import LabelError, shown
+from ..errors import LabelError, short_repr
 from ..smart_resize import smart_resize
 from ..types import ACTION_TYPES, Action, Size, are_fractions
 from .base import Format, Location, Move
@@ -36,7 +36,7 @@ def own_action(value: object) -> Action:
     if not is_own_action(value):
         raise LabelError(
             f"must be an Action, or a dictionary of {', '.join(ACTION_KEYS)} with a type of"
-            f" {', '.join(ACTION_TYPES)}; got {shown(value)}"
+            f" {', '.join(ACTION_TYPES)}; got {short_repr(value)}"
         )
     action_fields: dict[str, Any] = dict(cast("Mapping[str, Any]", value))
     keys = action_fields.pop("keys", None)
@@ -137,6 +137,6 @@ def _each_action(value: Any, dialect: str, change: Callable[[Any], Any]) -> Any:
     try:
         data = json.loads(value)
     except ValueError as error:
-        problem = f"{shown(value)} is not JSON ({error})"
+        problem = f"{short_repr(value)} is not JSON ({error})"
         raise LabelError(f"is not an action of {dialect}: {problem}") from None
     return json.dumps(_each_action(data, dialect, change), ensure_ascii=False)

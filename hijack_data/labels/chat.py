@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias, cast
 
-from ..errors import HijackError, LabelError, ParameterError, shown
+from ..errors import HijackError, LabelError, ParameterError, short_repr
 from ..types import Size
 from .base import LEAVE, Format, Location, Move
 from .grounding_text import could_be_point
@@ -132,10 +132,10 @@ class _Walker:
             except (ValueError, RecursionError):
                 data = None
             if not isinstance(data, list):
-                raise LabelError(f"must be a list of messages, got {shown(value)}")
+                raise LabelError(f"must be a list of messages, got {short_repr(value)}")
             return json.dumps(self.conversation(data), ensure_ascii=False)
         if not isinstance(value, list | tuple):
-            raise LabelError(f"must be a list of messages, got {shown(value)}")
+            raise LabelError(f"must be a list of messages, got {short_repr(value)}")
         parts = cast("list[Any]", value)
         if parts and all(isinstance(part, list | tuple) for part in parts):
             messages = [self.conversation(part) for part in parts]
@@ -153,14 +153,14 @@ class _Walker:
 
     def _message(self, message: Any, index: int, count: int) -> Any:
         if not isinstance(message, Mapping):
-            raise LabelError(f"message {index} must be a dictionary, got {shown(message)}")
+            raise LabelError(f"message {index} must be a dictionary, got {short_repr(message)}")
         original = cast("Mapping[str, Any]", message)
         fields = dict(original)
         keys = next((pair for pair in _CONTENT if pair[0] in fields), None)
         if keys is None or not isinstance(fields[keys[0]], str):
             raise LabelError(
                 f"message {index} has neither a role and content nor a from and value:"
-                f" {shown(original)}"
+                f" {short_repr(original)}"
             )
         role = ROLES.get(fields[keys[0]], fields[keys[0]])
         indices = self.declared.indices
@@ -185,7 +185,7 @@ class _Walker:
         if isinstance(content, str):
             return self._text(content, is_addressed)
         if not isinstance(content, list | tuple):
-            raise LabelError(f"must be text or a list of parts, got {shown(content)}")
+            raise LabelError(f"must be text or a list of parts, got {short_repr(content)}")
         parts = [self._part(part, is_addressed) for part in cast("list[Any]", content)]
         return tuple(parts) if isinstance(content, tuple) else parts
 
@@ -193,7 +193,9 @@ class _Walker:
         if isinstance(part, str):
             return self._text(part, is_addressed)
         if not isinstance(part, Mapping):
-            raise LabelError(f"has a part that is neither text nor a dictionary: {shown(part)}")
+            raise LabelError(
+                f"has a part that is neither text nor a dictionary: {short_repr(part)}"
+            )
         block = cast("Mapping[str, Any]", part)
         fields = dict(block)
         kind: Any = fields.get("type")
@@ -231,7 +233,7 @@ class _Walker:
 
     def _call(self, call: Any) -> Any:
         if not isinstance(call, Mapping):
-            raise LabelError(f"must be a dictionary, got {shown(call)}")
+            raise LabelError(f"must be a dictionary, got {short_repr(call)}")
         fields: dict[str, Any] = dict(cast("Mapping[str, Any]", call))
         inner = fields.get("function")
         if isinstance(inner, Mapping):
@@ -250,6 +252,6 @@ class _Walker:
         if could_be_point(text):
             raise LabelError(
                 "is not among the messages that chat(...) maps, and its numbers could be a point or"
-                f" the size of the screen: {shown(text)}; name its role in roles=, its format in"
-                " others=, or others='leave' if it must not change"
+                f" the size of the screen: {short_repr(text)}; name its role in roles=, its format"
+                " in others=, or others='leave' if it must not change"
             )

@@ -21,7 +21,7 @@ import numpy as np
 
 from ..actions import Scaling
 from ..actions.python_source import TextEdit, apply_edits
-from ..errors import LabelError, shown
+from ..errors import LabelError, short_repr
 from ..smart_resize import smart_resize
 from ..types import Size
 from .base import Format, Location, Move, check_unit
@@ -67,7 +67,7 @@ def loc_format() -> Format:
 
     def check(text: str) -> str:
         if _LOC.search(text) is None:
-            raise LabelError(f"holds no <loc...>: {shown(text)}")
+            raise LabelError(f"holds no <loc...>: {short_repr(text)}")
         check_unplaced(_LOC.sub(" ", text))
         return text
 
@@ -94,7 +94,7 @@ def each_text(value: Any, change: Callable[[str], str]) -> Any:
     if isinstance(value, bytes):
         return str(change(value.decode("utf-8"))).encode("utf-8")
     if not isinstance(value, str):
-        raise LabelError(f"must be text, got {shown(value)}")
+        raise LabelError(f"must be text, got {short_repr(value)}")
     return change(value)
 
 
@@ -116,8 +116,8 @@ def check_unplaced(text: str) -> None:
     """
     if could_be_point(_QUOTED.sub(" ", text)):
         raise LabelError(
-            f"holds numbers outside of its marks: {shown(text.strip())}; declare a function that"
-            " maps them, or 'leave' if they are no coordinates"
+            f"holds numbers outside of its marks: {short_repr(text.strip())}; declare a function"
+            " that maps them, or 'leave' if they are no coordinates"
         )
 
 
@@ -137,13 +137,13 @@ def _marks(text: str) -> list[tuple[str, list[re.Match[str]], int]]:
         numbers = list(_NUMBER.finditer(inside))
         width = 2 if kind.startswith("point") else 4
         if _ONLY_NUMBERS.fullmatch(inside) is None or not numbers or len(numbers) % width:
-            raise LabelError(f"has the mark {shown(mark[0])}, which must hold {width} numbers")
+            raise LabelError(f"has the mark {short_repr(mark[0])}, which must hold {width} numbers")
         marks.append(("point" if width == 2 else "box", numbers, mark.start(group)))
         text_between.append(text[position : mark.start()])
         position = mark.end()
     text_between.append(text[position:])
     if not marks:
-        raise LabelError(f"holds none of {', '.join(NOTATIONS)}: {shown(text)}")
+        raise LabelError(f"holds none of {', '.join(NOTATIONS)}: {short_repr(text)}")
     check_unplaced(" ".join(text_between))
     return marks
 

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import LabelError, shown
+from ..errors import LabelError, short_repr
 from ..sample_pictures import is_plain
 
 Numbers: TypeAlias = npt.NDArray[Any]
@@ -85,7 +85,7 @@ def read_groups(value: Any, width: int) -> Iterator[Numbers]:
 def _as_groups(value: Any, array: Numbers, width: int) -> Numbers:
     is_flat = array.ndim == 1 and array.size % width == 0
     if not is_flat and (array.ndim == 0 or array.shape[-1] != width):
-        raise LabelError(f"must hold groups of {width} numbers, got {shown(value)}")
+        raise LabelError(f"must hold groups of {width} numbers, got {short_repr(value)}")
     return _widest(array).reshape(-1, width)
 
 
@@ -141,11 +141,11 @@ def as_numbers(value: Any) -> Numbers | None:
         array = np.empty(0, object)
     if array.dtype.kind in "iuf":
         if not np.isfinite(array).all():
-            raise LabelError(f"must hold finite numbers, got {shown(value)}")
+            raise LabelError(f"must hold finite numbers, got {short_repr(value)}")
         return array
     if array.dtype.kind == "O" and isinstance(value, list | tuple):
         return None
-    raise LabelError(f"must hold numbers, got {shown(value)} ({type(value).__name__})")
+    raise LabelError(f"must hold numbers, got {short_repr(value)} ({type(value).__name__})")
 
 
 def put_back(original: Any, numbers: Numbers) -> Any:

@@ -6,7 +6,7 @@ import numpy as np
 from PIL import Image
 
 from ..actions import Scaling
-from ..errors import LabelError, shown
+from ..errors import LabelError, short_repr
 from ..safety import resized_mask
 from ..sample_pictures import is_sequence, rebuilt
 from ..types import Size, are_fractions
@@ -68,7 +68,7 @@ def size_format(name: str) -> Format:
             count, remainder = divmod(numbers.size, expected.size)
             if remainder or not np.array_equal(numbers, np.tile(expected, count)):
                 raise LabelError(
-                    f"is {shown(value)}, but as {name} of the picture it would be"
+                    f"is {short_repr(value)}, but as {name} of the picture it would be"
                     f" {expected.tolist()}; if it says something else, declare it 'leave'"
                 )
             return np.tile(of(move.after), count).astype(numbers.dtype)
@@ -102,7 +102,7 @@ def map_mask(value: Any, move: Move) -> Any:
     if array.dtype.kind not in "iufb":
         raise LabelError(
             "must be an image or an array of numbers, no lists of different lengths, got"
-            f" {shown(value)}"
+            f" {short_repr(value)}"
         )
     _check_mask_size(array.shape[-2:], move, f"shape {list(array.shape)}")
     picked = resized_mask(array, move.after)

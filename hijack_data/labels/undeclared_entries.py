@@ -24,7 +24,7 @@ from typing import Any, cast
 import numpy as np
 from PIL import Image
 
-from ..errors import HijackError, LabelError, shown
+from ..errors import HijackError, LabelError, short_repr
 from ..sample_pictures import FOLLOWING, is_array, is_picture_shaped, is_tensor
 from ..types import Action, Size
 from .formats import FORMATS
@@ -307,7 +307,7 @@ def _described(value: Any) -> str:
     array: Any = value
     if is_array(array) and array.ndim > 1:
         return f"{type(array).__name__} of {array.dtype} {list(array.shape)}"
-    return " ".join(shown(value).split())
+    return " ".join(short_repr(value).split())
 
 
 def suggested_formats(path: str, value: Any, size: Size) -> list[str]:

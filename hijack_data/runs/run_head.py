@@ -5,7 +5,7 @@ import json
 from collections.abc import Mapping
 from typing import Any, cast
 
-from ..errors import HijackError, shown
+from ..errors import HijackError, short_repr
 from ..file_io import check_versioned
 from .run_log import FORMAT, VERSION
 
@@ -22,10 +22,10 @@ def check_head(data: object) -> dict[str, Any]:
     head = check_versioned(data, format=FORMAT, version=VERSION, what="the head of a run")
     for key in ("config", "versions"):
         if not isinstance(head.get(key, {}), dict):
-            raise HijackError(f"{key}: must be an object, got {shown(head[key])}")
+            raise HijackError(f"{key}: must be an object, got {short_repr(head[key])}")
     listed = head.get("episodes")
     if listed is not None and not _is_list_of_ids(listed):
-        raise HijackError(f"episodes: must be a list of ids, got {shown(listed)}")
+        raise HijackError(f"episodes: must be a list of ids, got {short_repr(listed)}")
     return head
 
 

@@ -96,11 +96,11 @@ def row_slug(task: str, variant: str, label: str, seed: int, agent: str) -> str:
     return episode_slug(name, label, seed, agent, 0)
 
 
-def digest_of(content: bytes) -> str:
+def sha256_hex(content: bytes) -> str:
     """Return the SHA-256 of a file, or of a line without its end, as 64 hexadecimal digits."""
     return hashlib.sha256(content).hexdigest()
 
 
 def file_digest(path: Path) -> str | None:
     """Return the SHA-256 of a file; `None` if there is none, or something else in its place."""
-    return digest_of(path.read_bytes()) if path.is_file() else None
+    return sha256_hex(path.read_bytes()) if path.is_file() else None

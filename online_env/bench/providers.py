@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager
 from typing import Any, TypeAlias
 
-from hijack_data.errors import some_of
+from hijack_data.errors import shorten_list
 from hijack_data.registry import Registry
 from hijack_data.types import Size
 
@@ -86,7 +86,7 @@ def check_installed(provider: str, names: Iterable[str]) -> None:
     for profile, name in task_by_profile.items():
         absent = lacking(profile)
         if absent:
-            listed = some_of(absent, 4)
+            listed = shorten_list(absent, 4)
             raise MissingPackageError(
                 f"task {name} needs packages that are not installed ({listed}): hijack desktop"
                 f" install --profile {profile}, or leave the task out with --tasks"

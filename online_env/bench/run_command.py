@@ -10,7 +10,7 @@ import click
 
 from hijack_data import extras
 from hijack_data.cli.terminal import console, echo
-from hijack_data.errors import ParameterError, StorageError, counted
+from hijack_data.errors import ParameterError, StorageError, quantity
 from hijack_data.locking import Lock
 from hijack_data.runs import seal
 
@@ -162,7 +162,7 @@ def _begin_run(
 
 def _size_text(listed: Sequence[Job], desktops: int) -> str:
     """Return how many episodes are played on how many desktops."""
-    return f"{counted(len(listed), 'episode')} on {counted(desktops, 'desktop')}"
+    return f"{quantity(len(listed), 'episode')} on {quantity(desktops, 'desktop')}"
 
 
 def _run(

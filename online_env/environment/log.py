@@ -19,7 +19,7 @@ from hijack_data.file_io import unwritable, write_atomic
 from hijack_data.locking import Lock, LockedError, lock
 from hijack_data.picture_io import pixel_sha256
 from hijack_data.png import encode
-from hijack_data.runs.run_log import EPISODE, EPISODES, FRAMES, STEPS, digest_of, episode_slug
+from hijack_data.runs.run_log import EPISODE, EPISODES, FRAMES, STEPS, episode_slug, sha256_hex
 from hijack_data.types import UInt8Array
 
 
@@ -56,7 +56,7 @@ class EpisodeLog:
         except OSError as error:
             raise unwritable(self.folder, error) from None
         self._lines = 0
-        self._last = digest_of(slug.encode())
+        self._last = sha256_hex(slug.encode())
         self._pool = ThreadPoolExecutor(2)
 
     def frames(self, step: int, clean: UInt8Array, corrupted: UInt8Array) -> dict[str, Any]:
@@ -98,7 +98,7 @@ class EpisodeLog:
         except OSError as error:
             raise unwritable(self.folder / STEPS, error) from None
         self._lines += 1
-        self._last = digest_of(line)
+        self._last = sha256_hex(line)
 
     def finish(self, record: Mapping[str, Any]) -> dict[str, Any]:
         """Write the record, which ends the episode, and return it as written."""

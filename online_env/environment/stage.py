@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 from hijack_data.apps import normalize_app
-from hijack_data.errors import ParameterTypeError, some_of
+from hijack_data.errors import ParameterTypeError, shorten_list
 
 from .. import tasks
 from ..desktops.protocol import Desktop
@@ -210,7 +210,7 @@ class SmallTasks(TaskHolder):
         if isinstance(chosen_task, str):
             chosen_task = tasks.get(chosen_task, seed)
         if not isinstance(chosen_task, Task):
-            task_names = some_of(tasks.names())
+            task_names = shorten_list(tasks.names())
             raise ParameterTypeError(
                 f"a task is a name ({task_names}) or a Task, got {chosen_task!r:.80}"
             )

@@ -5,7 +5,7 @@ Both are computed from the numbers of the report, so every format that shows the
 
 from collections.abc import Sequence
 
-from hijack_data.errors import counted
+from hijack_data.errors import quantity
 from hijack_data.plan import CLEAN
 
 from ..results.intervals import TOLERANCE
@@ -21,7 +21,7 @@ def report_title(report: RunReport) -> str:
     agents = list(report.agents)
     who = " and ".join(agents)
     if not agents or len(agents) > MAX_NAMED_AGENTS:
-        who = counted(len(agents), "agent")
+        who = quantity(len(agents), "agent")
     return f"{who} on {suite_name(report)}"
 
 
@@ -35,10 +35,10 @@ def report_extent(report: RunReport) -> str:
     """Return how much was played: tasks, conditions, seeds and episodes."""
     run = report.run
     unit = "row" if run.kind == "score" else "episode"
-    parts = [counted(run.tasks, "task"), counted(len(report.labels), "condition")]
+    parts = [quantity(run.tasks, "task"), quantity(len(report.labels), "condition")]
     if run.kind != "score":
-        parts.append(counted(len(run.seeds), "seed"))
-    parts.append(f"{counted(sum(row.n for row in report.summaries), unit)} that count")
+        parts.append(quantity(len(run.seeds), "seed"))
+    parts.append(f"{quantity(sum(row.n for row in report.summaries), unit)} that count")
     return ", ".join(parts)
 
 
@@ -79,7 +79,7 @@ def _worst_loss(cells: Sequence[Cell], worst: Sequence[str]) -> str:
     compared = [cell for cell in cells if cell.corruption in worst] or list(cells)
     cell = min(compared, key=lambda cell: cell.delta or 0.0)
     if (cell.delta or 0.0) > -TOLERANCE:
-        return f"loses nothing under its {counted(len(cells), 'corruption')}"
+        return f"loses nothing under its {quantity(len(cells), 'corruption')}"
     if not worst:
         return f"no corruption is worse than another, loses {_loss(cell)}"
     tied = [item for item in compared if item.delta == cell.delta]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hijack_data.cli.terminal import echo
-from hijack_data.errors import HijackError, ParameterError, UnknownNameError, some_of, suggest
+from hijack_data.errors import HijackError, ParameterError, UnknownNameError, shorten_list, suggest
 from hijack_data.plan import CLEAN
 from hijack_data.runs.own_files import refuse_own_file
 
@@ -72,7 +72,7 @@ class GateVerdict:
     def __str__(self) -> str:
         score_name = f"{self.gate.name} of {self.gate.agent}"
         if self.value is None:
-            missing = some_of(self.lacking or (self.gate.label,))
+            missing = shorten_list(self.lacking or (self.gate.label,))
             cause = "no episode counts"
             if self.gate.score == "retention":
                 cause = "no episode counts, or none succeeds clean"

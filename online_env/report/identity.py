@@ -10,7 +10,7 @@ from hijack_data.config.files import available
 from hijack_data.corruption import make_corruption
 from hijack_data.errors import HijackError
 from hijack_data.runs.amounts import is_amount
-from hijack_data.runs.run_log import RUN, digest_of
+from hijack_data.runs.run_log import RUN, sha256_hex
 
 from ..results import scores
 from ..results.reading import Run, read_head
@@ -149,7 +149,7 @@ def _head(run: Run) -> Mapping[str, Any]:
 
 def _head_digest(run: Run) -> str:
     path = run.folder / RUN
-    return digest_of(path.read_bytes()) if path.exists() else ""
+    return sha256_hex(path.read_bytes()) if path.exists() else ""
 
 
 def _setting_digest(config: Mapping[str, Any]) -> str:
@@ -160,7 +160,7 @@ def _setting_digest(config: Mapping[str, Any]) -> str:
     code = _task_code(config)
     if code:
         setting["code"] = code
-    return digest_of(json.dumps(setting, sort_keys=True).encode())
+    return sha256_hex(json.dumps(setting, sort_keys=True).encode())
 
 
 def _task_code(config: Mapping[str, Any]) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from hijack_data.errors import HijackError, counted
+from hijack_data.errors import HijackError, quantity
 from hijack_data.runs.run_log import EPISODES, RUN
 
 from . import formatting
@@ -295,11 +295,11 @@ def _unranked_reason(report: RunReport, row: AgentSummary) -> str:
     if report.run.missing:
         return f"{report.run.missing} of {report.run.planned} episodes are missing"
     if report.run.damaged:
-        return f"{counted(report.run.damaged, 'line')} of the run cannot be read"
+        return f"{quantity(report.run.damaged, 'line')} of the run cannot be read"
     if row.corrupted is None:
         return "no corruption was played"
     if row.invalid:
-        return counted(row.invalid, "invalid episode")
+        return quantity(row.invalid, "invalid episode")
     return ""
 
 
@@ -313,10 +313,10 @@ def _setting_facts(report: RunReport, reports: Sequence[RunReport]) -> dict[str,
     run = report.run
     facts = {
         "kind": "offline steps" if run.kind == "score" else "live episodes",
-        "tasks": counted(run.tasks, "task"),
-        "conditions": counted(len(report.labels), "condition"),
-        "seeds": counted(len(run.seeds), "seed"),
-        "actions": "" if run.max_steps is None else f"at most {counted(run.max_steps, 'action')}",
+        "tasks": quantity(run.tasks, "task"),
+        "conditions": quantity(len(report.labels), "condition"),
+        "seeds": quantity(len(run.seeds), "seed"),
+        "actions": "" if run.max_steps is None else f"at most {quantity(run.max_steps, 'action')}",
         "desktop": f"provider {run.provider}" if run.provider else "",
         "recovery": f"recovery {run.recovery}" if run.recovery else "",
     }

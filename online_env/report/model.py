@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from types import UnionType
 from typing import Any, TypeVar, cast, get_args, get_type_hints
 
-from hijack_data.errors import HijackError, shown
+from hijack_data.errors import HijackError, short_repr
 from hijack_data.file_io import check_versioned
 from hijack_data.runs.amounts import MAX_AMOUNT
 from hijack_data.runs.run_log import GIVEN_KINDS
@@ -321,7 +321,9 @@ def _make_dataclass(kind: type[T], data: object, place: str) -> T:
         ReportError: The data are not an object, or a field is missing or unknown.
     """
     if not isinstance(data, dict):
-        raise ReportError(f"{place}: must be an object, got {shown(data)}; make the report again")
+        raise ReportError(
+            f"{place}: must be an object, got {short_repr(data)}; make the report again"
+        )
     hints = get_type_hints(kind)
     names = {entry.name for entry in fields(kind)}  # type: ignore[arg-type]
     unknown = sorted(map(str, data.keys() - names))
@@ -355,7 +357,7 @@ def _check_range(key: str, value: object, place: str) -> None:
     elif key == "settings" and not _holds_objects(value):
         problem = "must hold the parameters of each label"
     if problem:
-        raise ReportError(f"{place}: {problem}, got {shown(value)}; make the report again")
+        raise ReportError(f"{place}: {problem}, got {short_repr(value)}; make the report again")
 
 
 def _holds_objects(value: object) -> bool:
@@ -374,7 +376,9 @@ def _convert(hint: Any, value: object, place: str) -> Any:
         return None if value is None else _convert(arguments[0], value, place)
     if getattr(hint, "__origin__", None) is tuple:
         if not isinstance(value, list | tuple):
-            raise ReportError(f"{place}: must be a list, got {shown(value)}; make the report again")
+            raise ReportError(
+                f"{place}: must be a list, got {short_repr(value)}; make the report again"
+            )
         return tuple(_convert(arguments[0], item, place) for item in value)
     if is_dataclass(hint):
         return _make_dataclass(hint, value, place)  # type: ignore[arg-type]
@@ -383,7 +387,9 @@ def _convert(hint: Any, value: object, place: str) -> Any:
         return float(max(-2 * MAX_AMOUNT, min(value, 2 * MAX_AMOUNT)))  # out of range stays so
     if isinstance(value, bool) or not isinstance(value, expected):
         name = getattr(expected, "__name__", expected)
-        raise ReportError(f"{place}: must be {name}, got {shown(value)}; make the report again")
+        raise ReportError(
+            f"{place}: must be {name}, got {short_repr(value)}; make the report again"
+        )
     if isinstance(value, Mapping) and arguments and arguments[1] is not Any:
         return {key: _convert(arguments[1], own, f"{place}: {key}") for key, own in value.items()}
     return value

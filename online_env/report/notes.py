@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator
 
-from hijack_data.errors import counted
+from hijack_data.errors import quantity
 from hijack_data.plan import CLEAN
 from hijack_data.runs.privileged_inputs import describe_privileged_inputs
 
@@ -68,7 +68,7 @@ def pairing_note(run: Run, groups: scores.GroupedRecords) -> Iterator[str]:
     if unpaired:
         listed = ", ".join(f"{name} {count}" for name, count in unpaired.items())
         yield (
-            f"{counted(sum(unpaired.values()), 'result')} without a clean one of the same task and"
+            f"{quantity(sum(unpaired.values()), 'result')} without a clean one of the same task and"
             f" seed: in the success, and in no delta, retention or test ({listed})."
         )
 
@@ -91,7 +91,7 @@ def _notes(report: RunReport, partial: int) -> Iterator[str]:
         seeds = ", ".join(map(str, run.left_out))
         yield f"The run has more seeds than this report, which leaves out: {seeds}."
     if run.damaged:
-        yield f"Without {counted(run.damaged, 'line')} of the run that cannot be read."
+        yield f"Without {quantity(run.damaged, 'line')} of the run that cannot be read."
     if not scores.can_infer():
         yield "Without intervals and tests: scipy is not installed."
     if CLEAN not in {cell.corruption for cell in report.cells}:
@@ -120,7 +120,7 @@ def _retention_notes(report: RunReport) -> Iterator[str]:
     shown = [cell for cell in above if cell.p is not None and cell.p < SIGNIFICANT_P]
     listed = ", ".join(f"{cell.agent} under {cell.corruption}" for cell in above)
     verdict = (
-        f"the test shows {len(shown)} of {counted(len(above), 'such gain')}"
+        f"the test shows {len(shown)} of {quantity(len(above), 'such gain')}"
         if shown
         else "the test shows no such gain, so it may be chance"
     )

@@ -13,7 +13,7 @@ from rich.cells import cell_len
 from hijack_data.cli.figure_table import FigureTable, grouped
 from hijack_data.cli.printable_console import PrintableConsole
 from hijack_data.cli.terminal import console
-from hijack_data.errors import counted
+from hijack_data.errors import quantity
 from hijack_data.plan import CLEAN
 
 from ..results import costs, scores
@@ -170,7 +170,7 @@ def loss_table(report: RunReport, agents: Sequence[str], labels: Sequence[str]) 
         for label in labels
     ]
     left_out = [
-        counted(len(names), what)
+        quantity(len(names), what)
         for names, what in (
             (report.agents[len(agents) :], "agent"),
             (report.labels[len(labels) :], "condition"),

@@ -14,7 +14,7 @@ from typing import Protocol
 
 from hijack_data.choices import CLEAN
 from hijack_data.entries import Lazy
-from hijack_data.errors import HijackError, counted, some_of, suggest
+from hijack_data.errors import HijackError, quantity, shorten_list, suggest
 
 from .reading import ResultRecord, Run
 
@@ -184,7 +184,7 @@ def _check_task_names(names: set[str]) -> None:
     """
     if all(name.isdecimal() for name in names):
         raise OutcomeError(
-            f"the tasks of the sources are numbers ({some_of(sorted(names), 3)}), which match by"
+            f"the tasks of the sources are numbers ({shorten_list(sorted(names), 3)}), which match by"
             " chance where they are positions in a list; name the column of their ids with"
             " --columns task=COLUMN, or put the results into one table"
         )
@@ -258,7 +258,7 @@ def _pair_tasks(records: list[ResultRecord], common_tasks: bool) -> list[ResultR
             if not common_tasks:
                 raise OutcomeError(
                     f"{_difference(agent, label, names, base)}; --common-tasks reports the"
-                    f" {counted(len(shared[agent]), 'task')} that all conditions have"
+                    f" {quantity(len(shared[agent]), 'task')} that all conditions have"
                 )
     if not common_tasks:
         return records
@@ -270,7 +270,7 @@ def _pair_tasks(records: list[ResultRecord], common_tasks: bool) -> list[ResultR
 def _difference(agent: str, label: str, names: set[str], base: set[str]) -> str:
     """Return how the tasks of a condition differ from those of the clean one."""
     parts = [
-        f"{counted(len(only), 'task')} only {where} ({some_of(sorted(only), 3)})"
+        f"{quantity(len(only), 'task')} only {where} ({shorten_list(sorted(only), 3)})"
         for only, where in ((names - base, f"under {label}"), (base - names, "clean"))
         if only
     ]

@@ -8,7 +8,7 @@ from math import prod
 from pathlib import Path
 from typing import Any, TypeAlias, cast
 
-from hijack_data.errors import HijackError, shown
+from hijack_data.errors import HijackError, short_repr
 from hijack_data.file_io import read_regular
 from hijack_data.runs.amounts import is_amount
 from hijack_data.runs.run_head import check_head
@@ -263,7 +263,7 @@ def _parse_record(line: bytes) -> ResultRecord:
         raise _DamagedError("field 'task_seed' is neither a number nor a text")
     for key in _AMOUNTS:
         if record.get(key) is not None and not is_amount(record[key]):
-            raise _DamagedError(f"{key} {shown(record[key])} is not a number of at least 0")
+            raise _DamagedError(f"{key} {short_repr(record[key])} is not a number of at least 0")
     for key in ("agent", "task", "corruption"):
         if has_half(record[key]):
             raise _DamagedError(f"field {key!r} holds half of a surrogate pair")
@@ -292,7 +292,7 @@ def _check_new(record: ResultRecord, line_by_id: dict[object, int], number: int)
         return
     first = line_by_id.setdefault(name, number)
     if first != number:
-        raise _DamagedError(f"episode {shown(name)} is on line {first} already, which counts")
+        raise _DamagedError(f"episode {short_repr(name)} is on line {first} already, which counts")
 
 
 def first_id(record: ResultRecord) -> str:
@@ -310,7 +310,7 @@ def _check_parts(parts: object) -> None:
         return
     values = cast("dict[str, Any]", parts).values() if isinstance(parts, dict) else [parts]
     if not all(isinstance(value, bool) for value in values):
-        raise _DamagedError(f"parts {shown(parts)} are not true or false by name")
+        raise _DamagedError(f"parts {short_repr(parts)} are not true or false by name")
 
 
 def _check_score(record: ResultRecord) -> None:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
-from hijack_data.errors import some_of
+from hijack_data.errors import shorten_list
 from hijack_data.file_io import unwritable, write_atomic
 from hijack_data.locking import Lock, LockedError, lock
 from hijack_data.runs.run_log import (
@@ -28,8 +28,8 @@ from hijack_data.runs.run_log import (
     RECORDS,
     RUN,
     VERSION,
-    digest_of,
     file_digest,
+    sha256_hex,
 )
 
 from . import origin
@@ -286,7 +286,7 @@ def _chain_line(folder: Path, record: ResultRecord, before: bytes) -> bytes:
     """Return the line of a record, which names the SHA-256 of the line before it."""
     episode = folder / EPISODES / str(record.get("id")) / EPISODE
     digest = file_digest(episode)
-    links = {"previous": digest_of(before), "episode_sha256": digest}
+    links = {"previous": sha256_hex(before), "episode_sha256": digest}
     line = json.dumps({**record, **links}, ensure_ascii=False, allow_nan=False)
     return line.encode("utf-8", "backslashreplace")
 
@@ -321,8 +321,8 @@ def _other_entries(before: Sequence[object], after: Sequence[object]) -> str:
     """Return which entries only one of two long lists has, or "" if each has all of the other."""
     removed = [json.dumps(entry) for entry in before if entry not in after]
     added = [json.dumps(entry) for entry in after if entry not in before]
-    parts = [f"has lost {some_of(removed, MAX_LISTED_ENTRIES)}"] if removed else []
-    parts += [f"has gained {some_of(added, MAX_LISTED_ENTRIES)}"] if added else []
+    parts = [f"has lost {shorten_list(removed, MAX_LISTED_ENTRIES)}"] if removed else []
+    parts += [f"has gained {shorten_list(added, MAX_LISTED_ENTRIES)}"] if added else []
     return " and ".join(parts)
 
 

@@ -8,7 +8,7 @@ from openenv.core.env_server.types import Action, EnvironmentMetadata, Observati
 from pydantic import Field
 
 from hijack_data import __version__
-from hijack_data.errors import ParameterError, UnknownNameError, some_of, suggest
+from hijack_data.errors import ParameterError, UnknownNameError, shorten_list, suggest
 from hijack_data.png import encode
 
 from ..agents.adapters.action_codes import PYAUTOGUI
@@ -171,7 +171,7 @@ class DesktopEnvironment(Environment[DesktopAction, DesktopObservation, DesktopS
         splits = self._service.splits
         if not isinstance(split, str) or split not in splits:
             raise UnknownNameError(
-                f"no split {split!r:.80} is served; there are: {some_of([*splits])}"
+                f"no split {split!r:.80} is served; there are: {shorten_list([*splits])}"
             )
         return splits[split]
 

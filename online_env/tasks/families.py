@@ -11,7 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol
 
-from hijack_data.errors import ParameterError, some_of
+from hijack_data.errors import ParameterError, shorten_list
 from hijack_data.types import Size
 
 from .base import Task
@@ -132,7 +132,7 @@ def shared_family(classes: Mapping[str, type[Task]]) -> TaskFamily | None:
     others = [name for name, task in classes.items() if task.family != names[0]]
     if others:
         raise ParameterError(
-            f"--tasks: {family.title}'s tasks are played in its own environment, {some_of(others)}"
-            " are not; make a run of each"
+            f"--tasks: {family.title}'s tasks are played in its own environment,"
+            f" {shorten_list(others)} are not; make a run of each"
         )
     return family

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from hijack_data.errors import counted
+from hijack_data.errors import quantity
 
 MAX_SHOWN_INPUTS = 5
 MAX_SHOWN_PROBLEMS = 20
@@ -45,7 +45,7 @@ def transparency_note(count: int) -> Iterator[str]:
     """Yield the remark about `count` pictures with transparent pixels, if there are any."""
     if count:
         yield (
-            f"{counted(count, 'picture')} with transparent pixels, which are read in the colours"
+            f"{quantity(count, 'picture')} with transparent pixels, which are read in the colours"
             " that they hide; save screenshots without an alpha channel"
         )
 
@@ -120,7 +120,7 @@ class BuildReport:
     def _head(self) -> str:
         would = "nothing was written; it would be " if self.dry_run else ""
         kept_text = f", {self.kept} of them kept from before" if self.kept else ""
-        size = f"{counted(self.total, 'row')} in {counted(self.shards, 'file')}"
+        size = f"{quantity(self.total, 'row')} in {quantity(self.shards, 'file')}"
         return f"{self.out}: {would}{size}{kept_text}"
 
     def _left_out(self) -> list[str]:
@@ -128,7 +128,7 @@ class BuildReport:
         text: list[str] = []
         for label, reasons in self.not_applicable.items():
             for reason, count in reasons.items():
-                text.append(f"  {label}: not applicable to {counted(count, 'step')}: {reason}")
+                text.append(f"  {label}: not applicable to {quantity(count, 'step')}: {reason}")
         for label, count in self.dropped.items():
             text.append(f"  {label}: {count} dropped, their target does not show")
         return text
@@ -137,7 +137,7 @@ class BuildReport:
         if not self.rejected:
             return []
         location = "" if self.dry_run else f", see {self.out}/quarantine.jsonl"
-        text = [f"  {counted(self.rejected, 'input')} rejected{location}:"]
+        text = [f"  {quantity(self.rejected, 'input')} rejected{location}:"]
         text += [f"    {example}" for example in self.examples]
         if self.rejected > len(self.examples):
             text.append("    ...")

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from hijack_data import extras
-from hijack_data.errors import counted
+from hijack_data.errors import quantity
 
 from ..dataset.columns import VISIBLE, Kind, stored_columns
 from ..dataset.manifest import is_lazy
@@ -157,7 +157,7 @@ def _counts(manifest: Mapping[str, Any]) -> list[str]:
         "",
         *_splits(manifest),
         (
-            f"{counted(rejected, 'input')} could not be read: see `quarantine.jsonl`."
+            f"{quantity(rejected, 'input')} could not be read: see `quarantine.jsonl`."
             if rejected
             else "Every input was read."
         ),

@@ -242,9 +242,7 @@ def records_hash(trajectories: Iterable[Trajectory], root: Path) -> str:
         data.pop("episode", None)  # it decides the file of a trajectory, not its rows
         if data.get("screen", "") is None:
             del data["screen"]
-        data["steps"] = [
-            {**_fields(step), "image": _image_name(step, root)} for step in trajectory
-        ]
+        data["steps"] = [{**_fields(step), "image": _image_name(step, root)} for step in trajectory]
         text = json.dumps(data, sort_keys=True, allow_nan=False, default=_fields)
         digest.update(text.encode())
     return digest.hexdigest()

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hijack_data.errors import counted
+from hijack_data.errors import quantity
 
 from ..errors import DatasetError
 from .columns import pyarrow
@@ -140,22 +140,22 @@ class Stats:
         text = [
             f"{self.folder}: {self.rows} rows ({self.output}) from {self.steps} steps of"
             f" {self.trajectories} trajectories, {self.bytes / 1e6:.1f} MB in"
-            f" {counted(self.shards, 'file')}"
+            f" {quantity(self.shards, 'file')}"
         ]
         for label, label_stats in self.labels.items():
             for event, count in sorted(label_stats.event.items()):
-                text.append(f"{label}: {counted(count, 'row')}: {event}")
+                text.append(f"{label}: {quantity(count, 'row')}: {event}")
             if label_stats.inserted:
-                text.append(f"{label}: {counted(label_stats.inserted, 'step')} inserted")
+                text.append(f"{label}: {quantity(label_stats.inserted, 'step')} inserted")
             if label_stats.reminders:
-                text.append(f"{label}: {counted(label_stats.reminders, 'row')} with a reminder")
+                text.append(f"{label}: {quantity(label_stats.reminders, 'row')} with a reminder")
         for label, count in self.counts["dropped"].items():
             text.append(f"{label}: {count} dropped, their target does not show")
         for label, reasons in self.counts["not_applicable"].items():
             for reason, count in reasons.items():
-                text.append(f"{label}: not applicable to {counted(count, 'step')}: {reason}")
+                text.append(f"{label}: not applicable to {quantity(count, 'step')}: {reason}")
         for field_name, count in self.counts["rejected"].items():
-            text.append(f"{counted(count, 'input')} rejected ({field_name})")
+            text.append(f"{quantity(count, 'input')} rejected ({field_name})")
         return text
 
     def tables(self) -> list[Any]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from hijack_data.errors import counted
+from hijack_data.errors import quantity
 from hijack_data.gallery.data_uris import embed, scale_for
 from hijack_data.gallery.markup import Html, clean, join, wrap
 from hijack_data.gallery.markup import source as gallery_source
@@ -70,13 +70,13 @@ def page(folder: str | os.PathLike[str], stats: Stats) -> str:
 def _figures(stats: Stats) -> Html:
     """Return the cards with the main figures of the dataset."""
     rejected = sum(stats.counts["rejected"].values())
-    files = counted(stats.shards, "file")
-    trajectories = counted(stats.trajectories, "trajectory", "trajectories")
+    files = quantity(stats.shards, "file")
+    trajectories = quantity(stats.trajectories, "trajectory", "trajectories")
     figures = [
-        _number(counted(stats.rows, "row"), f"{stats.output}, {files}"),
-        _number(counted(stats.steps, "step"), f"of {trajectories}"),
+        _number(quantity(stats.rows, "row"), f"{stats.output}, {files}"),
+        _number(quantity(stats.steps, "step"), f"of {trajectories}"),
         _number(f"{stats.bytes / 1e6:,.1f} MB", "on disk"),
-        _number(counted(rejected, "input"), "rejected"),
+        _number(quantity(rejected, "input"), "rejected"),
     ]
     return join(figures)
 
@@ -145,21 +145,21 @@ def _card(title: str, texts: list[str]) -> list[Html]:
 def _events(stats: LabelStats) -> list[str]:
     events: list[str] = []
     for event, count in sorted(stats.event.items()):
-        events.append(f"{counted(count, 'row')}: {event}")
+        events.append(f"{quantity(count, 'row')}: {event}")
     if stats.inserted:
-        events.append(f"{counted(stats.inserted, 'step')} inserted")
+        events.append(f"{quantity(stats.inserted, 'step')} inserted")
     if stats.reminders:
-        events.append(f"{counted(stats.reminders, 'row')} with a reminder")
+        events.append(f"{quantity(stats.reminders, 'row')} with a reminder")
     return events
 
 
 def _reasons(stats: Stats, label: str) -> list[str]:
     notes: list[str] = []
     for reason, count in stats.counts["not_applicable"].get(label, {}).items():
-        notes.append(f"{counted(count, 'step')}: {reason}")
+        notes.append(f"{quantity(count, 'step')}: {reason}")
     dropped = stats.counts["dropped"].get(label, 0)
     if dropped:
-        notes.append(f"{counted(dropped, 'row')} dropped: the target does not show")
+        notes.append(f"{quantity(dropped, 'row')} dropped: the target does not show")
     return notes
 
 
@@ -245,7 +245,7 @@ def _badge(share: float | None) -> str:
 def _facts(row: Mapping[str, Any], resized: bool) -> list[str]:
     change = f"all pixels, resized to {row['width']}\u00d7{row['height']}"
     if not resized:
-        change = f"{counted(row['changed_pixels'], 'pixel')} changed"
+        change = f"{quantity(row['changed_pixels'], 'pixel')} changed"
     share = row["target_visible"]
     if share is not None:
         change += f", {100 * share:.0f} % of the target shows"

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 from hijack_data.coords import CoordMap
-from hijack_data.errors import shown
+from hijack_data.errors import short_repr
 from hijack_data.pack import RecordedAction, find_asset
 from hijack_data.plan import Op, Paste, Plan, Resample
 from hijack_data.registry import is_ours
@@ -42,7 +42,8 @@ def event_variant(row: Mapping[str, Any], plan: Plan, sample: Sample) -> Variant
     kinds = [effect.kind for effect in plan.effects]
     if len(kinds) != 1 or kinds[0] not in EDITS:
         raise DatasetError(
-            f"event is {shown(row['event'])}, and its plan does {kinds or 'nothing'} to the machine"
+            f"event is {short_repr(row['event'])}, and its plan does {kinds or 'nothing'} to the"
+            " machine"
         )
     edit = EDITS[kinds[0]]
     if not is_ours(edit):
@@ -73,11 +74,15 @@ def event_variant(row: Mapping[str, Any], plan: Plan, sample: Sample) -> Variant
 def _check_labels(row: Mapping[str, Any], edit: Edit) -> None:
     pattern = re.escape(edit.event).replace(re.escape("{}"), ".+")
     if not re.fullmatch(pattern, row["event"]):
-        raise DatasetError(f"event is {shown(row['event'])}, it should be {shown(edit.event)}")
+        raise DatasetError(
+            f"event is {short_repr(row['event'])}, it should be {short_repr(edit.event)}"
+        )
     for name in ("reminder", "inserted"):
         expected = getattr(edit, name)
         if row[name] != expected:
-            raise DatasetError(f"{name} is {shown(row[name])}, it should be {shown(expected)}")
+            raise DatasetError(
+                f"{name} is {short_repr(row[name])}, it should be {short_repr(expected)}"
+            )
 
 
 def _parts(plan: Plan) -> tuple[tuple[Op, ...], tuple[Op, ...]]:

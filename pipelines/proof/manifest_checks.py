@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from hijack_data.errors import shown
+from hijack_data.errors import short_repr
 
 from ..building.row_settings import build_config, in_order
 from ..building.splits import Splits
@@ -94,7 +94,7 @@ def _difference(digest: str | None, expected: object) -> str:
     if expected is None:
         return "not in the manifest"
     return (
-        f"its SHA-256 is {digest[:12]}, the manifest says {shown(expected)[:13]}; the file was"
+        f"its SHA-256 is {digest[:12]}, the manifest says {short_repr(expected)[:13]}; the file was"
         " changed or damaged"
     )
 
@@ -114,7 +114,7 @@ def derived_fields(
     if settings is not None:
         again["counts"]["rows"] = in_order(again["counts"]["rows"], settings)
     for path, stored, expected in _differences("", manifest, again):
-        yield f"{MANIFEST}: {path} is {shown(stored)}, it should be {shown(expected)}"
+        yield f"{MANIFEST}: {path} is {short_repr(stored)}, it should be {short_repr(expected)}"
     if config is not None and _text(folder / _CONFIG) != config:
         yield f"{_CONFIG}: is not the configuration of the manifest's parameters"
     late = [rejected for record in records for rejected in record.rejected]

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hijack_data.errors import counted
+from hijack_data.errors import quantity
 from hijack_data.runs import seal
 from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, RUN, SEAL, STEPS, find_run
 
@@ -61,7 +61,7 @@ class RebuildReport(Findings):
 
     def _summary(self) -> str:
         """Return what was checked, and the outcome."""
-        failed = counted(len(self.problems), "problem")
+        failed = quantity(len(self.problems), "problem")
         if self.answers is not None:
             state = "nothing differs" if self.ok else failed
             return f"{self.answers} answers to rows of a dataset: {state}"

@@ -11,7 +11,7 @@ import numpy as np
 from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.compose import Augmentation
 from hijack_data.corruption import Corruption
-from hijack_data.errors import ImageError, LabelError, shown
+from hijack_data.errors import ImageError, LabelError, short_repr
 from hijack_data.labels.action_formats import own_action
 from hijack_data.labels.dataset_rows import detect_dialect
 from hijack_data.plan import CLEAN, Plan
@@ -225,8 +225,8 @@ class Recordings:
         for name, counts in (("dropped", tally.dropped), ("not_applicable", tally.not_applicable)):
             if counts != record.counts[name]:
                 yield (
-                    f"the manifest counts as {name} {shown(record.counts[name])}, there are"
-                    f" {shown(dict(counts))}"
+                    f"the manifest counts as {name} {short_repr(record.counts[name])}, there are"
+                    f" {short_repr(dict(counts))}"
                 )
         rejected = tuple(entry.to_data() for entry in tally.rejected)
         if rejected != tuple(record.rejected):

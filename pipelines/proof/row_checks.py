@@ -9,7 +9,7 @@ import numpy as np
 
 from hijack_data import apply
 from hijack_data.corruption import Corruption
-from hijack_data.errors import HijackError, shown
+from hijack_data.errors import HijackError, short_repr
 from hijack_data.labels.dataset_rows import params_json
 from hijack_data.picture_io import pixel_sha256
 from hijack_data.plan import CLEAN, Plan
@@ -200,7 +200,9 @@ class StepChecker:
         labels = self._labels(stored, expected, variant, recorded)
         for name, value in labels.items():
             if row[name] != value:
-                raise DatasetError(f"{name} is {shown(row[name])}, it should be {shown(value)}")
+                raise DatasetError(
+                    f"{name} is {short_repr(row[name])}, it should be {short_repr(value)}"
+                )
 
     def _labels(
         self,
@@ -357,5 +359,7 @@ def _check_params(plan: Plan, planner: Planner) -> None:
             raise DatasetError(f"plan is one of {name}, its label has {', '.join(params_by_id)}")
         params = data.get(name) if len(names) > 1 else data
         if params not in params_by_id[name]:
-            expected = shown(params_by_id[name][0])
-            raise DatasetError(f"params of {name} are {shown(params)}, the build has {expected}")
+            expected = short_repr(params_by_id[name][0])
+            raise DatasetError(
+                f"params of {name} are {short_repr(params)}, the build has {expected}"
+            )

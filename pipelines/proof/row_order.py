@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from hijack_data.errors import shown
+from hijack_data.errors import short_repr
 from hijack_data.plan import CLEAN
 from hijack_data.plugin import Corruption
 
@@ -59,8 +59,8 @@ class RowOrder:
             for row in rows:
                 if row[name] != expected:
                     yield (
-                        f"row {row['id']}: {name} is {shown(row[name])}, "
-                        f"in the first row of its trajectory it is {shown(expected)}"
+                        f"row {row['id']}: {name} is {short_repr(row[name])}, "
+                        f"in the first row of its trajectory it is {short_repr(expected)}"
                     )
                     break
 
@@ -73,7 +73,7 @@ class RowOrder:
                 ranks.append(self.labels[label])
                 continue
             labels = ", ".join(self.labels)
-            yield f"row {row['id']}: corruption is {shown(label)}, the build has {labels}"
+            yield f"row {row['id']}: corruption is {short_repr(label)}, the build has {labels}"
         if ranks != sorted(ranks):
             yield (
                 f"row {rows[0]['id']}: the rows of its step stand in another order than the build"

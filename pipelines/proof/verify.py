@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data import extras
-from hijack_data.errors import AssetError, HijackError, counted
+from hijack_data.errors import AssetError, HijackError, quantity
 from hijack_data.pack import VARIABLE, AssetPack
 from hijack_data.paths import PathLike
 from hijack_data.plan import CLEAN
@@ -63,8 +63,8 @@ class VerifyReport(Findings):
 
     def lines(self) -> list[str]:
         """Return the report as lines of text."""
-        state = "all is well" if self.ok else counted(len(self.problems), "problem")
-        size = f"{counted(self.rows, 'row')} in {counted(self.shards, 'file')}"
+        state = "all is well" if self.ok else quantity(len(self.problems), "problem")
+        size = f"{quantity(self.rows, 'row')} in {quantity(self.shards, 'file')}"
         head = f"{self.folder}: {size}, {self.regenerated} made again: {state}"
         return [
             head,

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hijack_data.actions import Scaling
 from hijack_data.actions.dialects.field_checks import action_at, number
+from hijack_data.errors import short_repr
 from hijack_data.types import Action, Size, Step, Trajectory
 
 from . import fields
@@ -123,7 +124,7 @@ def _action(record: JsonObject, size: Size) -> Action:
         return Action("other")
     if kind in (_COMPLETE, _IMPOSSIBLE):
         return Action("done" if kind == _COMPLETE else "fail")
-    reason = f"{fields.shown(kind)} is not an action of Android in the Wild"
+    reason = f"{short_repr(kind)} is not an action of Android in the Wild"
     raise FieldError("result_action_type", reason)
 
 
@@ -135,5 +136,5 @@ def _point(record: JsonObject, key: str) -> tuple[float, float]:
     """
     value = fields.items({key: parse_embedded(record.get(key), key)}, key)
     if len(value) != 2:
-        raise FieldError(key, f"must be y and x, got {fields.shown(value)}")
+        raise FieldError(key, f"must be y and x, got {short_repr(value)}")
     return number(value[1], key), number(value[0], key)

@@ -10,7 +10,7 @@ from hijack_data.actions import DIALECTS
 from hijack_data.actions.dialects.field_checks import action_at, click_type, key_names, number
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
 from hijack_data.actions.recorded_actions import SIZELESS
-from hijack_data.errors import ActionError
+from hijack_data.errors import ActionError, short_repr
 from hijack_data.types import Action, Box, Size, Step, Trajectory
 
 from . import fields
@@ -208,7 +208,7 @@ class _Document:
             raise FieldError("tool_calls.function_name", reason)
         export = _export_record(step)
         if export.get("corruption", "clean") != "clean":
-            reason = f"{fields.shown(export['corruption'])}: the picture is corrupted, not clean"
+            reason = f"{short_repr(export['corruption'])}: the picture is corrupted, not clean"
             raise FieldError("extra.corruption", reason)
         if not image:
             raise FieldError("screenshot", no_screen)
@@ -284,7 +284,7 @@ def _harbor_action(arguments: JsonObject) -> Action:
         return Action("done")
     if kind in _HARBOR_OTHERS:
         return action_at("other", place)
-    raise ActionError(f"{fields.shown(kind)} is not an action of {HARBOR}")
+    raise ActionError(f"{short_repr(kind)} is not an action of {HARBOR}")
 
 
 _TOOLS = (TOOL, COMPUTER, HARBOR, FINISHED)

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeAlias
 
+from hijack_data.errors import short_repr
 from hijack_data.types import Box, Size, are_fractions
 
 from ..choices import BOXES, FRACTIONS, PIXELS, THOUSAND, XYWH
@@ -35,7 +36,7 @@ def box_in(form: Form, value: object, size: Size, field: str) -> Box:
         about = f"leaves the {size[1]}x{size[0]} picture, or is empty or in another space"
         if order != XYWH and _is_swapped(numbers):
             about = "ends before it starts"
-        raise FieldError(field, f"{fields.shown(numbers)} {about} (read as {order} in {space})")
+        raise FieldError(field, f"{short_repr(numbers)} {about} (read as {order} in {space})")
     height = _side(space, size[0])
     width = _side(space, size[1])
     x1, y1, x2, y2 = _corners(numbers, order)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
+from hijack_data.errors import short_repr
 from hijack_data.types import Size, Trajectory
 
 from . import fields
@@ -168,6 +169,6 @@ def _check_clean(record: JsonObject) -> None:
     if all(key in record for key in _EXPORT_COLUMNS) and record["corruption"] != CLEAN:
         raise FieldError(
             "corruption",
-            f"{fields.shown(record['corruption'])} is in the picture already: only the clean rows"
+            f"{short_repr(record['corruption'])} is in the picture already: only the clean rows"
             " of an export are screens",
         )

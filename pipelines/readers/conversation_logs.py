@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias, cast
 
+from hijack_data.errors import short_repr
 from hijack_data.types import Platform, Size, Step, Trajectory
 
 from . import fields
@@ -238,7 +239,7 @@ def _items(
         if isinstance(value, dict):
             yield LogEntry(cast("dict[str, Any]", value), place, offset, (*pointer, index))
         else:
-            yield Rejected("", place, "", f"must be an object, got {fields.shown(value)}")
+            yield Rejected("", place, "", f"must be an object, got {short_repr(value)}")
 
 
 def _is_path(value: str) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
+from hijack_data.errors import short_repr
 from hijack_data.types import Step, Trajectory
 
 from . import fields
@@ -139,7 +140,7 @@ class _Run:
             return
         self.actions += 1
         if kind != _CALLS[0]:
-            name = fields.shown(item.get("name"))
+            name = short_repr(item.get("name"))
             raise FieldError("item", f"the function {name} does not say what its coordinates count")
         if screen is None:
             raise FieldError("screenshot", "no screenshot was saved before this action")
@@ -164,7 +165,7 @@ def _instruction(metadata: JsonObject) -> str:
         text = next(_texts(message.get("content")), None)
         if message.get("role") == "user" and text:
             return fields.storable(text.strip(), "kwargs.messages")
-    excerpt = fields.shown(json.dumps(kwargs, default=str))
+    excerpt = short_repr(json.dumps(kwargs, default=str))
     raise FieldError("kwargs.messages", f"hold no text of the user: {excerpt}")
 
 

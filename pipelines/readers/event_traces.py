@@ -9,7 +9,7 @@ from hijack_data.actions import Scaling
 from hijack_data.actions.dialects.field_checks import action_at, key_names, number
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
 from hijack_data.actions.recorded_actions import SIZELESS
-from hijack_data.errors import ActionError, HijackError
+from hijack_data.errors import ActionError, HijackError, short_repr
 from hijack_data.platforms import find_platform
 from hijack_data.types import Action, Platform, Size, Step, Trajectory
 
@@ -240,7 +240,7 @@ def _python_action(value: object) -> tuple[Action, str]:
     except FieldError:
         raise
     except (HijackError, ValueError) as error:
-        reason = f"{fields.shown(value)} is not an action of cua-bench"
+        reason = f"{short_repr(value)} is not an action of cua-bench"
         detail = str(error) if isinstance(error, ActionError) else reason
         raise FieldError("data_json.action", detail) from None
 

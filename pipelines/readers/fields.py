@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias, cast
 
 from hijack_data.elements.recorded_boxes import boxes_from_labels
-from hijack_data.errors import HijackError, suggest
+from hijack_data.errors import HijackError, short_repr, suggest
 from hijack_data.platforms import as_platform
 from hijack_data.surrogates import has_half
 from hijack_data.types import (
@@ -74,7 +74,7 @@ class FieldTypeError(FieldError):
     """A field has a value of the wrong kind, which the message shows."""
 
     def __init__(self, field: str, expected: str, value: object) -> None:
-        super().__init__(field, f"must be {expected}, got {shown(value)}")
+        super().__init__(field, f"must be {expected}, got {short_repr(value)}")
 
 
 def mapping(value: object, field: str) -> JsonObject:
@@ -222,7 +222,7 @@ def boxes(labels: object, size: Size, field: str) -> tuple[Box, ...]:
     is_empty = (clipped[:, 2] <= clipped[:, 0]) | (clipped[:, 3] <= clipped[:, 1])
     if field == "target_box" and is_empty.any():
         screen = f"{size[1]}x{size[0]} screenshot"
-        raise FieldError(field, f"{shown(labels)} is empty or outside the {screen}")
+        raise FieldError(field, f"{short_repr(labels)} is empty or outside the {screen}")
     return tuple((x1, y1, x2, y2) for x1, y1, x2, y2 in clipped.tolist())
 
 
@@ -257,15 +257,6 @@ def check_on_screen(action: Action, size: Size, field: str) -> Action:
     if action.amount is not None:
         _number(action.amount, field, MAX_AMOUNT)
     return action
-
-
-def shown(value: object) -> str:
-    """Return a value for an error message: at most 60 characters, whatever the value is."""
-    try:
-        representation = repr(value)
-    except (ValueError, RecursionError):  # Python refuses to print integers of thousands of digits
-        representation = "a value too large to show"
-    return representation if len(representation) <= 60 else f"{representation[:57]}..."
 
 
 def unique_id(name: str, place: str, used_ids: set[str]) -> str:
@@ -359,8 +350,8 @@ def _check_space(data: JsonObject, x: str, y: str) -> None:
     if point and are_fractions(point):
         raise FieldError(
             f"action.{x}",
-            f"{shown(point)} are fractions of the picture, not pixels; multiply x by its width and"
-            " y by its height",
+            f"{short_repr(point)} are fractions of the picture, not pixels; multiply x by its"
+            " width and y by its height",
         )
 
 
@@ -369,7 +360,7 @@ def _pixel(value: object, field: str, side: int) -> int | None:
         return None
     pixel = math.floor(_number(value, field, MAX_PIXEL) + 0.5)
     if not 0 <= pixel < side:
-        reason = f"{shown(value)} is outside the screenshot, whose side is {side} pixels"
+        reason = f"{short_repr(value)} is outside the screenshot, whose side is {side} pixels"
         raise FieldError(field, reason)
     return pixel
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hijack_data.errors import short_repr
 from hijack_data.platforms import find_platform
 from hijack_data.types import Action, Box, Size, Step, Trajectory
 
@@ -139,7 +140,7 @@ class _Table:
         stated: object = record.get("img_size", record.get("image_size"))
         height, width = size[1]
         if isinstance(stated, list) and stated != [width, height]:
-            reason = f"is {fields.shown(stated)}, but the picture is {width}x{height}"
+            reason = f"is {short_repr(stated)}, but the picture is {width}x{height}"
             raise FieldError("img_size", reason)
         return size
 
@@ -219,7 +220,7 @@ def _check_kind(record: JsonObject) -> None:
         reason = f"'refusal': nothing on the picture is meant, so there is no action; {_WAY_OUT}"
         raise FieldError("box_type", reason)
     if kind != "bbox":
-        reason = f"{fields.shown(kind)} is not read, only boxes are; {_WAY_OUT}"
+        reason = f"{short_repr(kind)} is not read, only boxes are; {_WAY_OUT}"
         raise FieldError("box_type", reason)
 
 

@@ -11,7 +11,7 @@ from hijack_data.actions.dialects.computer_tools import PIXELS_PER_NOTCH
 from hijack_data.actions.dialects.field_checks import action_at, number
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
 from hijack_data.actions.recorded_actions import SIZELESS
-from hijack_data.errors import ActionError, HijackError
+from hijack_data.errors import ActionError, HijackError, short_repr
 from hijack_data.types import Action, Box, Size, Step, Trajectory
 
 from ..choices import FRACTIONS, XYXY
@@ -240,7 +240,7 @@ def _numbers(value: object, count: int, field: str) -> list[float]:
     match = _NUMBERS.fullmatch(value.strip()) if isinstance(value, str) else None
     parts: Sequence[str] = match[1].split(",") if match else ()
     if len(parts) != count:
-        raise FieldError(field, f"must hold {count} numbers, got {fields.shown(value)}")
+        raise FieldError(field, f"must hold {count} numbers, got {short_repr(value)}")
     return [_decimal(part, field) for part in parts]
 
 
@@ -248,4 +248,4 @@ def _decimal(value: object, field: str) -> float:
     try:
         return number(float(value) if isinstance(value, str) else value, field)
     except (ValueError, ActionError):
-        raise FieldError(field, f"must be a number, got {fields.shown(value)}") from None
+        raise FieldError(field, f"must be a number, got {short_repr(value)}") from None

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from hijack_data.errors import short_repr
 from hijack_data.types import Step, Trajectory
 
 from . import fields
@@ -170,5 +171,5 @@ def _agree(about: dict[str, Any], record: JsonObject) -> None:
     }
     for key, value in facts.items():
         if about.setdefault(key, value) != value:
-            first = fields.shown(about[key])
+            first = short_repr(about[key])
             raise FieldError(key, f"differs from that of the trajectory's first step, {first}")

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
+from hijack_data.errors import short_repr
 from hijack_data.types import Action, Box, Size, Trajectory
 
 from ..choices import PIXELS, XYWH
@@ -43,7 +44,7 @@ def mind2web(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
     kind = fields.text(operation, "op", "operation.op")
     if kind not in _OPERATIONS:
         operations = ", ".join(_OPERATIONS)
-        raise FieldError("operation.op", f"{fields.shown(kind)} is not one of {operations}")
+        raise FieldError("operation.op", f"{short_repr(kind)} is not one of {operations}")
     box = _target(fields.items(record, "pos_candidates"), size)
     x, y = box_center(box)
     value = fields.text(operation, "value", "operation.value", default="")
@@ -98,7 +99,7 @@ def _numbers(rect: str) -> list[float]:
     try:
         return [float(part) for part in rect.split(",")]
     except ValueError:
-        reason = f"{fields.shown(rect)} is not x,y,width,height"
+        reason = f"{short_repr(rect)} is not x,y,width,height"
         raise FieldError("pos_candidates", reason) from None
 
 

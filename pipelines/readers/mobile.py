@@ -9,7 +9,7 @@ from hijack_data.actions import Scaling
 from hijack_data.actions.dialects.field_checks import action_at, number
 from hijack_data.actions.dialects.ui_tars import WAIT_S
 from hijack_data.actions.recorded_actions import SIZELESS
-from hijack_data.errors import HijackError, counted
+from hijack_data.errors import HijackError, quantity, short_repr
 from hijack_data.types import Action, Size, Step, Trajectory
 
 from . import fields
@@ -183,7 +183,7 @@ class GuiOdyssey(_Phone):
             case "HOME" | "BACK" | "RECENT":
                 return Action("other")
             case _:
-                raise FieldError("action", f"{fields.shown(kind)} is not an action of GUI-Odyssey")
+                raise FieldError("action", f"{short_repr(kind)} is not an action of GUI-Odyssey")
 
 
 @register
@@ -252,7 +252,7 @@ class AndroidControl(_Phone):
             case "scroll":
                 direction = fields.text(entry, "direction")
                 if direction not in _DIRECTIONS:
-                    reason = f"{fields.shown(direction)} is not up, down, left or right"
+                    reason = f"{short_repr(direction)} is not up, down, left or right"
                     raise FieldError("direction", reason)
                 return Action("other")
             case "wait":
@@ -260,7 +260,7 @@ class AndroidControl(_Phone):
             case "open_app" | "navigate_home" | "navigate_back":
                 return Action("other")
             case _:
-                reason = f"{fields.shown(kind)} is not an action of AndroidControl"
+                reason = f"{short_repr(kind)} is not an action of AndroidControl"
                 raise FieldError("action_type", reason)
 
 
@@ -275,6 +275,6 @@ def _points(value: object, count: int) -> list[tuple[float, float]]:
         isinstance(pair, list) and len(pair) == 2 for pair in listed
     ):
         raise FieldError(
-            "info", f"must be {counted(count, 'point')} [x, y], got {fields.shown(value)}"
+            "info", f"must be {quantity(count, 'point')} [x, y], got {short_repr(value)}"
         )
     return [(number(x, "info"), number(y, "info")) for x, y in listed]

@@ -24,7 +24,7 @@ from hijack_data.actions.dialects.pyautogui_code import calls_pyautogui
 from hijack_data.actions.dialects.qwen import holds_tool_call
 from hijack_data.actions.pyautogui_functions import KEYBOARD, POINTER
 from hijack_data.actions.recorded_actions import SIZELESS
-from hijack_data.errors import HijackError
+from hijack_data.errors import HijackError, short_repr
 from hijack_data.types import Action, Box, Size
 
 from ..choices import FRACTIONS, PIXELS, THOUSAND, XYXY
@@ -146,7 +146,7 @@ def parse_reply(text: str, field: str, context: ReplyContext) -> ModelReply:
     """
     family = _family(text)
     if family is None:
-        raise FieldError(field, f"{fields.shown(text)} is not an action")
+        raise FieldError(field, f"{short_repr(text)} is not an action")
     return family(text, field, context)
 
 
@@ -211,7 +211,7 @@ def _scale_cua(text: str, field: str, context: ReplyContext) -> ModelReply:
     body = _ACTION.findall(text)[-1]
     calls = _calls(body)
     if not calls:
-        raise FieldError(field, f"{fields.shown(body)} is not a list of calls")
+        raise FieldError(field, f"{short_repr(body)} is not a list of calls")
     if len(calls) == 1 and calls[0][0] not in _PYAUTOGUI:
         return ModelReply(_own_call(*calls[0], field, context))
     lines = [f"{_module(name)}.{ast.unparse(call)}" for name, call in calls]
@@ -260,7 +260,7 @@ def _own_call(name: str, call: ast.Call, field: str, context: ReplyContext) -> P
         move = f"pyautogui.moveTo({arguments['x']}, {arguments['y']})"
         held_action = context.read(move, PYAUTOGUI, field, PIXELS)
         return ParsedAction(replace(held_action.action, type="other"), "", PYAUTOGUI)
-    raise FieldError(field, f"{fields.shown(text)} is not an action that is known")
+    raise FieldError(field, f"{short_repr(text)} is not an action that is known")
 
 
 def _answer(call: ast.Call) -> str | None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-from hijack_data.errors import HijackError
+from hijack_data.errors import HijackError, short_repr
 from hijack_data.types import Platform, Step, Trajectory
 
 from . import fields
@@ -139,7 +139,7 @@ class _Episode(EpisodeFolder):
             FieldError: the line is broken, or no clean screen goes with its action.
         """
         if "Error" in record:
-            raise FieldError("Error", fields.shown(record["Error"]))
+            raise FieldError("Error", short_repr(record["Error"]))
         if "action" not in record and "initial_state" in record:
             self.screen = fields.text(record, "initial_state")
             self.instruction = fields.text(record, "instruction", default="")
@@ -221,7 +221,7 @@ def _after_reply(text: str) -> str:
     start = _code_start(text)
     code = text[start:]
     if start < 0 or not code.strip():
-        raise FieldError("action", f"no code or word after the reply in {fields.shown(text)}")
+        raise FieldError("action", f"no code or word after the reply in {short_repr(text)}")
     return code
 
 

@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from hijack_data.errors import short_repr
 from hijack_data.types import Action, Size
 
 from ..choices import PIXELS, XYWH, XYXY
@@ -57,7 +58,7 @@ class OSWorldG(PublishedSet):
             return _polygon(record, size)
         if kind == "refusal":
             return GroundingTarget(action=Action("fail"))
-        raise FieldError("box_type", f"{fields.shown(kind)} is none of {', '.join(KINDS)}")
+        raise FieldError("box_type", f"{short_repr(kind)} is none of {', '.join(KINDS)}")
 
 
 def _polygon(record: JsonObject, size: Size) -> GroundingTarget:
@@ -80,7 +81,7 @@ def _corners(values: Sequence[Any]) -> Corners:
     """
     numbers = [float(value) for value in values if _is_number(value)]
     if len(numbers) < len(values):
-        raise FieldError(_WHERE, f"a polygon is numbers, got {fields.shown(values)}")
+        raise FieldError(_WHERE, f"a polygon is numbers, got {short_repr(values)}")
     if len(numbers) < 6 or len(numbers) % 2:
         reason = f"a polygon is x, y of three corners or more, got {len(numbers)} numbers"
         raise FieldError(_WHERE, reason)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from hijack_data.errors import short_repr
 from hijack_data.types import Size, Trajectory
 
 from ..choices import FRACTIONS, PIXELS, XYXY
@@ -170,7 +171,7 @@ def _grouped(
             if isinstance(item, Trajectory):
                 yield item
             else:
-                yield Rejected(name, fields.shown(common), item.field, item.reason)
+                yield Rejected(name, short_repr(common), item.field, item.reason)
 
     for count, (group, number, record) in enumerate(_rows(table, columns)):
         row = replace(first, group=group, number=number, count=count)
@@ -236,4 +237,4 @@ def _shape(columns: list[str], episode_key: str | None) -> tuple[_Shape, list[st
             used_columns = (name for name in (*shape.takes, *chosen_key) if name in columns)
             return shape, list(dict.fromkeys([*shape.needs, *used_columns]))
     alternatives = " or ".join(", ".join(shape.needs) for shape in SHAPES)
-    raise FieldError("columns", f"has {fields.shown(', '.join(columns))}; expected {alternatives}")
+    raise FieldError("columns", f"has {short_repr(', '.join(columns))}; expected {alternatives}")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from hijack_data.actions import calls_pyautogui, parse_pyautogui, write_pyautogui
-from hijack_data.errors import HijackError
+from hijack_data.errors import HijackError, short_repr
 from hijack_data.types import Action, Point, Size, Step
 
 from . import fields
@@ -220,7 +220,7 @@ def _check_pixels(code: str, size: Size) -> None:
     except HijackError:
         return  # the code cannot be understood without running it
     if point is not None:
-        reason = f"{fields.shown(code)} counts in fractions of the picture; write pixels"
+        reason = f"{short_repr(code)} counts in fractions of the picture; write pixels"
         raise FieldError("action_code", reason)
 
 

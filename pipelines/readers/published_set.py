@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hijack_data.errors import short_repr
 from hijack_data.types import Action, Box, Size, Step, Trajectory
 
 from ..errors import SourceError
@@ -175,7 +176,7 @@ def _check_stated(stated: object, size: Size, field: str) -> None:
     """
     height, width = size
     if stated != [width, height]:
-        reason = f"is {fields.shown(stated)}, but the picture is {width}x{height}"
+        reason = f"is {short_repr(stated)}, but the picture is {width}x{height}"
         raise FieldError(field, reason)
 
 

@@ -25,12 +25,13 @@ from typing import Any, TypeAlias, cast
 
 from PIL import Image
 
+from hijack_data.errors import short_repr
 from hijack_data.file_io import open_regular
 from hijack_data.picture_io import FORMATS
 from hijack_data.surrogates import has_half
 from hijack_data.types import Size
 
-from .fields import LONE_SURROGATE, FieldError, JsonObject, mapping, shown
+from .fields import LONE_SURROGATE, FieldError, JsonObject, mapping
 
 MAX_RECORD_BYTES = 50 * 2**20
 MAX_HEAD_RECORDS = 20
@@ -149,7 +150,7 @@ def _unique(pairs: list[tuple[str, Any]]) -> JsonObject:
         return record
     ((twice, _),) = Counter(key for key, _ in pairs).most_common(1)
     field = twice if twice.isprintable() and len(twice) <= MAX_FIELD_CHARS else ""
-    raise FieldError(field, f"the key {shown(twice)} stands twice in one object; keep one")
+    raise FieldError(field, f"the key {short_repr(twice)} stands twice in one object; keep one")
 
 
 _STRICT = json.JSONDecoder(object_pairs_hook=_unique)

@@ -10,7 +10,7 @@ from typing import Any, cast
 
 from hijack_data.actions.dialects.field_checks import action_at, click_type, key_names, number, text
 from hijack_data.actions.recorded_actions import SCREENAGENT
-from hijack_data.errors import HijackError
+from hijack_data.errors import HijackError, short_repr
 from hijack_data.platforms import find_platform
 from hijack_data.types import Action, Size, Step, Trajectory, are_fractions
 
@@ -163,7 +163,7 @@ def _checked_size(record: JsonObject, size: Size) -> Size:
     for key, side in (("video_width", size[1]), ("video_height", size[0])):
         if record.get(key, side) != side:
             raise FieldError(
-                key, f"is {fields.shown(record[key])}, but the picture is {size[1]}x{size[0]}"
+                key, f"is {short_repr(record[key])}, but the picture is {size[1]}x{size[0]}"
             )
     return size
 
@@ -184,7 +184,7 @@ def _action(entries: list[JsonObject], size: Size) -> Action:
         if kind not in _TEXT_ACTIONS:
             raise FieldError(
                 f"actions[{index}].action_type",
-                f"{fields.shown(kind)} is not an action of ScreenAgent",
+                f"{short_repr(kind)} is not an action of ScreenAgent",
             )
     return Action("other")
 
@@ -199,7 +199,7 @@ def _read(entry: JsonObject, kind: str) -> Action:
         return Action("type", text=text(entry.get("keyboard_text"), "keyboard_text"))
     if name == "press":
         return Action("hotkey", keys=key_names(entry.get("keyboard_key"), "keyboard_key", "+"))
-    raise FieldError("actions.keyboard_action_type", f"{fields.shown(name)} is not text or press")
+    raise FieldError("actions.keyboard_action_type", f"{short_repr(name)} is not text or press")
 
 
 def _mouse(entry: JsonObject) -> Action:
@@ -214,7 +214,7 @@ def _mouse(entry: JsonObject) -> Action:
         return action_at(_PLAIN[name], place)
     if name == "drag" and place is not None:
         return Action("drag", x2=place[0], y2=place[1])
-    reason = f"{fields.shown(name)} is not an action of the mouse"
+    reason = f"{short_repr(name)} is not an action of the mouse"
     raise FieldError("actions.mouse_action_type", reason)
 
 
@@ -224,9 +224,7 @@ def _point(value: object) -> tuple[int, int] | None:
     place = cast("dict[str, Any]", value) if isinstance(value, dict) else {}
     x, y = (number(place.get(key), f"mouse_position.{key}") for key in ("width", "height"))
     if max(abs(x), abs(y)) > fields.MAX_PIXEL:
-        raise FieldError("actions.mouse_position", f"{fields.shown(value)} is beyond any screen")
+        raise FieldError("actions.mouse_position", f"{short_repr(value)} is beyond any screen")
     if are_fractions((x, y)):
-        raise FieldError(
-            "actions.mouse_position", f"{fields.shown(value)} are fractions, not pixels"
-        )
+        raise FieldError("actions.mouse_position", f"{short_repr(value)} are fractions, not pixels")
     return math.floor(x + 0.5), math.floor(y + 0.5)

@@ -12,7 +12,7 @@ from hijack_data.actions.dialects.field_checks import (
     point,
     text,
 )
-from hijack_data.errors import ActionError, HijackError
+from hijack_data.errors import ActionError, HijackError, short_repr
 from hijack_data.types import Action, Size
 
 from . import fields
@@ -102,7 +102,7 @@ def _action(name: str, arguments: JsonObject, scaling: Scaling) -> Action:
         case "terminate":
             return Action("fail" if arguments.get("status") == "failure" else "done")
         case _:
-            raise ActionError(f"{fields.shown(name)} is not an action that is known")
+            raise ActionError(f"{short_repr(name)} is not an action that is known")
 
 
 def _place(arguments: JsonObject, key: str, scaling: Scaling) -> tuple[int, int] | None:
@@ -136,6 +136,6 @@ def _scroll(arguments: JsonObject, place: tuple[int, int] | None) -> Action:
     if direction == "down":
         amount = -amount
     elif direction != "up":
-        excerpt = fields.shown(direction)
+        excerpt = short_repr(direction)
         raise ActionError(f"direction must be up, down, left or right, got {excerpt}")
     return action_at("scroll", place, amount=amount)

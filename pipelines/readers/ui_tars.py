@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, cast
 
+from hijack_data.errors import short_repr
 from hijack_data.types import Trajectory
 
 from . import fields
@@ -47,7 +48,7 @@ class _UITars(FileReader):
         if version not in ("", self.name):
             raise OtherFormatError(
                 "model",
-                f"{fields.shown(entry.data['model'])} writes {version}; read it with that format",
+                f"{short_repr(entry.data['model'])} writes {version}; read it with that format",
             )
         conversation.add_user_text(entry.data.get("instruction"))
         if entry.data.get("role") == "assistant":

@@ -8,6 +8,7 @@ from typing import cast
 
 from hijack_data.actions.dialects.computer_tools import PIXELS_PER_NOTCH
 from hijack_data.actions.recorded_actions import SIZELESS
+from hijack_data.errors import short_repr
 from hijack_data.types import Action, Size, Step, Trajectory
 
 from . import fields
@@ -141,7 +142,7 @@ def _action(code: str, size: Size) -> Action:
         return Action("wait", amount=WAIT_SECONDS)
     if _OTHER.fullmatch(code):
         return Action("other")
-    raise FieldError("content", f"{fields.shown(code)} is not an action of WebVoyager")
+    raise FieldError("content", f"{short_repr(code)} is not an action of WebVoyager")
 
 
 def _scroll(place: str, direction: str, size: Size) -> Action:

@@ -17,7 +17,7 @@ from typing import Any
 import yaml
 
 from hijack_data.config.files import read_config
-from hijack_data.errors import HijackError, UnknownNameError, some_of, suggest
+from hijack_data.errors import HijackError, UnknownNameError, shorten_list, suggest
 
 from .errors import LeakError
 
@@ -118,7 +118,7 @@ def _authors_hint(family: str, names: list[str]) -> str:
 
 def _some(names: list[str]) -> str:
     plural = "s" if len(names) > 1 else ""
-    return f"task{plural} {some_of(names, _MAX_NAMES)}"
+    return f"task{plural} {shorten_list(names, _MAX_NAMES)}"
 
 
 def _toy(side: str) -> tuple[str, ...]:

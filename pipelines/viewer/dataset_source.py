@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from hijack_data.errors import HijackError, counted
+from hijack_data.errors import HijackError, quantity
 from hijack_data.plan import CLEAN
 from hijack_data.types import Box, UInt8Array
 
@@ -66,7 +66,7 @@ class DatasetSource:
             first += rows
         self.index.finish()
         kind = "lazy" if is_lazy(manifest) else "materialised"
-        self.facts = f"{kind} dataset, {counted(len(shards), 'file')}"
+        self.facts = f"{kind} dataset, {quantity(len(shards), 'file')}"
         self.labels = {
             name: title for name, title in LABELS.items() if any(self.index.columns[name].values)
         }

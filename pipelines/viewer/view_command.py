@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hijack_data.cli.terminal import echo
-from hijack_data.errors import counted
+from hijack_data.errors import quantity
 
 if TYPE_CHECKING:
     from .dataset_source import DatasetSource
@@ -107,7 +107,7 @@ def _export(
         raise click.UsageError(f"{folder}: --export is for runs; hijack gallery makes such pages")
     count = export_file(source, patterns, file, small=small)
     size = file.stat().st_size / 2**20
-    echo(f"{file}: {counted(count, 'episode')}, {size:.1f} MB")
+    echo(f"{file}: {quantity(count, 'episode')}, {size:.1f} MB")
 
 
 def _write_videos(
@@ -127,5 +127,5 @@ def _write_videos(
     for problem in videos.problems:
         echo(f"  problem: {problem}", err=True)
     size = sum(file.stat().st_size for file in videos.files) / 2**20
-    echo(f"{path}: {counted(len(videos.files), 'episode')}, {size:.1f} MB")
+    echo(f"{path}: {quantity(len(videos.files), 'episode')}, {size:.1f} MB")
     return not videos.problems

@@ -13,7 +13,7 @@ from hijack_data.errors import (
     ImageTypeError,
     ParameterError,
     ParameterTypeError,
-    shown,
+    short_repr,
 )
 from hijack_data.file_io import write_atomic
 from hijack_data.gallery import gallery
@@ -135,10 +135,10 @@ def test_numbers_of_any_kind_are_taken(value):
 
 
 def test_values_are_shown_whatever_they_are():
-    assert shown("a") == "'a'"
-    assert shown("a" * 200) == "'" + "a" * 79 + "..."
-    assert shown(10**5000).startswith("a int that cannot be shown")
-    assert shown(Unshowable()) == "a Unshowable that cannot be shown (RuntimeError)"
+    assert short_repr("a") == "'a'"
+    assert short_repr("a" * 200) == "'" + "a" * 79 + "..."
+    assert short_repr(10**5000).startswith("a int that cannot be shown")
+    assert short_repr(Unshowable()) == "a Unshowable that cannot be shown (RuntimeError)"
 
 
 def test_a_large_number_is_out_of_range_in_words():

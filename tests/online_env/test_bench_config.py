@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 import hijack_data as hj
-from hijack_data.errors import ConfigError, ParameterError, UnknownNameError, some_of
+from hijack_data.errors import ConfigError, ParameterError, UnknownNameError, shorten_list
 
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
@@ -143,11 +143,11 @@ retries: yes
         "1:43: desktop has no key 'colour'; known: provider, size",
         "2:1: unknown key 'agnets'; did you mean 'agents'?",
         (
-            f"3:10: agents[0] must be one of {some_of(AGENTS.names())}, got 'oracl'; did you mean"
+            f"3:10: agents[0] must be one of {shorten_list(AGENTS.names())}, got 'oracl'; did you mean"
             " 'oracle'?"
         ),
         (
-            f"4:9: tasks[0] must be one of {some_of(tasks.names())}, got 'write_not'; did you mean"
+            f"4:9: tasks[0] must be one of {shorten_list(tasks.names())}, got 'write_not'; did you mean"
             " 'write_note'?"
         ),
         "4:33: tasks names 'rename_file' twice; remove one",

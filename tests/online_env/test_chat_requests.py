@@ -13,7 +13,7 @@ from online_env.agents.chat.run import ChatRun
 
 from support.chatting import SIZE, agent_of, picture
 from support.endpoints import Call, serving
-from support.reading_requests import LENGTH, outline, shown
+from support.reading_requests import LENGTH, decode_data_url, outline
 
 CLICK = "I see.\n```python\npyautogui.click(1, 2)\n```"
 DONE = "```DONE```"
@@ -50,7 +50,7 @@ def test_the_picture_arrives_as_it_was(tmp_path):
     with serving(DONE) as endpoint:
         agent_of(tmp_path, endpoint.url).predict("do it", {"screenshot": noise})
     part = endpoint.asked[0]["messages"][-1]["content"][-1]
-    np.testing.assert_array_equal(shown(part["image_url"]["url"]), noise)
+    np.testing.assert_array_equal(decode_data_url(part["image_url"]["url"]), noise)
 
 
 def test_what_a_file_says_about_sampling_and_fields(tmp_path):
@@ -146,7 +146,7 @@ def test_openais_computer_tool(tmp_path, tool):
     assert second["previous_response_id"] == "resp_1"
     [output] = second["input"]
     assert (output["type"], output["call_id"]) == ("computer_call_output", "call_0")
-    assert shown(output["output"]["image_url"])[0, 0, 0] == 1
+    assert decode_data_url(output["output"]["image_url"])[0, 0, 0] == 1
     assert output["acknowledged_safety_checks"] == [{"id": "s1", "code": "c", "message": "m"}]
 
 

@@ -14,7 +14,7 @@ pytest.importorskip("isal", reason="needs the extra [hf]")
 from hijack_data.cli import hijack
 from hijack_data.errors import HijackError
 from hijack_data.runs import seal
-from hijack_data.runs.run_log import digest_of
+from hijack_data.runs.run_log import sha256_hex
 from pipelines.proof.rebuild import rebuild
 
 from support.edited_runs import (
@@ -270,7 +270,7 @@ def test_with_the_hashes_of_one_file_written_anew_the_next_one_tells(run):
     """The record in both places, and the hash of `episode.json` beside it."""
     both(score=1.0)(run)
     content = (home(run) / "episode.json").read_bytes()
-    record(MARKS, episode_sha256=digest_of(content))(run)
+    record(MARKS, episode_sha256=sha256_hex(content))(run)
     assert rebuild(run).problems == ["records.jsonl: line 3: does not follow on line 2 (previous)"]
 
 

@@ -10,7 +10,7 @@ from hijack_data import apply
 from hijack_data.picture_io import pixel_sha256
 from hijack_data.plan import Plan
 from hijack_data.runs.run_head import config_digest
-from hijack_data.runs.run_log import digest_of
+from hijack_data.runs.run_log import sha256_hex
 
 from .recorded import IDS
 
@@ -206,7 +206,7 @@ def chained_anew(run):
     lines = []
     for row in read_lines(run / "records.jsonl"):
         episode_bytes = (home(run, row["id"]) / "episode.json").read_bytes()
-        row |= {"previous": digest_of(before), "episode_sha256": digest_of(episode_bytes)}
+        row |= {"previous": sha256_hex(before), "episode_sha256": sha256_hex(episode_bytes)}
         before = json.dumps(row, ensure_ascii=False).encode()
         lines.append(before)
     (run / "records.jsonl").write_bytes(b"".join(line + b"\n" for line in lines))
@@ -215,11 +215,11 @@ def chained_anew(run):
 def hashed_anew(run):
     """Write every hash of a run anew: those of steps, episodes and journal."""
     for path in sorted((run / "episodes").glob("*/episode.json")):
-        before = digest_of(path.parent.name.encode())
+        before = sha256_hex(path.parent.name.encode())
         lines = []
         for row in read_lines(path.parent / "steps.jsonl"):
             line = json.dumps(row | {"previous": before}, ensure_ascii=False)
-            before = digest_of(line.encode())
+            before = sha256_hex(line.encode())
             lines.append(f"{line}\n")
         (path.parent / "steps.jsonl").write_text("".join(lines))
         chain = {"lines": len(lines), "chain": before}

@@ -20,8 +20,8 @@ def outline(messages):
     return found
 
 
-def shown(data):
-    """The picture of a data URL, or of base64."""
+def decode_data_url(data):
+    """Return the picture of a data URL, or of base64."""
     content = base64.b64decode(data.rpartition(",")[2])
     return np.asarray(Image.open(io.BytesIO(content)))
 
@@ -34,4 +34,4 @@ def _part(part):
     if part["type"] == "tool_use":
         return part["id"]
     data = part["image_url"]["url"] if "image_url" in part else part["source"]["data"]
-    return int(shown(data)[0, 0, 0])
+    return int(decode_data_url(data)[0, 0, 0])

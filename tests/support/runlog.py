@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from hijack_data.runs.run_log import VERSION, digest_of
+from hijack_data.runs.run_log import VERSION, sha256_hex
 
 SIZE = (320, 200)
 
@@ -32,7 +32,7 @@ def make_run(folder: Path) -> Path:
     before = (folder / "run.json").read_bytes()
     records = []
     for corruption, score in (("clean", 1.0), ("app_minimization", 0.0)):
-        record = episode(folder, corruption, score) | {"previous": digest_of(before)}
+        record = episode(folder, corruption, score) | {"previous": sha256_hex(before)}
         before = json.dumps(record).encode()
         records.append(record)
     lines_of(folder / "records.jsonl", records)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias, cast
 
-from ...errors import ActionError, shown, suggest
+from ...errors import ActionError, short_repr, suggest
 from ...types import Action
 from ..python_source import TextEdit, apply_edits
 from ..scaling import Scaling
@@ -98,7 +98,7 @@ class Arguments:
         """
         value = self.value(name)
         if not isinstance(value, str):
-            raise ActionError(f"{self.label} needs a text {name}, got {shown(value)}")
+            raise ActionError(f"{self.label} needs a text {name}, got {short_repr(value)}")
         return value
 
     def number(self, name: str, default: float | None = None) -> float:
@@ -122,7 +122,7 @@ class Arguments:
         value = self.value(name)
         if not isinstance(value, str) or value.strip().lower() not in _DIRECTIONS:
             raise ActionError(
-                f"{self.label} {name} must be up, down, left or right, got {shown(value)}"
+                f"{self.label} {name} must be up, down, left or right, got {short_repr(value)}"
             )
         return value.strip().lower()
 
@@ -210,7 +210,7 @@ def coordinates(value: object, label: str) -> list[float]:
         if len(parts) in (2, 4):
             numbers = [_coordinate(part, label) for part in parts]
     if not numbers:
-        value_text = shown(cast("object", value))
+        value_text = short_repr(cast("object", value))
         raise ActionError(f"{label} must be [x, y] or [x1, y1, x2, y2], got {value_text}")
     return numbers
 
@@ -298,7 +298,7 @@ def type_rule(
             flag = flag.lower() == "true"
         if not isinstance(flag, bool):
             raise ActionError(
-                f"{arguments.label} {option} must be true or false, got {shown(flag)}"
+                f"{arguments.label} {option} must be true or false, got {short_repr(flag)}"
             )
         return flag
 
@@ -516,4 +516,6 @@ class CallReader:
 def unknown_action(dialect: str, name: object, actions: Mapping[str, object]) -> ActionError:
     """Return the error for an action that a dialect does not have; it lists those it has."""
     hint = suggest(name, actions) if isinstance(name, str) and len(name) < 80 else ""
-    return ActionError(f"{dialect} has no action {shown(name)}{hint}; it has {', '.join(actions)}")
+    return ActionError(
+        f"{dialect} has no action {short_repr(name)}{hint}; it has {', '.join(actions)}"
+    )

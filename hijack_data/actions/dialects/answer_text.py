@@ -7,7 +7,7 @@ inside a thought was considered, not taken.
 
 import re
 
-from ...errors import ActionError, ParameterTypeError, shown
+from ...errors import ActionError, ParameterTypeError, short_repr
 
 _NAMES = "think|thinking|thinkt|gui_think|grounding_think|seed:think"
 _OPEN = re.compile(rf"^[ \t]*<({_NAMES})>", re.MULTILINE | re.IGNORECASE)
@@ -25,7 +25,7 @@ def answer_text(reply: object, dialect: str) -> str:
         ParameterTypeError: the reply is not text.
     """
     if not isinstance(reply, str):
-        raise ParameterTypeError(f"a reply in {dialect} must be a string, got {shown(reply)}")
+        raise ParameterTypeError(f"a reply in {dialect} must be a string, got {short_repr(reply)}")
     pieces: list[str] = []
     position = 0
     opening = _OPEN.search(reply)
@@ -39,7 +39,7 @@ def answer_text(reply: object, dialect: str) -> str:
         if closing is None:
             raise ActionError(
                 f"the thought <{opening[1]}> does not end, so nothing after it is an action: "
-                f"{shown(reply)}; close it with </{opening[1]}> before the answer"
+                f"{short_repr(reply)}; close it with </{opening[1]}> before the answer"
             )
         pieces += [
             reply[position : opening.start()],

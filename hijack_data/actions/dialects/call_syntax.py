@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, NamedTuple, TypeAlias, cast
 
-from ...errors import ActionError, shown
+from ...errors import ActionError, short_repr
 from ..agent_actions import fenced_spans
 from ..python_source import TextEdit, apply_edits
 from .action_rules import ActionCall
@@ -68,7 +68,7 @@ def python_calls(text: str, dialect: str, names: Collection[str], example: str) 
     while match := begins.search(text, position):
         arguments, position = _python_arguments(text, match.end(), match[1])
         if calls and _SPACE.fullmatch(text, end, match.start()) is None:
-            between = shown(text[end : match.start()].strip())
+            between = short_repr(text[end : match.start()].strip())
             raise ActionError(
                 f"{dialect}: {between} stands between two actions, so one of them may only be"
                 f" mentioned; write the action alone, such as {example}"
@@ -78,7 +78,7 @@ def python_calls(text: str, dialect: str, names: Collection[str], example: str) 
         end = position
     if not calls:
         raise ActionError(
-            f"{dialect}: no action in {shown(text.strip())}; write one such as {example}; the"
+            f"{dialect}: no action in {short_repr(text.strip())}; write one such as {example}; the"
             f" actions are {', '.join(names)}"
         )
     return calls
@@ -98,7 +98,7 @@ def _python_arguments(text: str, start: int, name: str) -> tuple[dict[str, Writt
             return arguments, position + 1
         match = _NAME.match(text, position)
         if match is None:
-            remainder = shown(text[position : position + 80])
+            remainder = short_repr(text[position : position + 80])
             raise ActionError(f"{name}: cannot read {remainder}; write {name}(name='value')")
         if match[1] in arguments:
             raise ActionError(f"{name}: {match[1]} is given twice; give one action for each point")
@@ -136,7 +136,7 @@ def _quote_end(text: str, start: int, name: str) -> int:
         if slashes % 2 == 0:
             return match.start()
         position = match.end()
-    raise ActionError(f"{name}: the text {shown(text[start:])} does not end; close its quotes")
+    raise ActionError(f"{name}: the text {short_repr(text[start:])} does not end; close its quotes")
 
 
 def _bracket_end(text: str, start: int, name: str) -> int:
@@ -153,7 +153,7 @@ def _bracket_end(text: str, start: int, name: str) -> int:
             depth -= 1
             if depth == 0:
                 return start + match.end()
-    raise ActionError(f"{name}: {shown(text[start:])} does not end; close its brackets")
+    raise ActionError(f"{name}: {short_repr(text[start:])} does not end; close its brackets")
 
 
 def _skip(text: str, position: int) -> int:
@@ -192,7 +192,7 @@ def json_calls(
             )
         position = _skip(json_text, end)
     if not calls:
-        raise ActionError(f"{dialect}: no action in {shown(text.strip())}; write {example}")
+        raise ActionError(f"{dialect}: no action in {short_repr(text.strip())}; write {example}")
     return calls
 
 
@@ -226,7 +226,8 @@ def _decoded(text: str, start: int, dialect: str, example: str, python: bool) ->
     except (ValueError, RecursionError, SyntaxError, MemoryError) as error:
         reason = str(error).split("\n")[0][:80]
         raise ActionError(
-            f"{dialect}: {shown(text[start:].strip())} is no action ({reason}); write {example}"
+            f"{dialect}: {short_repr(text[start:].strip())} is no action ({reason}); write"
+            f" {example}"
         ) from None
 
 
@@ -302,7 +303,8 @@ def tool_call_blocks(text: str, example: str) -> list[tuple[str, int, int]]:
         end = text.find(closing, start.end(), limit)
         if end < 0 and limit < len(text):
             raise ActionError(
-                f"the tool call {shown(text[start.start() : limit])} does not end; write {example}"
+                f"the tool call {short_repr(text[start.start() : limit])} does not end; write"
+                f" {example}"
             )
         end = limit if end < 0 else end
         blocks.append((text[start.end() : end], start.end(), end))
@@ -342,7 +344,9 @@ def xml_functions(
             )
             inner = close + len("</parameter>")
         if text[inner:end].strip():
-            raise ActionError(f"{match[1]}: {shown(text[inner:end].strip())} is no <parameter=...>")
+            raise ActionError(
+                f"{match[1]}: {short_repr(text[inner:end].strip())} is no <parameter=...>"
+            )
         position = end + len("</function>")
         yield match[1], arguments, offset + match.start(), offset + position
 

@@ -5,7 +5,7 @@ The parameters may also be top-level fields, next to the type.
 
 from typing import Any
 
-from ...errors import ActionError, shown
+from ...errors import ActionError, short_repr
 from ...types import Action
 from ..pyautogui_functions import SPECIAL_WORDS
 from ..scaling import Scaling
@@ -132,5 +132,7 @@ def _point(name: str, parameters: dict[str, Any]) -> tuple[float, float] | None:
     if x is None and y is None and name not in _NEED_POINT:
         return None
     if x is None or y is None:
-        raise ActionError(f"{DIALECT} {name} needs both x and y, got x={shown(x)}, y={shown(y)}")
+        raise ActionError(
+            f"{DIALECT} {name} needs both x and y, got x={short_repr(x)}, y={short_repr(y)}"
+        )
     return number(x, f"{name} x"), number(y, f"{name} y")

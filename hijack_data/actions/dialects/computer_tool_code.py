@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from ...errors import ActionError, shown
+from ...errors import ActionError, short_repr
 from ...types import Action
 from ..scaling import Scaling
 from .action_rules import PIXELS_PER_NOTCH
@@ -154,7 +154,7 @@ def _repeated(line: str, fields: dict[str, Any]) -> str:
     if type(times) is not int or not 1 <= times <= MAX_REPEATS:
         raise ActionError(
             f"{fields['action']} repeat must be a whole number from 1 to {MAX_REPEATS},"
-            f" got {shown(times)}"
+            f" got {short_repr(times)}"
         )
     return "\n".join([line] * times)
 
@@ -168,7 +168,7 @@ def _held_for(action: Action) -> str:
     seconds = action.amount or 0
     if not 0 <= seconds <= MAX_HOLD_S:
         raise ActionError(
-            f"hold_key duration must be 0 to {MAX_HOLD_S:g} seconds, got {shown(seconds)}"
+            f"hold_key duration must be 0 to {MAX_HOLD_S:g} seconds, got {short_repr(seconds)}"
         )
     return _with_keys(action.keys, [f"pyautogui.sleep({seconds:g})"])
 

@@ -7,7 +7,7 @@ several `actions`, Anthropic's `tool_use` block with the `input`.
 from collections.abc import Callable, Sequence
 from typing import Any, cast
 
-from ...errors import ActionError, ParameterError, shown
+from ...errors import ActionError, ParameterError, short_repr
 from ...types import Action, as_boxes
 from ..scaling import Scaling
 from .action_rules import PIXELS_PER_NOTCH, coordinates, with_coordinates
@@ -105,7 +105,8 @@ def openai_actions(action: object) -> list[object]:
         several = [fields.get("action")]
     if not isinstance(several, list | tuple) or not several:
         raise ActionError(
-            f"{CALL} needs an action or a list of actions, got {shown(cast('object', several))}"
+            f"{CALL} needs an action or a list of actions, got"
+            f" {short_repr(cast('object', several))}"
         )
     return list(cast("list[object]", several))
 
@@ -309,7 +310,7 @@ def _anthropic_scroll(fields: dict[str, Any], place: tuple[int, int] | None) -> 
     direction = fields.get("scroll_direction")
     if direction not in ("up", "down", "left", "right"):
         raise ActionError(
-            f"scroll scroll_direction must be up, down, left or right, got {shown(direction)}"
+            f"scroll scroll_direction must be up, down, left or right, got {short_repr(direction)}"
         )
     if direction in ("left", "right"):
         return action_at("other", place)
@@ -353,7 +354,9 @@ def drag_points(fields: dict[str, Any]) -> list[tuple[float, float]]:
     """
     path = fields.get("path")
     if not isinstance(path, list | tuple) or not path:
-        raise ActionError(f"drag path must be a list of points, got {shown(cast('object', path))}")
+        raise ActionError(
+            f"drag path must be a list of points, got {short_repr(cast('object', path))}"
+        )
     points: list[tuple[float, float]] = []
     for index, item in enumerate(cast("list[Any]", path)):
         label = f"drag path[{index}]"
@@ -377,14 +380,14 @@ def _coordinate(
         return scaling.point(*point(value, label))
     numbers = coordinates(value, label)
     if len(numbers) != 2:
-        raise ActionError(f"{label} must be [x, y], got {shown(value)}")
+        raise ActionError(f"{label} must be [x, y], got {short_repr(value)}")
     return scaling.point(*numbers)
 
 
 def _region(value: object, scaling: Scaling) -> list[int]:
     if not isinstance(value, list | tuple) or len(cast("list[Any]", value)) != 4:
         raise ActionError(
-            f"zoom region must be [x1, y1, x2, y2], got {shown(cast('object', value))}"
+            f"zoom region must be [x1, y1, x2, y2], got {short_repr(cast('object', value))}"
         )
     corners = [number(v, f"zoom region[{i}]") for i, v in enumerate(cast("list[Any]", value))]
     try:

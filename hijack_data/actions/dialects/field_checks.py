@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from numbers import Integral, Real
 from typing import Any, NoReturn, cast
 
-from ...errors import ActionError, ParameterTypeError, shown, suggest
+from ...errors import ActionError, ParameterTypeError, short_repr, suggest
 from ...types import Action
 
 _KEYS = {
@@ -48,7 +48,7 @@ def as_fields(action: object, dialect: str) -> dict[str, Any]:
     """
     if not isinstance(action, Mapping):
         raise ParameterTypeError(
-            f"an action of dialect {dialect!r} must be a dict, got {shown(action)}"
+            f"an action of dialect {dialect!r} must be a dict, got {short_repr(action)}"
         )
     items = cast("Mapping[Any, Any]", action).items()
     return {str(key): value for key, value in items}
@@ -69,7 +69,7 @@ def refuse_unknown_action(dialect: str, name: object, valid_names: Iterable[str]
         upper_case = all(valid_name.isupper() for valid_name in names.values())
         guess = lower_name.upper() if upper_case else lower_name
     hint = suggest(guess, names.values())
-    raise ActionError(f"{dialect} has no action {shown(name)}{hint}")
+    raise ActionError(f"{dialect} has no action {short_repr(name)}{hint}")
 
 
 def number(value: object, label: str) -> float:
@@ -79,14 +79,16 @@ def number(value: object, label: str) -> float:
         ActionError: it is anything else.
     """
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise ActionError(f"{label} must be a number, got {shown(value)}; give pixels such as 100")
+        raise ActionError(
+            f"{label} must be a number, got {short_repr(value)}; give pixels such as 100"
+        )
     try:
         finite = float(value)
     except OverflowError:
         finite = math.inf
     if not math.isfinite(finite):
         raise ActionError(
-            f"{label} must be a finite number, got {shown(value)}; give pixels such as 100"
+            f"{label} must be a finite number, got {short_repr(value)}; give pixels such as 100"
         )
     return int(value) if isinstance(value, Integral) else finite
 
@@ -98,7 +100,7 @@ def point(value: object, label: str) -> tuple[float, float]:
         ActionError: it is anything else.
     """
     if not isinstance(value, list | tuple) or len(cast("list[Any]", value)) != 2:
-        raise ActionError(f"{label} must be [x, y], got {shown(cast('object', value))}")
+        raise ActionError(f"{label} must be [x, y], got {short_repr(cast('object', value))}")
     x, y = cast("list[Any]", value)
     return number(x, f"{label}[0]"), number(y, f"{label}[1]")
 
@@ -110,7 +112,7 @@ def text(value: object, label: str) -> str:
         ActionError: it is anything else.
     """
     if not isinstance(value, str):
-        raise ActionError(f"{label} must be a string, got {shown(value)}")
+        raise ActionError(f"{label} must be a string, got {short_repr(value)}")
     return value
 
 
@@ -130,7 +132,7 @@ def key_names(value: object, label: str, separators: str = "") -> tuple[str, ...
     elif isinstance(value, list | tuple):
         parts = list(cast("list[Any]", value))
     else:
-        raise ActionError(f"{label} must name keys, got {shown(value)}")
+        raise ActionError(f"{label} must name keys, got {short_repr(value)}")
     keys = [text(part, label) for part in parts]
     if not keys or "" in keys:
         raise ActionError(f"{label} names no key; give keys such as ['ctrl', 'c']")

@@ -10,7 +10,7 @@ import re
 import textwrap
 from typing import cast
 
-from ...errors import ActionError, shown
+from ...errors import ActionError, short_repr
 from ...types import Action
 from ..agent_actions import fenced_spans
 from ..pyautogui_functions import AGENTNET_TRIPLE
@@ -65,7 +65,7 @@ def fenced_code(reply: object, scaling: Scaling) -> list[str]:
     for code in codes:
         if not calls_pyautogui(code) and parse_pyautogui(code, None).type == "other":
             raise ActionError(
-                f"opencua: {shown(code)} is no action; write pyautogui code in a fence"
+                f"opencua: {short_repr(code)} is no action; write pyautogui code in a fence"
             )
     return codes
 

@@ -40,7 +40,7 @@ from .call_syntax import (
     tool_call_blocks,
     xml_functions,
 )
-from .field_checks import action_at, as_fields, refuse_unknown_action, shown
+from .field_checks import action_at, as_fields, refuse_unknown_action, short_repr
 
 TOOLS = ("computer_use", "mobile_use")
 EXAMPLE = (
@@ -151,7 +151,7 @@ def _calls(reply: object) -> list[ActionCall]:
     if TOOL_CALL.search(answer) is None:
         if holds_json(answer):
             return json_calls(answer, "tool call", _read, EXAMPLE)
-        raise ActionError(f"no whole tool call in {shown(answer.strip())}; write {EXAMPLE}")
+        raise ActionError(f"no whole tool call in {short_repr(answer.strip())}; write {EXAMPLE}")
     return [
         call
         for text, start, _ in tool_call_blocks(answer, EXAMPLE)
@@ -171,7 +171,7 @@ def _block_calls(text: str, start: int) -> Iterator[ActionCall]:
             yield ActionCall(action, values, begin, end, write)
         return
     if not text.strip().startswith("{") or not text.rstrip().endswith("}"):
-        raise ActionError(f"no whole tool call in {shown(text.strip())}; write {EXAMPLE}")
+        raise ActionError(f"no whole tool call in {short_repr(text.strip())}; write {EXAMPLE}")
     try:
         for call in json_calls(text, "tool call", _read, EXAMPLE):
             yield ActionCall(

@@ -19,7 +19,7 @@ import re
 from collections.abc import Mapping
 from typing import Any, cast
 
-from ...errors import ActionError, shown
+from ...errors import ActionError, short_repr
 from ...types import Action
 from .action_rules import (
     PIXELS_PER_NOTCH,
@@ -228,7 +228,7 @@ def _both_ends(arguments: Arguments) -> list[Meaning]:
     corners = cast("list[Any]", pair) if isinstance(pair, list | tuple) else []
     flat = [number for corner in corners for number in coordinates(corner, arguments.label)]
     if len(corners) != 2 or len(flat) != 4:
-        value_text = shown(cast("object", pair))
+        value_text = short_repr(cast("object", pair))
         raise ActionError(
             f"{arguments.label} needs a position [[x1, y1], [x2, y2]], got {value_text}"
         )
@@ -277,8 +277,8 @@ def _internvl_calls(reply: object) -> list[ActionCall]:
     boxes = list(_BOX.finditer(answer))
     if len(boxes) != 1 or answer.count("<box>") != 1:
         raise ActionError(
-            f"internvl: a click is one box, and {shown(answer.strip())} has {len(boxes)}; write"
-            " <ref>OK</ref><box>[[100,200,300,400]]</box>"
+            f"internvl: a click is one box, and {short_repr(answer.strip())} has {len(boxes)};"
+            " write <ref>OK</ref><box>[[100,200,300,400]]</box>"
         )
     return [ActionCall("click", {"box": boxes[0][1]}, *boxes[0].span(1))]
 

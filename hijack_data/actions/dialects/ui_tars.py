@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from ...errors import ActionError, shown
+from ...errors import ActionError, short_repr
 from ...types import Action
 from ..scaling import Scaling
 from .action_rules import (
@@ -146,7 +146,7 @@ def _xml_calls(answer: str) -> Iterator[ActionCall]:
             yield ActionCall(name, values, start, end, rewriter(answer[start:end], renamed, start))
     if not count:
         raise ActionError(
-            f"UI-TARS: no action in {shown(answer.strip())}; write for example"
+            f"UI-TARS: no action in {short_repr(answer.strip())}; write for example"
             " <function=click><parameter=point>100 200</parameter></function>"
         )
 
@@ -180,7 +180,7 @@ def _arguments(call: TextCall) -> dict[str, WrittenArgument]:
     while position < end:
         match = _ARGUMENT.match(call.inside, position)
         if match is None:
-            remainder = shown(call.inside[position:])
+            remainder = short_repr(call.inside[position:])
             raise ActionError(f"{call.name}: cannot read {remainder}; write name='value'")
         name = match[1]
         if name in arguments:
@@ -212,14 +212,16 @@ def _check_boxless(call: TextCall) -> None:
     if call.name in ("type", "finished") and _CONTENT.fullmatch(call.inside):
         hidden = _AFTER_TEXT
     if hidden.search(call.inside):
-        raise ActionError(f"{call.name} takes no point, got {shown(call.inside)}; leave it out")
+        raise ActionError(
+            f"{call.name} takes no point, got {short_repr(call.inside)}; leave it out"
+        )
 
 
 def _content(call: TextCall) -> str:
     match = _CONTENT.fullmatch(call.inside)
     if match is None:
         raise ActionError(
-            f"{call.name} needs a quoted text, got {shown(call.inside)}; write content='...'"
+            f"{call.name} needs a quoted text, got {short_repr(call.inside)}; write content='...'"
         )
     return unescape(match[2])
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
-from ...errors import ActionError, shown
+from ...errors import ActionError, short_repr
 from .field_checks import refuse_unknown_action
 
 NAMES = (
@@ -103,12 +103,12 @@ def _loose_calls(text: str, start: int) -> Iterator[Call]:
     for begin, end in pairwise(bounds):
         match = _LOOSE.fullmatch(text, begin, end)
         if match is None:
-            part = shown(text[begin:end].strip())
+            part = short_repr(text[begin:end].strip())
             raise ActionError(f"UI-TARS text has no action at character {begin}: {part}; {_FIX}")
         call = _call(match)
         if _INNER.search(f"{call.inside})"):
             raise ActionError(
-                f"{call.name}: it is not clear where {shown(call.inside)} ends; "
+                f"{call.name}: it is not clear where {short_repr(call.inside)} ends; "
                 f"escape the quotes in it, as in {_ESCAPED}"
             )
         yield call
@@ -128,7 +128,7 @@ def _check_rest(text: str, start: int) -> None:
     """
     prose = not _BEGINS.match(text) and (_HEADING.match(text) or not _BOX.search(text))
     if not prose:
-        excerpt = shown(text.strip())
+        excerpt = short_repr(text.strip())
         raise ActionError(
             f"UI-TARS text has no whole action at character {start}: {excerpt}; {_FIX}"
         )

@@ -4,7 +4,7 @@ import re
 from collections.abc import Collection, Mapping
 from typing import Any, cast
 
-from ...errors import ActionError, shown, suggest
+from ...errors import ActionError, short_repr, suggest
 
 # Numeric fields that tools and logs add to an action and that are not coordinates.
 _AMOUNTS = frozenset(
@@ -32,7 +32,7 @@ def check_fields(fields: Mapping[str, Any], known_names: Collection[str], label:
     for name, value in fields.items():
         if name not in known_names and _may_be_place(name, value):
             raise ActionError(
-                f"{label} has no field {name!r}, got {shown(value)}, which would stay unmapped"
+                f"{label} has no field {name!r}, got {short_repr(value)}, which would stay unmapped"
                 f"{suggest(name.lower(), known_names)}"
             )
 

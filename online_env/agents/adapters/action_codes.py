@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, cast
 
 from hijack_data.actions import code_of, unreadable_action
-from hijack_data.errors import ActionError, ParameterTypeError, shown
+from hijack_data.errors import ActionError, ParameterTypeError, short_repr
 from hijack_data.types import Size
 
 PYAUTOGUI = "pyautogui"
@@ -36,10 +36,10 @@ def _read(action: object, dialect: str, size: Size) -> list[str]:
     if dialect != PYAUTOGUI:
         codes = code_of(action, dialect, size)
         if not codes:
-            raise ActionError(f"{dialect}: {shown(action)} holds no action")
+            raise ActionError(f"{dialect}: {short_repr(action)} holds no action")
         return codes
     if not isinstance(action, str):
-        raise ActionError(f"an action must be a string, got {shown(action)}")
+        raise ActionError(f"an action must be a string, got {short_repr(action)}")
     return [action]
 
 

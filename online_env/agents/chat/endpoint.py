@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hijack_data import extras
-from hijack_data.errors import shown
+from hijack_data.errors import short_repr
 
 from ...errors import AgentSetupError, EndpointError
 from ..settings import ModelSettings, bad_key, can_be_sent
@@ -169,12 +169,12 @@ class Endpoint:
             answer = json.loads(text.removeprefix(_BOM), parse_constant=lambda _: None)
         except (ValueError, RecursionError) as error:
             raise EndpointError(
-                f"{self._place}: the answer is not whole JSON ({error}): {shown(text[-80:])}",
+                f"{self._place}: the answer is not whole JSON ({error}): {short_repr(text[-80:])}",
                 transient=True,
             ) from None
         if not isinstance(answer, dict):
             raise EndpointError(
-                f"{self._place}: the answer is no JSON object: {shown(answer)}", transient=True
+                f"{self._place}: the answer is no JSON object: {short_repr(answer)}", transient=True
             )
         self._wire.read(answer)  # an answer that cannot be read is requested again
         return answer

@@ -7,7 +7,7 @@ from typing import Any
 from zipfile import BadZipFile
 
 from hijack_data.choices import CLEAN
-from hijack_data.errors import shown, some_of, suggest
+from hijack_data.errors import short_repr, shorten_list, suggest
 
 from ...extra import require
 from ..outcomes import EpisodeOutcome, OutcomeError
@@ -71,7 +71,7 @@ def _outcome(path: Path, log: Any, sample: Any, columns: Mapping[str, str]) -> E
     score, problem = _score(sample, columns.get("score"), place)
     seed = _value(log, sample, "seed", columns, place)
     if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int)):
-        raise OutcomeError(f"{place}: the seed {shown(seed)} is no whole number")
+        raise OutcomeError(f"{place}: the seed {short_repr(seed)} is no whole number")
     is_repeated = (log.eval.config.epochs or 1) > 1
     if seed is None or is_repeated:
         seed = sample.epoch - 1 if seed is None else None  # both: numbered in their order
@@ -120,7 +120,7 @@ def _score(sample: Any, scorer: str | None, place: str) -> tuple[float | None, s
         raise OutcomeError(f"{place}: has no scorer {scorer!r}{suggest(scorer, list(scores))}")
     if scorer is None and len(scores) > 1:
         raise OutcomeError(
-            f"{place}: has several scorers ({some_of(list(scores))}); choose one with --columns"
+            f"{place}: has several scorers ({shorten_list(list(scores))}); choose one with --columns"
             " score=NAME"
         )
     if not scores:
@@ -133,6 +133,6 @@ def _score(sample: Any, scorer: str | None, place: str) -> tuple[float | None, s
         return None, "was not scored"
     if not isinstance(number, int | float) or not 0 <= number <= 1:
         raise OutcomeError(
-            f"{place}: the score {shown(value)} is none of C, I and P and no number in 0..1"
+            f"{place}: the score {short_repr(value)} is none of C, I and P and no number in 0..1"
         )
     return float(number), ""

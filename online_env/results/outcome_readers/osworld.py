@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hijack_data.corruption import corruption_names
-from hijack_data.errors import some_of
+from hijack_data.errors import shorten_list
 from hijack_data.plan import CLEAN
 
 from ..outcomes import EpisodeOutcome, OutcomeError
@@ -116,8 +116,8 @@ def _find_layout(
             others.append(at)
         elif unknown or condition is not None:
             raise OutcomeError(
-                f"{source}: it is not clear whether {some_of(unknown or names, 5)} are conditions;"
-                f" --columns condition={at + 1} says so"
+                f"{source}: it is not clear whether {shorten_list(unknown or names, 5)} are"
+                f" conditions; --columns condition={at + 1} says so"
             )
         else:
             condition = at
@@ -125,8 +125,8 @@ def _find_layout(
     if len(varying) > (agent is None):
         raise OutcomeError(
             f"{source}: it is not clear what its folders say"
-            f" ({'; '.join(some_of(values[at], 3) for at in varying)}); give the number of each,"
-            f" such as --columns condition={varying[0] + 1},agent={varying[-1] + 1}"
+            f" ({'; '.join(shorten_list(values[at], 3) for at in varying)}); give the number of"
+            f" each, such as --columns condition={varying[0] + 1},agent={varying[-1] + 1}"
         )
     if agent is None:
         agent = next(iter([*varying, *others[::-1]]), None)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from hijack_data.errors import shown, suggest
+from hijack_data.errors import short_repr, suggest
 from hijack_data.plan import CLEAN
 
 from ...extra import require
@@ -115,8 +115,8 @@ def _score(value: Any, place: str) -> float | None:
         number = float(value)
     except (TypeError, ValueError):
         raise OutcomeError(
-            f"{place}: the score {shown(value)} is no number; leave it empty if the episode has no"
-            " outcome"
+            f"{place}: the score {short_repr(value)} is no number; leave it empty if the episode"
+            " has no outcome"
         ) from None
     if number != number:  # NaN
         return None
@@ -131,7 +131,7 @@ def _seed(value: Any, place: str) -> int:
             raise ValueError
         return int(value)
     except (TypeError, ValueError):
-        raise OutcomeError(f"{place}: the seed {shown(value)} is no whole number") from None
+        raise OutcomeError(f"{place}: the seed {short_repr(value)} is no whole number") from None
 
 
 def _csv_rows(source: Path) -> Iterator[tuple[str, Mapping[str, Any]]]:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from hijack_data.errors import counted
+from hijack_data.errors import quantity
 
 
 @dataclass
@@ -80,7 +80,7 @@ class OnlookerReport:
         lines.append(f"  summaries: {_counts_text(self.summaries) or 0}")
         lines.append(f"  recovery: {_counts_text(self.recovery) or 0}")
         for label, count in self.hidden.items():
-            lines.append(f"  {label}: {counted(count, 'recovery step')} left out, target hidden")
+            lines.append(f"  {label}: {quantity(count, 'recovery step')} left out, target hidden")
         for reason, count in self.skipped.items():
             lines.append(f"  left out {count}: {reason}")
         return lines

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any, cast
 
 from hijack_data.actions.agent_actions import REINIT
-from hijack_data.errors import HijackError
+from hijack_data.errors import HijackError, short_repr
 from hijack_data.plan import CLEAN, Effect, Plan
 from hijack_data.planner import Planner
-from hijack_data.runs.run_log import EPISODE, RUN, STEPS, VERSION, digest_of
+from hijack_data.runs.run_log import EPISODE, RUN, STEPS, VERSION, sha256_hex
 from hijack_data.runs.run_planners import dump_planner, load_planner, planner_params
 from hijack_data.types import Scene, Size, as_boxes
 
@@ -141,7 +141,7 @@ def _key(record: Mapping[str, Any], planner: Planner | None, is_stated: bool) ->
 
 def _lines(folder: Path, key: ReplayInputs, replay: EpisodeReplay) -> Iterator[str]:
     """Check each line on its own, and the hashes that chain the lines."""
-    replay.last = digest_of(folder.name.encode())
+    replay.last = sha256_hex(folder.name.encode())
     for place, line in enumerate(lines(folder / STEPS)):
         line_name = f"line {line.number}"
         try:
@@ -161,7 +161,7 @@ def _lines(folder: Path, key: ReplayInputs, replay: EpisodeReplay) -> Iterator[s
         except HijackError as error:
             yield f"{line_name}: {error}"
         content = line.data or b""
-        replay.last = digest_of(content.rstrip(b"\r\n"))
+        replay.last = sha256_hex(content.rstrip(b"\r\n"))
 
 
 def _end(replay: EpisodeReplay) -> Iterator[str]:
@@ -353,7 +353,7 @@ def _allow_code(record: Mapping[str, Any]) -> bool:
 def _seed(record: Mapping[str, Any]) -> int:
     seed = record.get("seed")
     if isinstance(seed, bool) or not isinstance(seed, int):
-        raise FieldError("seed", f"must be an integer, got {fields.shown(seed)}")
+        raise FieldError("seed", f"must be an integer, got {short_repr(seed)}")
     return seed
 
 

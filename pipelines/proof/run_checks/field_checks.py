@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final, TypeGuard
 
 from hijack_data.actions.agent_actions import REINIT
+from hijack_data.errors import short_repr
 from hijack_data.runs.run_head import config_digest
 from hijack_data.runs.run_log import (
     EPISODE,
@@ -31,7 +32,6 @@ from hijack_data.runs.run_log import (
     row_slug,
 )
 
-from ...readers import fields
 from .library import LIBRARY_INPUTS, Library
 
 DERIVED: Final = "derived"  # computed again from other files
@@ -173,7 +173,7 @@ def unknown_fields(data: Mapping[str, Any], kind: str, extra: Sequence[str] = ()
     """Yield a problem for each field that files of a run do not have."""
     for name in data:
         if name not in FIELDS[kind] and name not in extra:
-            yield f"has a field {fields.shown(name)}, which no {kind} has"
+            yield f"has a field {short_repr(name)}, which no {kind} has"
 
 
 # Ids
@@ -222,9 +222,9 @@ def head_problems(
     code = config.get("code", {})
     plugin_names = {str(name) for key in _CODE_LISTS for name in config.get(key, ())}
     plugin_names.add(str(_mapping(config.get("desktop")).get("provider")))
-    for name in code if isinstance(code, dict) else [fields.shown(code)]:
+    for name in code if isinstance(code, dict) else [short_repr(code)]:
         if name not in plugin_names:
-            yield f"config.code has {fields.shown(name)}, which the config does not use"
+            yield f"config.code has {short_repr(name)}, which the config does not use"
     episodes = head.get("episodes")
     if not isinstance(episodes, list) or not labels:
         return
@@ -260,7 +260,7 @@ def session_problems(
             yield f"line {number}: versions have another {package} than {RUN}"
         records = session.get("records")
         if not isinstance(records, int) or not before <= records <= record_count:
-            yield f"line {number}: records is {fields.shown(records)}, there are {record_count}"
+            yield f"line {number}: records is {short_repr(records)}, there are {record_count}"
         else:
             before = records
 
@@ -275,7 +275,7 @@ def record_problems(
     for name, value, source in _expected(record, config, library):
         stored = _at(record, name)
         if stored != value:
-            yield f"{name} is {fields.shown(stored)}, by {source} it is {fields.shown(value)}"
+            yield f"{name} is {short_repr(stored)}, by {source} it is {short_repr(value)}"
     name = str(record.get("task")).rpartition("-")[0]
     is_known = library.task_fields(name, record.get("seed")) is not None
     if is_known and name not in config.get("tasks", [name]):
@@ -285,11 +285,11 @@ def record_problems(
         yield f"steps is {steps}, max_steps of {RUN} is {max_steps}"
     orders = (None, "after_setup", config.get("environment_errors"))
     if record.get("environment_errors") not in orders:
-        order = fields.shown(record["environment_errors"])
-        yield f"environment_errors is {order}, by {RUN} it is {fields.shown(orders[-1])}"
+        order = short_repr(record["environment_errors"])
+        yield f"environment_errors is {order}, by {RUN} it is {short_repr(orders[-1])}"
     is_error = record.get("status") == "error" and "cause" in record
     if is_error and record["cause"] not in CAUSES:
-        yield f"cause is {fields.shown(record.get('cause'))}: the episode is to be played again"
+        yield f"cause is {short_repr(record.get('cause'))}: the episode is to be played again"
     if record.get("ended") == "outside":
         yield "ended is 'outside', which no episode of a run does"
 
@@ -299,26 +299,26 @@ def outcome_problems(record: Mapping[str, Any]) -> Iterator[str]:
     status, score = record.get("status"), record.get("score")
     is_ok = status == "ok"
     if status not in STATUSES:
-        yield f"status is {fields.shown(status)}, none of {', '.join(STATUSES)}"
+        yield f"status is {short_repr(status)}, none of {', '.join(STATUSES)}"
     if is_ok == (score is None):
         yield f"status is {status!r}, and the score {score!r}"
     if is_ok and not _is_share(score):
         yield f"score is {score!r}, no number in 0..1"
     if is_ok == bool(record.get("problem")):
-        yield f"status is {status!r}, and the problem {fields.shown(record.get('problem'))}"
+        yield f"status is {status!r}, and the problem {short_repr(record.get('problem'))}"
     if not is_ok and record.get("reason"):
         yield f"status is {status!r}, and there is a reason"
     if is_ok and record.get("traceback"):
         yield "status is 'ok', and there is a traceback"
     if is_ok and record.get("cause") is not None:
-        yield f"status is 'ok', and the cause {fields.shown(record.get('cause'))}"
+        yield f"status is 'ok', and the cause {short_repr(record.get('cause'))}"
     if not is_ok and record.get("ended") is not None:
-        yield f"status is {status!r}, and ended {fields.shown(record.get('ended'))}"
+        yield f"status is {status!r}, and ended {short_repr(record.get('ended'))}"
     setup, seconds = record.get("setup_seconds"), record.get("seconds")
     if not _is_time(seconds):
-        yield f"seconds is {fields.shown(seconds)}, no number of at least 0"
+        yield f"seconds is {short_repr(seconds)}, no number of at least 0"
     elif setup is not None and not (_is_time(setup) and setup <= seconds + ROUNDING_S):
-        yield f"setup_seconds is {fields.shown(setup)}, seconds is {seconds}"
+        yield f"setup_seconds is {short_repr(setup)}, seconds is {seconds}"
     for key in (DESKTOP, RECOVERY):
         for text in unknown_fields(_mapping(record.get(key)), key):
             yield f"{key}: {text}"
@@ -342,8 +342,8 @@ def alike_problems(records: Sequence[Mapping[str, Any]]) -> Iterator[str]:
             if value != before:
                 owner_text = f"of {owner} " if owner else ""
                 yield (
-                    f"line {number}: {name} {owner_text}is {fields.shown(value)}, in an earlier"
-                    f" line it is {fields.shown(before)}"
+                    f"line {number}: {name} {owner_text}is {short_repr(value)}, in an earlier"
+                    f" line it is {short_repr(before)}"
                 )
 
 
@@ -399,12 +399,12 @@ def line_problems(line: Mapping[str, Any]) -> Iterator[str]:
         for key, end in (("image", ".png"), ("seen", ".seen.png")):
             name = f"{FRAMES}/{step:04d}{end}"
             if line.get(key) not in (name, None):
-                yield f"{key} is {fields.shown(line.get(key))}, the file of step {step} is {name}"
+                yield f"{key} is {short_repr(line.get(key))}, the file of step {step} is {name}"
     raw, code, error = line.get("raw"), line.get("code"), line.get("error")
     if (raw is None) != (code is None and error is None) or None not in (code, error):
         yield (
-            f"raw is {fields.shown(raw)}, code {fields.shown(code)} and error"
-            f" {fields.shown(error)}: an answer runs or is refused"
+            f"raw is {short_repr(raw)}, code {short_repr(code)} and error"
+            f" {short_repr(error)}: an answer runs or is refused"
         )
     if line.get("result") is not None and code is None:
         yield "there is a result, and nothing ran"
@@ -414,7 +414,7 @@ def line_problems(line: Mapping[str, Any]) -> Iterator[str]:
             key in SECONDS and _is_time(value) for key, value in times.items()
         )
         if not is_valid:
-            yield f"seconds are {fields.shown(times)}: not times of {', '.join(SECONDS)}"
+            yield f"seconds are {short_repr(times)}: not times of {', '.join(SECONDS)}"
 
 
 def time_problems(record: Mapping[str, Any], lines: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -460,7 +460,7 @@ def recovery_problems(
         return
     if recovery.get("free", 0) != free_requests(record, lines):
         value = free_requests(record, lines)
-        yield f"recovery.free is {fields.shown(recovery['free'])}, by {STEPS} it is {value}"
+        yield f"recovery.free is {short_repr(recovery['free'])}, by {STEPS} it is {value}"
     counts = {key: recovery.get(key) for key in ("requests", "repaired", "false_alarms")}
     helped = sum(_mapping(line.get("result")).get("helped") is True for line in lines)
     for key, value in (("requests", requests), ("repaired", helped)):

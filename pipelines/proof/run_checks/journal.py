@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from hijack_data.errors import HijackError
+from hijack_data.errors import HijackError, short_repr
 from hijack_data.file_io import read_regular
 from hijack_data.planner import Planner
 from hijack_data.runs.run_head import check_head
@@ -23,8 +23,8 @@ from hijack_data.runs.run_log import (
     SCORE_RUN,
     SESSIONS,
     VERSION,
-    digest_of,
     file_digest,
+    sha256_hex,
 )
 from hijack_data.runs.run_planners import read_planners
 
@@ -131,7 +131,7 @@ class Journal:
             line_name = f"line {number}"
             if record.get("previous") != before:
                 yield f"{RECORDS}: {line_name}: does not follow on {name} (previous)"
-            before = digest_of(line)
+            before = sha256_hex(line)
             name = line_name
             if self.lacks_episodes:
                 continue
@@ -198,7 +198,7 @@ class Journal:
                 yield f"{RUN}: {name} was not run again, and retries is {retries}"
         planned = self.head.get("episodes")
         if not isinstance(planned, list):
-            yield f"{RUN}: episodes: must be a list of ids, got {fields.shown(planned)}"
+            yield f"{RUN}: episodes: must be a list of ids, got {short_repr(planned)}"
             return
         missing = [name for name in planned if name not in attempts_by_id]
         if missing:
@@ -219,7 +219,7 @@ def privileged_input_problems(record: Mapping[str, Any]) -> Iterator[str]:
     is_valid = isinstance(inputs, list) and all(kind in GIVEN_KINDS for kind in inputs)
     if not is_valid or len(set(inputs)) != len(inputs):
         expected = f"null or a list of {', '.join(GIVEN_KINDS)}"
-        yield f"{GIVEN} must be {expected}, got {fields.shown(inputs)}"
+        yield f"{GIVEN} must be {expected}, got {short_repr(inputs)}"
 
 
 def _needs_retry(record: Mapping[str, Any]) -> bool:

@@ -10,7 +10,7 @@ from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-from hijack_data.errors import HijackError, shown
+from hijack_data.errors import HijackError, short_repr
 from hijack_data.registry import is_ours
 from hijack_data.runs.privileged_inputs import LIBRARY_AGENTS
 from hijack_data.runs.run_log import episode_slug
@@ -44,7 +44,7 @@ class Library:
         except (ImportError, PackageNotFoundError) as error:
             return cls(f"tasks and agents of the library cannot be asked ({error})")
         if run_version != present:
-            return cls(f"played with {PACKAGE} {shown(run_version)}, this is {present}")
+            return cls(f"played with {PACKAGE} {short_repr(run_version)}, this is {present}")
         return cls()
 
     def task_fields(self, name: object, seed: object) -> Mapping[str, Any] | None:

@@ -10,7 +10,7 @@ from hijack_data.actions import count_points
 from hijack_data.actions.agent_actions import read_action
 from hijack_data.compose import Sequence
 from hijack_data.corruption import Corruption, make_corruption
-from hijack_data.errors import ActionError
+from hijack_data.errors import ActionError, short_repr
 from hijack_data.picture_io import pixel_sha256
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner
@@ -104,7 +104,7 @@ def check_observation(
     observation.problems += _action_problems(line, plan, key.allow_code)
     text = line.get("said")
     if text is not None and not isinstance(text, str):
-        observation.problems.append(f"said must be a string, got {fields.shown(text)}")
+        observation.problems.append(f"said must be a string, got {short_repr(text)}")
     return observation
 
 
@@ -136,7 +136,7 @@ def _picture_problems(
         problems.append(f"{name}: is not what was on the screen (image_sha256)")
     if (stored is not None) != bool(plan.ops):
         problems.append(
-            f"seen is {fields.shown(stored)}, and the plan has {len(plan.ops)} operations"
+            f"seen is {short_repr(stored)}, and the plan has {len(plan.ops)} operations"
         )
     if stored is not None and pixel_sha256(_read_picture(folder, str(stored))) != agent_digest:
         problems.append(f"{stored}: is not what the agent saw (seen_sha256)")
@@ -152,14 +152,14 @@ def _action_problems(line: Mapping[str, Any], plan: Plan, allow_code: bool) -> l
     if raw is None:
         return ["code ran without an answer of the agent (raw is null)"]
     if not isinstance(raw, str):
-        return [f"raw must be a string, got {fields.shown(raw)}"]
+        return [f"raw must be a string, got {short_repr(raw)}"]
     if logged is None and str(line.get("error")).startswith(NOT_A_STRING):
         return []
     code = _map_to_screen(raw, plan, allow_code)
     if code == logged:
         return []
-    outcome = "is refused" if code is None else f"gives {fields.shown(code)}"
-    return [f"read again the agent's answer (raw) {outcome}, code is {fields.shown(logged)}"]
+    outcome = "is refused" if code is None else f"gives {short_repr(code)}"
+    return [f"read again the agent's answer (raw) {outcome}, code is {short_repr(logged)}"]
 
 
 def _map_to_screen(raw: str, plan: Plan, allow_code: bool) -> str | None:

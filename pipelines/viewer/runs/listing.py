@@ -12,10 +12,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from hijack_data.errors import shown
+from hijack_data.errors import short_repr
 from hijack_data.file_io import read_regular
 from hijack_data.runs.privileged_inputs import describe_privileged_inputs, read_privileged_inputs
-from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, RUN, VERSION, digest_of
+from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, RUN, VERSION, sha256_hex
 
 from ...errors import DatasetError
 from ...readers.fields import FieldError, mapping
@@ -177,8 +177,8 @@ def _score_problem(record: Mapping[str, Any], outcome: str) -> str:
     if outcome != UNREADABLE:
         return ""
     if record.get("status") == "ok":
-        return f"score {shown(record.get('score'))} is no number in 0..1"
-    return f"status {shown(record.get('status'))} is none of ok, invalid, error"
+        return f"score {short_repr(record.get('score'))} is no number in 0..1"
+    return f"status {short_repr(record.get('status'))} is none of ok, invalid, error"
 
 
 def _read_records(folder: Path) -> bytes | None:
@@ -256,7 +256,7 @@ def _check_link(
         problem = f"lines of {RECORDS} do not name the hash of the line before"
         problems += [] if problem in problems else [problem]
         return
-    if record["previous"] == digest_of(before):
+    if record["previous"] == sha256_hex(before):
         return
     if last is None:
         problems.append(f"{RUN} was changed after the run began, or the first record was removed")

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from hijack_data.cache import Cache
-from hijack_data.errors import HijackError, counted
+from hijack_data.errors import HijackError, quantity
 from hijack_data.runs.run_head import check_head
 from hijack_data.runs.run_log import EPISODES, FORMAT, RUN, SCORE_RUN
 from hijack_data.types import UInt8Array
@@ -74,9 +74,9 @@ class RunSource:
         """A short description of the run."""
         count = len(self.entries)
         planned = self.head.get("episodes")
-        words = [counted(count, "episode")]
+        words = [quantity(count, "episode")]
         if self._scored is not None:
-            words = [f"{counted(count, 'answer')} to rows of a dataset"]
+            words = [f"{quantity(count, 'answer')} to rows of a dataset"]
         if isinstance(planned, list):
             ids = {entry.id for entry in self.entries}
             missing = sum(name not in ids for name in planned)

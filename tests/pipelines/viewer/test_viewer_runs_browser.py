@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hijack_data.runs.run_log import digest_of
+from hijack_data.runs.run_log import sha256_hex
 from pipelines.viewer.opening import open_source
 from pipelines.viewer.runs import RunSource
 from pipelines.viewer.runs.export import export_file
@@ -316,7 +316,7 @@ def many(played: Path, folder: Path, count: int) -> Path:
     record = read_lines(played / "records.jsonl")[1]
     lines: list[dict[str, object]] = []
     for number in range(count):
-        lines.append(record | {"id": f"e{number}", "seed": number, "previous": digest_of(content)})
+        lines.append(record | {"id": f"e{number}", "seed": number, "previous": sha256_hex(content)})
         content = json.dumps(lines[-1], ensure_ascii=False).encode()
     write_lines(folder / "records.jsonl", lines)
     return folder

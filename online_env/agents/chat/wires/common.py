@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from hijack_data import extras
-from hijack_data.errors import shown
+from hijack_data.errors import short_repr
 from hijack_data.runs.amounts import is_count
 
 from ....errors import EndpointError
@@ -40,7 +40,7 @@ def openai_client(settings: ModelSettings, key: str) -> Any:
 
 def broken(problem: str, value: object) -> EndpointError:
     """Return the error for an answer that does not have the form promised by its API."""
-    return EndpointError(f"the answer {problem}: {shown(value)}", transient=True)
+    return EndpointError(f"the answer {problem}: {short_repr(value)}", transient=True)
 
 
 def items(value: object, field: str) -> list[Mapping[str, Any]]:
