@@ -184,8 +184,8 @@ def _check_task_names(names: set[str]) -> None:
     """
     if all(name.isdecimal() for name in names):
         raise OutcomeError(
-            f"the tasks of the sources are numbers ({shorten_list(sorted(names), 3)}), which match by"
-            " chance where they are positions in a list; name the column of their ids with"
+            f"the tasks of the sources are numbers ({shorten_list(sorted(names), 3)}), which match"
+            " by chance where they are positions in a list; name the column of their ids with"
             " --columns task=COLUMN, or put the results into one table"
         )
 

@@ -120,8 +120,8 @@ def _score(sample: Any, scorer: str | None, place: str) -> tuple[float | None, s
         raise OutcomeError(f"{place}: has no scorer {scorer!r}{suggest(scorer, list(scores))}")
     if scorer is None and len(scores) > 1:
         raise OutcomeError(
-            f"{place}: has several scorers ({shorten_list(list(scores))}); choose one with --columns"
-            " score=NAME"
+            f"{place}: has several scorers ({shorten_list(list(scores))}); choose one with"
+            " --columns score=NAME"
         )
     if not scores:
         return None, "was not scored"
