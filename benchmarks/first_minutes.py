@@ -76,20 +76,25 @@ def first_steps(clone: Path) -> list[list[str]]:
     ]
 
 
-def starting(clone: Path) -> list[list[str]]:
-    """Rows on what every start costs, beside what Python and NumPy cost."""
+COMMANDS = ("list", *(f"{name} --help" for name in ("build", "bench", "report", "gate", "osworld")))
+
+
+def starting(clone: Path) -> str:
+    """Return a table of what every start costs, beside what NumPy costs."""
     python = str(clone / ".venv/bin/python")
     calls = {
-        "`python -c pass`": ["-c", "pass"],
         "`import numpy`": ["-c", "import numpy"],
+        "`python -c pass`": ["-c", "pass"],
         "`import hijack_data`": ["-c", "import hijack_data"],
+        "`import pipelines`": ["-c", "import pipelines"],
         "`import hijack_data; hijack_data.Marks`": ["-c", "import hijack_data as h; h.Marks"],
         "`hijack --help`": ["-m", "hijack_data", "--help"],
+        **{f"`hijack {words}`": ["-m", "hijack_data", *words.split()] for words in COMMANDS},
     }
-    return [
-        [what, f"{least([python, *words], clone):.0f} ms of CPU, least of {RUNS}", "", ""]
-        for what, words in calls.items()
-    ]
+    spent = {what: least([python, *words], clone) for what, words in calls.items()}
+    unit = spent["`import numpy`"]
+    rows = [[what, f"{ms:.0f}", f"{ms / unit:.2f}x"] for what, ms in spent.items()]
+    return table(["start", f"ms of CPU, least of {RUNS}", "to NumPy's"], rows)
 
 
 def release(clone: Path) -> list[list[str]]:
@@ -117,12 +122,14 @@ def main() -> None:
         cost(["tar", "-xf", str(archive)], clone)
         archive.unlink()
         rows: list[list[str]] = []
-        for part in (first_steps, release, starting):
+        for part in (first_steps, release):
             rows += part(clone)
             print(rows, file=sys.stderr, flush=True)
+        starts = starting(clone)
     print(machine(), end="\n\n")
     print(f"Load before: {load}. On a busy machine only the CPU seconds say something.\n")
     print(table(["what", "seconds", "size", "goal"], rows))
+    print(f"\n{starts}")
 
 
 if __name__ == "__main__":

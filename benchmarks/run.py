@@ -16,6 +16,7 @@ SCRIPTS = {
     "ray_builds": "Building datasets on Ray",
     "ray_episodes": "Episodes on Ray",
     "augment": "Training-time augmentation, against other libraries",
+    "labels": "Labels of a sample",
     "gpu": "On a GPU",
     "gpu_training": "Training a model of 7 billion weights on a GPU",
     "levels": "Severity levels, measured",
@@ -49,6 +50,7 @@ HEAD = """# Results
 
 Every table is remade by `python benchmarks/NAME.py`, all of them by `make bench`. Ratios are taken within one run;
 times are milliseconds, min / median / max. The machine is a shared virtual one: trust ratios and minima.
+`python benchmarks/compare.py` names the ratios that got 1.3 times worse than those of a commit.
 
 """
 

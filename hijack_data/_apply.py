@@ -1,5 +1,6 @@
 """Apply plans to pictures: one function for every framework, single pictures, batches and lists."""
 
+import sys
 from collections.abc import Sequence
 from typing import Any, cast, overload
 
@@ -42,6 +43,14 @@ def apply(plan: Plan | Sequence[Plan], image: Any, *, inplace: bool = False) -> 
         PlanError: this machine would draw something else than was planned; nothing has been
             written.
     """
+    torch: Any = sys.modules.get("torch")
+    if torch is not None and torch.compiler.is_compiling():
+        # torch.compile runs it as it is, because it draws with the library's own kernels
+        return torch.compiler.disable(_apply)(plan, image, inplace)
+    return _apply(plan, image, inplace)
+
+
+def _apply(plan: Plan | Sequence[Plan], image: Any, inplace: bool) -> Any:
     plans = _plans(plan)
     if not isinstance(cast(object, inplace), bool):
         raise ParameterTypeError(f"inplace must be True or False, got {short_repr(inplace)}")

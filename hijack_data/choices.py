@@ -6,6 +6,7 @@ for the modules that use them.
 
 from typing import Literal, TypeAlias, get_args
 
+CLEAN = "clean"  # the condition without a corruption
 BACKENDS = ("numpy", "torch", "jax")
 LABEL_POLICIES = ("keep", "avoid", "drop", "recover")
 LAZY = "lazy"

@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import Any, TypeAlias, cast
 
 from .actions.input_faults import InputFault
+from .choices import CLEAN as CLEAN
 from .coords import CoordMap
 from .drawing.raster import render
 from .drawing.sprite import Sprite
@@ -24,7 +25,6 @@ from .types import MAX_SIDE, Point, Size, as_size
 
 FORMAT = "agenthijack-plan"
 VERSION = 1
-CLEAN = "clean"
 _FINGERPRINT = re.compile(r"[0-9a-f]{16}")
 
 

@@ -112,14 +112,7 @@ def as_boxes(value: BoxesLike, what: str = "boxes") -> BoxArray:
         raise ParameterError(f"{what} must have shape [N, 4] (xyxy), got {list(raw.shape)}")
     if not np.isfinite(raw).all() or np.abs(raw).max() > 2**30:
         raise ParameterError(f"{what} hold a number that is not finite or is beyond 2**30")
-    for row in raw[(raw != np.floor(raw)).any(axis=1)]:
-        _refuse_fractions(row.tolist(), what)
-    boxes = np.floor(raw + 0.5).astype(np.int32)
-    thin = (raw[:, 2:] > raw[:, :2]) & (boxes[:, 2:] <= boxes[:, :2])
-    if thin.any():
-        low = np.floor(raw[:, :2]).astype(np.int32)
-        boxes[:, :2][thin] = low[thin]
-        boxes[:, 2:][thin] = low[thin] + 1
+    boxes = _whole_boxes(raw, what)
     swapped = (boxes[:, 2:] < boxes[:, :2]).any(axis=1)
     if swapped.any():
         bad = int(np.flatnonzero(swapped)[0])
@@ -127,6 +120,21 @@ def as_boxes(value: BoxesLike, what: str = "boxes") -> BoxArray:
         raise ParameterError(
             f"{what}[{bad}] = {boxes[bad].tolist()} ends before it starts; {advice}"
         )
+    return boxes
+
+
+def _whole_boxes(raw: npt.NDArray[np.float64], what: str) -> BoxArray:
+    """Return boxes with their edges rounded, see `as_boxes`."""
+    boxes = np.floor(raw + 0.5).astype(np.int32)
+    fractional = (boxes != raw).any(axis=1)
+    if not fractional.any():
+        return boxes
+    for row in raw[fractional]:
+        _refuse_fractions(row.tolist(), what)
+    thin = (raw[:, 2:] > raw[:, :2]) & (boxes[:, 2:] <= boxes[:, :2])
+    low = np.floor(raw[:, :2]).astype(np.int32)
+    boxes[:, :2][thin] = low[thin]
+    boxes[:, 2:][thin] = low[thin] + 1
     return boxes
 
 

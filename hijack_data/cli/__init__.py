@@ -130,8 +130,9 @@ class LazyGroup(WholeSummaries):
         return super().resolve_command(ctx, args)
 
 
-def _show_version(*words: Any) -> None:
-    importlib.import_module("hijack_data.cli.version_text").show_version(*words)
+def _show_version(context: click.Context, _option: click.Parameter, is_requested: bool) -> None:
+    if is_requested and not context.resilient_parsing:
+        importlib.import_module("hijack_data.cli.version_text").show_version(context)
 
 
 @click.group(

@@ -11,15 +11,10 @@ from typing import Any
 import click
 
 from .. import extras
-from .._apply import apply
-from ..corruption import make_corruption
 from ..errors import HijackError, MissingDependencyError
 from ..file_io import make_folder, write_atomic
-from ..gallery import contact_sheet
 from ..paths import example_recordings
-from ..picture_io import encode_png, load_image
 from . import hijack
-from .picture_plans import make_scene
 from .terminal import echo
 
 SCREENS = ("notes-04.png", "rename-04.png", "multiply-03.png")
@@ -103,6 +98,12 @@ def command_beside(*words: object) -> Generator[None]:
 
 def before_and_after(picture: Path, out: Path) -> None:
     """Write one picture with a before and an after of the four visual corruptions."""
+    from .._apply import apply
+    from ..corruption import make_corruption
+    from ..gallery import contact_sheet
+    from ..picture_io import encode_png, load_image
+    from .picture_plans import make_scene
+
     screen, _ = load_image(picture)
     rows: list[Any] = []
     for name in VISUAL:
@@ -141,6 +142,8 @@ def corrupt_live_desktop(picture: Path) -> bool:
     Returns:
         Whether a probe was false.
     """
+    from ..picture_io import encode_png
+
     # These modules belong to another package of the distribution, on which this one does not
     # depend.
     try:

@@ -46,10 +46,8 @@ def lines() -> Iterator[str]:
     yield f"  {', '.join(packages)}"
 
 
-def show_version(context: click.Context, _option: click.Parameter, is_requested: bool) -> None:
-    """Print the version and the environment, then exit; the callback of `--version`."""
-    if not is_requested or context.resilient_parsing:
-        return
+def show_version(context: click.Context) -> None:
+    """Print the version and the environment, then exit."""
     for line in lines():
         echo(line)
     context.exit()

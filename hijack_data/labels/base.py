@@ -4,10 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from ..actions import Scaling
 from ..coords import CoordMap
 from ..errors import LabelError
-from ..types import SLACK, Size, are_fractions
+from ..types import SLACK, Size
 from .nested_numbers import Numbers
 
 LEAVE = "leave"  # the format of an entry that stays as it is
@@ -112,12 +114,13 @@ def check_unit(
         LabelError: the numbers can only belong to another space.
     """
     example = numbers[0].tolist()
-    if unit != 1:
-        fractions = next((row for row in numbers.tolist() if are_fractions(row)), None)
-        if fractions is not None:
+    if unit != 1 and numbers.dtype.kind == "f":
+        in_range = ((numbers >= 0) & (numbers <= 1)).all(axis=1)
+        fractions = numbers[in_range & (numbers != np.trunc(numbers)).any(axis=1)]
+        if len(fractions):
             raise LabelError(
-                f"holds {fractions}, which are fractions of the picture; formats for those end"
-                " in 01"
+                f"holds {fractions[0].tolist()}, which are fractions of the picture; formats for"
+                " those end in 01"
             )
     if unit:
         if numbers.min() < -SLACK * unit or numbers.max() > (1 + SLACK) * unit:

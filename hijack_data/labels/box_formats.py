@@ -8,7 +8,7 @@ from ..actions import Scaling
 from ..errors import LabelError
 from ..types import Size
 from .base import Format, Location, Move, RowFormat, check_unit, with_unit
-from .nested_numbers import Numbers, change_groups
+from .nested_numbers import Numbers, change_groups, read_groups
 
 ORDERS = ("xyxy", "xywh", "cxcywh", "yxyx")
 
@@ -90,14 +90,11 @@ def box_format(order: str, unit: int, anywhere: bool = False) -> Format:
         return change_groups(value, 4, lambda boxes: map_rows(boxes, move, each=False))
 
     def locate(value: Any, size: Size) -> list[Location]:
-        locations: list[Location] = []
-
-        def collect(boxes: Numbers) -> Numbers:
-            locations.extend(locate_rows(boxes, size, each=False))
-            return boxes
-
-        change_groups(value, 4, collect)
-        return locations
+        return [
+            location
+            for boxes in read_groups(value, 4)
+            for location in locate_rows(boxes, size, each=False)
+        ]
 
     rows = RowFormat(4, map_rows, locate_rows)
     return Format(with_unit(order, unit), map_value, locate, rows=rows)

@@ -9,7 +9,7 @@ import numpy as np
 from ..actions import calls_pyautogui
 from ..errors import HijackError, LabelError, ParameterError, ParameterTypeError, suggest
 from ..plan import Plan
-from ..sample_pictures import has_pixels, is_sequence, names_picture, rebuilt
+from ..sample_pictures import has_pixels, is_plain, is_sequence, names_picture, rebuilt
 from ..types import Size
 from .action_formats import is_own_action
 from .base import Format, Location, Move
@@ -204,6 +204,8 @@ class Labels:
             if key in skip:
                 continue
             value = moved.get(key, value)
+            if is_plain(value):
+                continue
             after = self._map_tensors(key, value, plan)
             if after is not value:
                 moved[key] = after

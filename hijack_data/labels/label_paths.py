@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Callable, Iterable, Mapping
+from itertools import chain
 from typing import Any, TypeAlias, cast
 
 import numpy as np
@@ -14,7 +15,7 @@ from .formats import label_locations, map_label
 from .nested_numbers import Numbers
 
 SampleDict: TypeAlias = Mapping[str, Any]
-_NUMBER_TYPES = ({int}, {float}, {int, float})
+_NUMBER_TYPES = frozenset([int, float])
 
 
 def split_path(path: str, sample: SampleDict) -> tuple[str, list[str]]:
@@ -64,9 +65,19 @@ def locate_at_path(
 
 
 def _collect(value: Any, steps: list[str]) -> list[Any]:
-    labels: list[Any] = []
-    change_at_path(value, steps, labels.append)
-    return labels
+    """Return the labels at the end of a path, in order."""
+    level: list[Any] = [value]
+    for step in steps:
+        while any(issubclass(kind, list | tuple) for kind in set(map(type, level))):
+            level = list(
+                chain.from_iterable(
+                    cast("list[Any]", part) if isinstance(part, list | tuple) else [part]
+                    for part in level
+                )
+            )
+        kinds: set[Any] = {kind for kind in set(map(type, level)) if issubclass(kind, Mapping)}
+        level = [part[step] for part in level if type(part) in kinds and step in part]
+    return [label for label in level if label is not None]
 
 
 def _read_rows(labels: list[Any], width: int) -> Numbers | None:
@@ -75,23 +86,21 @@ def _read_rows(labels: list[Any], width: int) -> Numbers | None:
     They are lists or tuples of `width` finite numbers of Python, all of whole numbers, or all with
     a fraction.
     """
-    if len(labels) < 2:
+    if len(labels) < 2 or not set(map(type, labels)) <= {list, tuple}:
         return None
-    is_float: set[bool] = set()
-    for label in labels:
-        if type(label) not in (list, tuple) or len(label) != width:
-            return None
-        kinds = set(map(type, label))
-        if kinds not in _NUMBER_TYPES:
-            return None
-        is_float.add(float in kinds)
-    if len(is_float) > 1:
+    if set(map(len, labels)) != {width}:
+        return None
+    numbers = list(chain.from_iterable(labels))
+    kinds = set(map(type, numbers))
+    if not kinds <= _NUMBER_TYPES:
+        return None
+    if len(kinds) > 1 and not all(float in map(type, label) for label in labels):
         return None
     try:
-        rows: Numbers = np.array(labels, np.float64 if is_float.pop() else np.int64)
+        rows: Numbers = np.array(numbers, np.float64 if float in kinds else np.int64)
     except OverflowError:
         return None
-    return rows if np.isfinite(rows).all() else None
+    return rows.reshape(-1, width) if np.isfinite(rows).all() else None
 
 
 def _like(label: Any, numbers: list[Any]) -> Any:
@@ -120,7 +129,7 @@ def change_at_path(value: Any, steps: list[str], change: Callable[[Any], Any]) -
     if isinstance(value, list | tuple):
         parts = [change_at_path(part, steps, change) for part in cast("list[Any]", value)]
         return tuple(parts) if isinstance(value, tuple) else parts
-    if not isinstance(value, Mapping):
+    if type(value) is not dict and not isinstance(value, Mapping):
         return value
     entries = dict(cast("Mapping[str, Any]", value))
     if steps[0] in entries:

@@ -1,12 +1,13 @@
 """Take numbers out of lists, tuples, arrays and tensors, and put them back in the same form."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, TypeAlias, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from ..errors import LabelError, short_repr
+from ..sample_pictures import is_plain
 
 Numbers: TypeAlias = npt.NDArray[Any]
 NumberMap: TypeAlias = Callable[[Numbers], Numbers]
@@ -59,12 +60,33 @@ def change_groups(value: Any, width: int, change: NumberMap) -> Any:
         return _like_sequence(value, parts)
     if not array.size:
         return value
+    new_groups = change(_as_groups(value, array, width))
+    return put_back(value, new_groups.reshape(array.shape))
+
+
+def read_groups(value: Any, width: int) -> Iterator[Numbers]:
+    """Yield all groups of `width` numbers in a value, int64 or float64 `[N, width]`.
+
+    The arguments, and what is raised, are those of `change_groups`.
+    """
+    if value is None:
+        return
+    if is_object_array(value):
+        yield from read_groups(value.tolist(), width)
+        return
+    array = as_numbers(value)
+    if array is None:
+        for part in value:
+            yield from read_groups(part, width)
+    elif array.size:
+        yield _as_groups(value, array, width)
+
+
+def _as_groups(value: Any, array: Numbers, width: int) -> Numbers:
     is_flat = array.ndim == 1 and array.size % width == 0
     if not is_flat and (array.ndim == 0 or array.shape[-1] != width):
         raise LabelError(f"must hold groups of {width} numbers, got {short_repr(value)}")
-    groups = _widest(array).reshape(-1, width)
-    new_groups = change(groups)
-    return put_back(value, new_groups.reshape(array.shape))
+    return _widest(array).reshape(-1, width)
 
 
 def change_each(value: Any, change: NumberMap) -> Any:
@@ -144,9 +166,19 @@ def put_back(original: Any, numbers: Numbers) -> Any:
         return namespace.asarray(numbers, dtype=original.dtype)
     if isinstance(original, list | tuple):
         sequence = cast("list[Any]", original)
+        if is_plain(sequence):
+            return _like_nested(sequence, numbers.tolist())
         pairs = zip(sequence, numbers, strict=True)
         return _like_sequence(sequence, [put_back(old, new) for old, new in pairs])
     return numbers.item()
+
+
+def _like_nested(original: Any, numbers: list[Any]) -> Any:
+    """Return nested lists of numbers as lists and tuples like those of `original`."""
+    if set(map(type, original)) & {list, tuple}:
+        pairs = zip(original, numbers, strict=True)
+        numbers = [_like_nested(old, new) for old, new in pairs]
+    return tuple(numbers) if type(original) is tuple else numbers
 
 
 def _like_scalar(dtype: Any, numbers: Numbers) -> Any:

@@ -8,7 +8,7 @@ from ..actions import Scaling
 from ..errors import LabelError
 from ..types import Size
 from .base import Format, Location, Move, RowFormat, check_unit, with_unit
-from .nested_numbers import Numbers, change_groups
+from .nested_numbers import Numbers, change_groups, read_groups
 
 _NOWHERE = (-1, -1)
 
@@ -67,14 +67,11 @@ def point_format(order: str, unit: int, visibility: bool = False) -> Format:
         return change_groups(value, width, lambda groups: map_rows(groups, move))
 
     def locate(value: Any, size: Size) -> list[Location]:
-        locations: list[Location] = []
-
-        def collect(groups: Numbers) -> Numbers:
-            locations.extend(locate_rows(groups, size))
-            return groups
-
-        change_groups(value, width, collect)
-        return locations
+        return [
+            location
+            for groups in read_groups(value, width)
+            for location in locate_rows(groups, size)
+        ]
 
     name = "xyv" if visibility else with_unit(order, unit)
     return Format(name, map_value, locate, rows=RowFormat(width, map_rows, locate_rows))

@@ -10,7 +10,7 @@ from hijack_data.cli.terminal import echo
 from hijack_data.errors import ParameterError
 from hijack_data.file_io import write_atomic
 
-from . import task_table, venv, version_2
+from . import venv
 
 
 def _venv_option(text: str):
@@ -46,6 +46,7 @@ def tasks(source: Path, out: Path, clean: bool) -> None:
 
     For a folder of OSWorld 2.0's tasks, rows that say what each needs (108 x 9 = 972).
     """
+    from . import task_table, version_2
     from .tasks import is_version_2, load
 
     if is_version_2(source):
@@ -87,6 +88,7 @@ def prefetch(
     interruption.
     """
     from . import prefetch as module
+    from . import task_table
     from .cache_files import list_cache_files
 
     tasks = task_table.read(source)
@@ -209,7 +211,7 @@ def check(
 
     Untouched they must score 0; solved, by a script or FAIL, 1.
     """
-    from . import run
+    from . import run, task_table
     from . import selftest as module
 
     groups = module.read_groups(feasibility) if feasibility else {}
@@ -244,6 +246,7 @@ def needs(source: Path, folder: Path, json_: bool, working: bool) -> int:
     OSWorld 2.0's tasks none can run, and the command says what they need.
     """
     from . import task_needs as module
+    from . import task_table, version_2
     from .run import checker
     from .tasks import is_version_2
 

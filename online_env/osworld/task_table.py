@@ -5,8 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, cast
 
-import hijack_data as hj
-from hijack_data.corruption import find_corruption
 from hijack_data.errors import ConfigError
 from hijack_data.file_io import write_atomic
 
@@ -18,9 +16,13 @@ CLEAN = "clean"
 
 def paper_nine() -> list[str]:
     """Return the names of the corruptions of the paper, in its order."""
+    from hijack_data import corruption
+
     home = "hijack_data.corruptions."
     return [
-        name for name in hj.corruption_names() if find_corruption(name).__module__.startswith(home)
+        name
+        for name in corruption.corruption_names()
+        if corruption.find_corruption(name).__module__.startswith(home)
     ]
 
 

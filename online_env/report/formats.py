@@ -3,15 +3,17 @@
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
+from hijack_data.entries import Lazy
 from hijack_data.errors import suggest
-from hijack_data.registry import Lazy
 
-from .document import ReportDocument
 from .model import ReportError
 
-ReportWriter: TypeAlias = Callable[[ReportDocument], str]
+if TYPE_CHECKING:
+    from .document import ReportDocument
+
+ReportWriter: TypeAlias = "Callable[[ReportDocument], str]"
 TERMINAL = "terminal"
 FORMATS: Mapping[str, str] = MappingProxyType(
     {
@@ -85,7 +87,7 @@ def choose_format(name: str | None, out: Path | None) -> str:
     return SUFFIXES[out.suffix.lower()]
 
 
-def write(document: ReportDocument, format: str) -> str:
+def write(document: "ReportDocument", format: str) -> str:
     """Return a document in one of the `FORMATS`; it ends with a line feed."""
     writer: ReportWriter = Lazy(FORMATS[format]).load()
     return writer(document).rstrip("\n") + "\n"

@@ -1,17 +1,14 @@
 """A gate for releases: scores that must not be too low, and a JUnit file for CI systems.
 
-`gate_options` gives a command the options `--fail-under` and `--junit`; `ReleaseGate.read` checks
-them before anything is run, and `ReleaseGate.conclude` judges a run.
+`ReleaseGate.read` checks the options of `gate_options` before anything is run, and
+`ReleaseGate.conclude` judges a run.
 """
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
-
-import click
 
 from hijack_data.cli.terminal import echo
 from hijack_data.errors import HijackError, ParameterError, UnknownNameError, shorten_list, suggest
@@ -21,22 +18,19 @@ from hijack_data.runs.own_files import refuse_own_file
 from ..results import scores
 from ..results.reading import Run
 from . import junit
+from .gate_options import (
+    CLEAN_FIRST,
+    EXAMPLE,
+    KNOWN,
+    OF_AGENT,
+    OPTION,
+    OVER_CORRUPTIONS,
+    PAIRED,
+    RETENTION_LOW,
+)
 from .named_scores import REFERENCE_AGENTS
 from .unplayable import counted_records
 
-Command = TypeVar("Command", bound=Callable[..., Any])
-OPTION = "--fail-under"
-EXAMPLE = f"such as {OPTION} retention=0.8 or {OPTION} success.network_error=0.5"
-# Scores of one condition (NAME.CORRUPTION), which are columns of the report's table. Without a
-# condition the first two are those of the clean one, the others are over all corrupted cases.
-RETENTION_LOW = "retention_low"  # the lower end of the interval of the retention
-OF_CONDITION = ("success", "ci_low", "retention", RETENTION_LOW, "delta")
-CLEAN_FIRST = ("success", "ci_low")
-PAIRED = ("retention", RETENTION_LOW, "delta")  # with the clean condition
-# Scores of an agent, by their names in its summary.
-OF_AGENT = {"average": "paper_average", "corrupted": "corrupted", "worst": "worst_success"}
-OVER_CORRUPTIONS = ("corrupted", "worst")
-KNOWN = (*OF_CONDITION, *OF_AGENT)
 ROUNDING = 1e-9  # tolerance for rounding errors in sums of scores
 
 
@@ -102,30 +96,6 @@ class GateVerdict:
             value = repr(self.value)
             least = repr(self.gate.least)
         return f"{score_name} is {value}, below {least}"
-
-
-def gate_options(command: Command) -> Command:
-    """Decorator: give a click command the options of a gate.
-
-    They come as `fail_under`, a tuple of texts, and `junit`, a path or `None`.
-    """
-    file = click.option(
-        "--junit",
-        type=click.Path(dir_okay=False, path_type=Path),
-        metavar="FILE",
-        help="Write a JUnit XML: a test case for each episode and each --fail-under.",
-    )
-    gates = click.option(
-        OPTION,
-        "fail_under",
-        multiple=True,
-        metavar="SCORE=X",
-        help=(
-            "Exit with 1 if a score of an agent is below X (a share, 0 to 1); may be repeated."
-            f" SCORE: {', '.join(KNOWN)}, success.CORRUPTION, AGENT:SCORE."
-        ),
-    )
-    return gates(file(command))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,5 +1,7 @@
 """`hijack report`, `compare`, `gate` and `leaderboard`.
 
+A command imports what it needs when it runs: `--help` answers at once.
+
 Exit codes: 0 done, 1 something of the run is missing, invalid, failed or damaged, or a score is too
 low, 2 bad usage or a run that cannot be reported, 3 the disk is full or fails.
 """
@@ -9,27 +11,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from hijack_data.choices import CLEAN
 from hijack_data.cli.completion import complete
 from hijack_data.cli.options import BriefCommand, FiniteRange
 from hijack_data.cli.terminal import console, echo
 from hijack_data.file_io import make_folder, write_atomic
-from hijack_data.plan import CLEAN
 from hijack_data.runs.own_files import refuse_own_file
 from hijack_data.runs.run_log import EPISODES, RUN, find_run
 
-from ..report.gate import ReleaseGate, gate_options
-from ..results import reading
-from ..results.outcomes import FIELDS, READERS, collect_run, is_result, parse_columns
-from ..results.reading import Run
-from ..results.scores import COLUMNS
-from . import terminal
-from .build import build_report, load_report
-from .comparison import compare_runs
-from .document import ReportDocument
+from ..results.outcomes import FIELDS, READERS
 from .formats import (
     COMPARISON,
     FORMATS,
@@ -40,11 +34,13 @@ from .formats import (
     choose_format,
     write,
 )
-from .further_tests import MARGIN
-from .identity import agent_names, corruptions_by_label
-from .model import ReportError, RunReport
-from .outcome import exit_code, missing_line
-from .paper import compare_with_paper
+from .gate_options import gate_options
+from .model import ReportError
+
+if TYPE_CHECKING:
+    from ..results.reading import Run
+    from .document import ReportDocument
+    from .model import RunReport
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -122,6 +118,12 @@ def report(
     others: tables, logs of Inspect, folders of OSWorld, Harbor, AgentLab or cua-bench, trajectories
     in ATIF. Several of others are one report.
     """
+    from ..results.outcomes import collect_run, parse_columns
+    from ..results.scores import COLUMNS
+    from . import terminal
+    from .build import build_report, load_report
+    from .further_tests import MARGIN
+
     foreign = {"--from": reader, "--columns": columns, "--clean": clean}
     stated = [name for name, value in foreign.items() if value]
     stated += ["--common-tasks"] * common_tasks + ["--unpaired"] * unpaired
@@ -199,6 +201,10 @@ def compare_command(
     as_json: bool,
 ) -> None:
     """Compare a run case by case with an earlier one: hijack compare runs/new runs/old."""
+    from .build import build_report
+    from .comparison import compare_runs
+    from .document import ReportDocument
+
     for folder in (runs, earlier):
         if folder.is_file():
             raise ReportError(f"{folder} is a finished report; give the folders of runs")
@@ -221,6 +227,8 @@ def compare_command(
 @gate_options
 def gate(runs: Path, fail_under: tuple[str, ...], junit: Path | None) -> None:
     """Exit with 1 if a score is too low: hijack gate RUNS --fail-under retention=0.8."""
+    from .gate import ReleaseGate
+
     if not fail_under and junit is None:
         raise click.UsageError("say what is too low: --fail-under SCORE=X")
     if runs.is_file():
@@ -266,6 +274,8 @@ def leaderboard_command(folder: Path, out: Path | None, space: Path | None) -> N
 
 def _is_own(source: Path) -> bool:
     """Return whether a source is a run of this library or a finished report, or is not there."""
+    from ..results.outcomes import is_result
+
     if source.is_dir():
         folder = find_run(source)
         return (folder / RUN).exists() or (folder / EPISODES).is_dir()
@@ -283,13 +293,15 @@ def _format(format_name: str | None, out: Path | None, beside: Sequence[str]) ->
     return format
 
 
-def _read(folder: Path, seeds: int | None = None) -> Run:
+def _read(folder: Path, seeds: int | None = None) -> "Run":
     """Read a run that has episodes, of all seeds or of the first ones.
 
     Raises:
         ReportError: it has none.
         RunError: it has no such seeds.
     """
+    from ..results import reading
+
     run = reading.read(folder)
     if seeds is not None:
         run = reading.with_first_seeds(run, seeds)
@@ -305,27 +317,36 @@ def _read(folder: Path, seeds: int | None = None) -> Run:
     return run
 
 
-def _agents_and_labels(run: Run) -> tuple[list[str], list[str]]:
+def _agents_and_labels(run: "Run") -> tuple[list[str], list[str]]:
     """Return the agents and the conditions of a run; a log without a head has those it played."""
+    from .identity import agent_names, corruptions_by_label
+
     agents = [*agent_names(run.config), *(record["agent"] for record in run.records)]
     labels = [*corruptions_by_label(run.config), *(record["corruption"] for record in run.records)]
     return list(dict.fromkeys(agents)), list(dict.fromkeys(labels))
 
 
-def _finish(run: Run) -> int:
+def _finish(run: "Run") -> int:
     """Print on standard error what is missing, and return the exit code."""
+    from .outcome import exit_code, missing_line
+
     if run.missing:
         echo(f"hijack: {run.folder}: {missing_line(run)}", err=True)
     return exit_code(run)
 
 
-def _document(report: RunReport, *, paper: bool, full: bool) -> ReportDocument:
+def _document(report: "RunReport", *, paper: bool, full: bool) -> "ReportDocument":
+    from .document import ReportDocument
+    from .paper import compare_with_paper
+
     beside = compare_with_paper(report) if paper else None
     return ReportDocument(report=report, paper=beside, full=full)
 
 
-def _write(document: ReportDocument, format: str, out: Path | None) -> None:
+def _write(document: "ReportDocument", format: str, out: Path | None) -> None:
     if format == TERMINAL and out is None:
+        from . import terminal
+
         terminal.show_document(document, console())
         return
     _output(write(document, format), out)

@@ -15,9 +15,9 @@ from typing import Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from hijack_data.choices import CLEAN
+from hijack_data.entries import Lazy
 from hijack_data.errors import HijackError, quantity, shorten_list, suggest
-from hijack_data.plan import CLEAN
-from hijack_data.registry import Lazy
 
 from .episode_columns import EpisodeColumns, OutcomeColumns
 from .reading import Run

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
-from hijack_data.corruption import CORRUPTIONS, find_corruption
-from hijack_data.plan import CLEAN
+from hijack_data.choices import CLEAN
 
 from .episode_columns import CellEpisodes, CellKey, CellScores, EpisodeColumns, PairKey
 from .record_score import counts as counts
@@ -263,6 +262,8 @@ def count_unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, s
 @lru_cache(maxsize=4)
 def _acting_labels(corruptions: tuple[tuple[str, str], ...]) -> frozenset[str]:
     """Return the labels, of labels and names, whose corruption acts on machine or input."""
+    from hijack_data.corruption import CORRUPTIONS, find_corruption
+
     types = {name: find_corruption(name) for name in CORRUPTIONS.names()}
     acting = {name for name, kind in types.items() if kind.effects or kind.inputs}
     return frozenset(label for label, name in corruptions if name in acting)

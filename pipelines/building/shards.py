@@ -8,7 +8,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -238,15 +238,25 @@ def records_hash(trajectories: Iterable[Trajectory], root: Path) -> str:
     """Return a hash of everything in trajectories, and of the sizes of their pictures."""
     digest = hashlib.sha256()
     for trajectory in trajectories:
-        data = asdict(replace(trajectory, steps=()))
+        data = _fields(trajectory)
         data.pop("episode", None)  # it decides the file of a trajectory, not its rows
         if data.get("screen", "") is None:
             del data["screen"]
-        data["steps"] = [
-            asdict(replace(step, image=_image_name(step, root))) for step in trajectory
-        ]
-        digest.update(json.dumps(data, sort_keys=True, allow_nan=False).encode())
+        data["steps"] = [{**_fields(step), "image": _image_name(step, root)} for step in trajectory]
+        text = json.dumps(data, sort_keys=True, allow_nan=False, default=_fields)
+        digest.update(text.encode())
     return digest.hexdigest()
+
+
+def _fields(value: Any) -> dict[str, Any]:
+    """Return the fields of a dataclass; those inside it follow when JSON is written of them.
+
+    Raises:
+        TypeError: the value is no dataclass, and so no part of a record.
+    """
+    if not is_dataclass(value):
+        raise TypeError(f"{type(value).__name__} cannot be part of a record")
+    return {field.name: getattr(value, field.name) for field in fields(value)}
 
 
 def _image_name(step: Step, root: Path) -> str:

@@ -4,6 +4,7 @@ import json
 import os
 from collections.abc import Callable
 from difflib import get_close_matches
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -322,6 +323,7 @@ def read_apps(record: JsonObject) -> tuple[str, ...]:
     return tuple(fields.storable(name, "apps") for name in names)
 
 
+@lru_cache(1024)  # the lines of a file have the same names
 def _meant(name: str, field_names: tuple[str, ...]) -> str | None:
     synonym = OTHER_NAMES.get(name.lower())
     if synonym in field_names:

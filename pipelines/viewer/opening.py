@@ -2,15 +2,18 @@
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hijack_data.runs.run_log import EPISODES, RUN, find_run
 
 from ..errors import DatasetError
-from .dataset_source import DatasetSource
-from .runs import RunSource
+
+if TYPE_CHECKING:
+    from .dataset_source import DatasetSource
+    from .runs import RunSource
 
 
-def open_source(folder: str | os.PathLike[str]) -> DatasetSource | RunSource:
+def open_source(folder: str | os.PathLike[str]) -> "DatasetSource | RunSource":
     """Open a dataset or a run.
 
     Raises:
@@ -28,4 +31,10 @@ def open_source(folder: str | os.PathLike[str]) -> DatasetSource | RunSource:
         raise DatasetError(
             f"{path}: not a usable path ({getattr(error, 'strerror', None) or error})"
         ) from None
-    return RunSource(path) if is_run else DatasetSource(path)
+    if is_run:
+        from .runs import RunSource
+
+        return RunSource(path)
+    from .dataset_source import DatasetSource
+
+    return DatasetSource(path)

@@ -8,7 +8,7 @@ import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 from urllib.parse import parse_qsl
 
 from hijack_data.cache import Cache
@@ -16,11 +16,13 @@ from hijack_data.errors import HijackError
 from hijack_data.gallery.markup import Html
 
 from . import json_answers
-from .dataset_source import DatasetSource
 from .page_files import RUN_SCRIPTS, page_file, run_page
 from .picture_cache import CACHE_BYTES, Pictures, cached_bytes, thumbnail
 from .runs import RunSource
 from .runs.export import MAX_PAGE_EPISODES, export_page
+
+if TYPE_CHECKING:
+    from .dataset_source import DatasetSource
 
 STRIP_SIDE_PX = 240  # pixels of the longest side of a picture in the strip of steps
 _ROW_PICTURE = re.compile(r"/(thumb|picture|before)/([0-9]{1,9})")
@@ -59,7 +61,7 @@ class Pages(Protocol):
 class RowPages:
     """The page of a dataset."""
 
-    def __init__(self, source: DatasetSource) -> None:
+    def __init__(self, source: "DatasetSource") -> None:
         self.title = source.title
         self.description = f"{len(source.index)} rows ({source.facts})"
         self._source = source
@@ -142,7 +144,7 @@ class RunPages:
         return ViewerAnswer(page.encode(), "text/html", {"Content-Disposition": disposition})
 
 
-def make_pages(source: DatasetSource | RunSource) -> Pages:
+def make_pages(source: "DatasetSource | RunSource") -> Pages:
     """Return the pages of an open folder."""
     return RunPages(source) if isinstance(source, RunSource) else RowPages(source)
 

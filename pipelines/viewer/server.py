@@ -12,14 +12,16 @@ import sys
 from collections.abc import Callable, Mapping
 from http.cookies import CookieError, SimpleCookie
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 from urllib.parse import parse_qs
 
 from hijack_data.errors import HijackError
 
-from .dataset_source import DatasetSource
 from .routes import make_pages
-from .runs import RunSource
+
+if TYPE_CHECKING:
+    from .dataset_source import DatasetSource
+    from .runs import RunSource
 
 HOSTS = ("127.0.0.1", "localhost")
 IDLE_SECONDS = 60
@@ -48,7 +50,7 @@ class ViewServer(ThreadingHTTPServer):
 
     daemon_threads = True
 
-    def __init__(self, source: DatasetSource | RunSource, port: int = 0) -> None:
+    def __init__(self, source: "DatasetSource | RunSource", port: int = 0) -> None:
         self.pages = make_pages(source)
         self.token = secrets.token_urlsafe(16)
         try:
@@ -135,7 +137,7 @@ def _is_equal(value: str, token: str) -> bool:
     return hmac.compare_digest(value.encode("utf-8", "replace"), token.encode())
 
 
-def serve(source: DatasetSource | RunSource, port: int, say: Callable[[str], object]) -> None:
+def serve(source: "DatasetSource | RunSource", port: int, say: Callable[[str], object]) -> None:
     """Serve the page until Ctrl-C; `say` is called with the address."""
     with ViewServer(source, port) as server:
         pages = server.pages

@@ -354,6 +354,16 @@ def test_torch_compile_runs_it_outside_of_the_graph():
     assert torch.equal(compiled(sample)["image"], tr.Marks(seed=3)(sample)["image"])
 
 
+def test_torch_compile_applies_each_plan_that_it_is_given():
+    def brightness(plan, picture):
+        return hj.apply(plan, picture).float().mean()
+
+    compiled = torch.compile(brightness, backend="eager")
+    for seed in range(3):
+        plan = hj.Marks(number=3).plan(hj.Scene((60, 80)), seed=seed, sample="a")
+        assert compiled(plan, tensor((60, 80))) == brightness(plan, tensor((60, 80)))
+
+
 # --- epochs
 
 

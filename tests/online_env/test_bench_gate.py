@@ -12,7 +12,8 @@ from lxml import etree
 
 from hijack_data.errors import HijackError, ParameterError, UnknownNameError
 from hijack_data.runs.run_log import row_slug
-from online_env.report.gate import ReleaseGate, ScoreGate, gate_options
+from online_env.report.gate import ReleaseGate, ScoreGate
+from online_env.report.gate_options import gate_options
 from online_env.results import records, scores
 
 AGENTS = ("oracle", "my.py:Mine")

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
+from hijack_data.choices import CLEAN
 from hijack_data.errors import short_repr, shorten_list, suggest
-from hijack_data.plan import CLEAN
 
 from ...extra import require
 from ..outcomes import EpisodeOutcome, OutcomeError

@@ -6,7 +6,8 @@ from typing import Any
 from hijack_data.plan import CLEAN
 
 from ...readers.fields import listed
-from .listing import OUTCOMES, EpisodeEntry, word
+from .episode_entry import OUTCOMES, EpisodeEntry
+from .listing import word
 
 TEXTS = (
     "agent",

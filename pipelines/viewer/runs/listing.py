@@ -8,6 +8,7 @@ import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,68 +20,23 @@ from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, RUN, VERSION, s
 from ...errors import DatasetError
 from ...readers.fields import FieldError, mapping
 from ...readers.safe_files import parse, parse_file
+from . import listing_index
+from .episode_entry import (
+    AGENT_ERROR,
+    FAILURE,
+    INVALID,
+    MACHINE_ERROR,
+    PARTIAL,
+    SUCCESS,
+    UNFINISHED,
+    UNREADABLE,
+    EpisodeEntry,
+)
 
-SUCCESS = "success"
-PARTIAL = "partial"
-FAILURE = "failure"
-AGENT_ERROR = "agent error"
-MACHINE_ERROR = "machine error"
-INVALID = "invalid"
-UNFINISHED = "unfinished"
-UNREADABLE = "unreadable"
-# In the order in which the page lists them.
-OUTCOMES = (SUCCESS, PARTIAL, FAILURE, AGENT_ERROR, MACHINE_ERROR, INVALID, UNFINISHED, UNREADABLE)
 MAX_SAID_CHARS = 160  # characters of the agent's last words that are searched
 MAX_NOTE_CHARS = 300  # characters of the reason for an episode's end that the list shows
 REQUIRED_FIELDS = ("agent", "task", "corruption", "status", "id")
 _ID = re.compile(rb'"id": ?"([^"\\]{1,200})"')
-
-
-@dataclass(kw_only=True, slots=True)
-class EpisodeEntry:
-    """The entry of an episode in the list.
-
-    Args:
-        id: that of the episode; empty if it is not known.
-        agent: its name.
-        task: its id.
-        corruption: its label.
-        seed: of the corruption, and of the task where that is another, as text.
-        attempt: from 0.
-        outcome: one of `OUTCOMES`.
-        score: 0..1, or `None`.
-        steps: actions that the agent took.
-        seconds: how long it took.
-        tokens: read and written by models.
-        usd: what they cost.
-        instruction: of the task.
-        note: why it ended as it did.
-        said: the agent's last words, cut off.
-        number: of its line in the journal, from 1; 0 if it has none.
-        counts: whether the report counts it.
-        problem: what is wrong with the files, or "".
-        given: what the agent was given beside instruction and pictures, in words; "" for nothing.
-    """
-
-    id: str
-    agent: str = ""
-    task: str = ""
-    corruption: str = ""
-    seed: str = ""
-    attempt: int = 0
-    outcome: str = UNREADABLE
-    score: float | None = None
-    steps: int | None = None
-    seconds: float | None = None
-    tokens: int | None = None
-    usd: float | None = None
-    instruction: str = ""
-    note: str = ""
-    said: str = ""
-    number: int = 0
-    counts: bool = False
-    problem: str = ""
-    given: str = ""
 
 
 @dataclass(kw_only=True)
@@ -88,8 +44,13 @@ class RunListing:
     """All episodes of a folder, and the problems of the journal as a whole."""
 
     entries: list[EpisodeEntry]
-    lines: list[bytes]
+    journal: bytes
     problems: list[str]
+
+    @cached_property
+    def lines(self) -> list[bytes]:
+        """The lines of the journal."""
+        return self.journal.split(b"\n")
 
 
 def read_listing(folder: Path, head: bytes) -> RunListing:
@@ -103,15 +64,14 @@ def read_listing(folder: Path, head: bytes) -> RunListing:
     Raises:
         DatasetError: the folder of the episodes cannot be read.
     """
-    lines = _lines(folder)
-    listing = RunListing(entries=[], lines=[], problems=[])
-    if lines is not None:
-        listing.lines = lines
-        _read_journal(folder, listing, head)
+    journal = _read_records(folder)
+    listing = RunListing(entries=[], journal=journal or b"", problems=[])
+    if journal is not None:
+        _read_indexed_journal(folder, listing, head)
     listed = {entry.id for entry in listing.entries}
     for name in _episode_folders(folder):
         if name not in listed:
-            listing.entries.append(_from_folder(folder, name, lines is not None))
+            listing.entries.append(_from_folder(folder, name, journal is not None))
     return listing
 
 
@@ -221,16 +181,36 @@ def _score_problem(record: Mapping[str, Any], outcome: str) -> str:
     return f"status {short_repr(record.get('status'))} is none of ok, invalid, error"
 
 
-def _lines(folder: Path) -> list[bytes] | None:
-    """Return the lines of the journal; `None` if there is none."""
+def _read_records(folder: Path) -> bytes | None:
+    """Return the journal; `None` if there is none."""
     try:
-        return read_regular(folder / RECORDS).split(b"\n")
+        return read_regular(folder / RECORDS)
     except OSError:
         return None
 
 
-def _read_journal(folder: Path, listing: RunListing, before: bytes) -> None:
-    """Add the entries of the journal; its first line must name the hash of `before`, if any."""
+def _read_indexed_journal(folder: Path, listing: RunListing, head: bytes) -> None:
+    """Add the entries of the journal, of a large one from its index if it has one."""
+    if len(listing.journal) < listing_index.MIN_JOURNAL_BYTES:
+        _read_journal(folder, listing, head)
+        return
+    path = listing_index.index_path(listing.journal, head)
+    known = listing_index.read_index(path)
+    if known is not None:
+        listing.entries, listing.problems = known
+        return
+    is_whole = _read_journal(folder, listing, head)
+    if is_whole:
+        listing_index.write_index(path, listing.entries, listing.problems)
+
+
+def _read_journal(folder: Path, listing: RunListing, before: bytes) -> bool:
+    """Add the entries of the journal; its first line must name the hash of `before`, if any.
+
+    Returns:
+        Whether all lines could be read: the entry of another one may come from its folder.
+    """
+    is_whole = True
     last: EpisodeEntry | None = None
     first_lines: dict[str, int] = {}  # the lines that episodes are on
     for place, line in enumerate(listing.lines, 1):
@@ -241,6 +221,7 @@ def _read_journal(folder: Path, listing: RunListing, before: bytes) -> None:
             record = mapping(parse(line), "")
             entry = _checked_entry(record)
         except FieldError as error:
+            is_whole = False
             entry = _damaged_entry(folder, line, f"line {place} of {RECORDS}: {error}")
         if before and record:  # a head that cannot be read links to nothing
             _check_link(record, before, last, listing.problems)
@@ -257,6 +238,7 @@ def _read_journal(folder: Path, listing: RunListing, before: bytes) -> None:
             listing.entries.append(entry)
         else:
             listing.problems.append(entry.problem)
+    return is_whole
 
 
 def _checked_entry(record: Mapping[str, Any]) -> EpisodeEntry:

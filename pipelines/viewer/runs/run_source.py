@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from hijack_data.cache import Cache
 from hijack_data.errors import HijackError, quantity
@@ -12,14 +12,15 @@ from hijack_data.types import UInt8Array
 
 from ...dataset.image_codec import encode
 from ...errors import DatasetError
-from ...proof.run_checks.episode import EpisodeReplay, check_episode
-from ...proof.run_checks.journal import Journal
 from ...readers.fields import FieldError, mapping
 from ...readers.safe_files import parse, parse_file
 from .entry_columns import columns
 from .episode import EpisodeLines, episode_data, picture_file, read_lines, read_picture
-from .listing import EpisodeEntry, read_listing
-from .scored_rows import ScoredRows
+from .episode_entry import EpisodeEntry
+from .listing import read_listing
+
+if TYPE_CHECKING:
+    from .scored_rows import ScoredRows
 
 MAX_CACHED_EPISODES = 16
 MAX_PROBLEMS = 40
@@ -46,10 +47,12 @@ class RunSource:
         listing = read_listing(folder, content)
         self.entries: list[EpisodeEntry] = listing.entries
         self.problems += listing.problems
-        self._journal = listing.lines
+        self._listing = listing
         self._scored: ScoredRows | None = None
         if self.config.get("kind") == SCORE_RUN:
-            self._scored = ScoredRows(str(self.config.get("source") or ""), folder)
+            from . import scored_rows
+
+            self._scored = scored_rows.ScoredRows(str(self.config.get("source") or ""), folder)
             if self._scored.problem:
                 self.problems.append(self._scored.problem)
         # bounded by their number: every episode counts as one byte
@@ -118,6 +121,9 @@ class RunSource:
         Raises:
             HijackError: there is no such episode.
         """
+        from ...proof.run_checks.episode import EpisodeReplay, check_episode
+        from ...proof.run_checks.journal import Journal
+
         entry = self._entry(number)
         home = self.folder / EPISODES / entry.id
         if self._scored is not None or not entry.id or not home.is_dir():
@@ -166,7 +172,7 @@ class RunSource:
         if not entry.number:
             return {}
         try:
-            return mapping(parse(self._journal[entry.number - 1]), "")
+            return mapping(parse(self._listing.lines[entry.number - 1]), "")
         except FieldError:
             return {}
 

@@ -1,6 +1,7 @@
 """`hijack view` reads runs: a list of episodes, one episode, its pictures."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from hijack_data.errors import HijackError
 from hijack_data.runs.run_log import VERSION
 from pipelines.errors import DatasetError
 from pipelines.viewer.opening import open_source
-from pipelines.viewer.runs import RunSource
+from pipelines.viewer.runs import RunSource, listing, listing_index
 from pipelines.viewer.runs.action_strokes import parse_strokes
 
 from support.edited_runs import read_lines, write_lines
@@ -233,3 +234,28 @@ def test_numbers_that_json_has_not_do_no_harm(harmed: Path) -> None:
     data = source.episode(number_of(source, MARKS))
     json.dumps(data, allow_nan=False)
     assert (data["steps"][0]["seconds"], data["steps"][0]["boxes"]) == ({}, [])
+
+
+def test_an_index_gives_what_the_journal_gives_until_the_journal_changes(
+    played: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = tmp_path / "run"
+    shutil.copytree(played, run)
+    cache = tmp_path / "cache"
+    monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
+    read_once = run_of(run).about()
+    assert not list(cache.rglob("*.json"))  # a small journal is read faster without
+    monkeypatch.setattr(listing_index, "MIN_JOURNAL_BYTES", 0)
+    assert run_of(run).about() == read_once
+    (index,) = cache.rglob("*.json")
+    with monkeypatch.context() as patch:
+        patch.setattr(listing, "_read_journal", None)  # whoever reads it now fails
+        assert run_of(run).about() == read_once
+    lines = read_lines(run / "records.jsonl")
+    lines[0]["score"] = 0.25
+    write_lines(run / "records.jsonl", lines)
+    assert run_of(run).about()["numbers"]["score"][0] == 0.25
+    (newer,) = set(cache.rglob("*.json")) - {index}
+    for damage in (b"", b"{}", b"[]", newer.read_bytes()[:-9]):
+        newer.write_bytes(damage)
+        assert run_of(run).about()["numbers"]["score"][0] == 0.25
