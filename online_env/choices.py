@@ -17,3 +17,4 @@ Question: TypeAlias = Literal["steps", "reminders", "summaries"]
 QUESTIONS: tuple[Question, ...] = get_args(Question)
 NEAR_PIXELS = 32.0  # how far a point may be off where no box is known
 ROW_TIMEOUT_S = 120.0  # s that an agent has for a row
+CONFIDENCE = 0.95  # of the one-sided bound of a certificate

@@ -279,7 +279,9 @@ def _add_losses(history: History, records: Sequence[ResultRecord]) -> None:
             continue
         cases = scores.pairs(cells.get((agent, CLEAN), {}), cell)
         for clean, corrupted, task in zip(*cases, strict=True):
-            losses.setdefault((agent, label), {}).setdefault(task, []).append(corrupted - clean)
+            losses.setdefault((agent, label), {}).setdefault(str(task), []).append(
+                corrupted - clean
+            )
 
 
 def _sizes(folder: Path, records: Sequence[ResultRecord]) -> Iterator[float]:

@@ -166,7 +166,7 @@ def check_corruptions(
         UnknownNameError: An effect is of an unknown kind.
     """
     for planner in planners:
-        Script(planner, 0, "", (), desktop.size).check(steps, desktop, layer)
+        Script(planner, 0, "", (), desktop.size).check(steps, desktop, layer=layer)
 
 
 def _acts(plan: Plan) -> bool:

@@ -18,6 +18,7 @@ from hijack_data.file_io import read_versioned_json
 from hijack_data.plan import CLEAN
 from hijack_data.runs.run_log import RECORDS, file_digest, sha256_hex
 
+from ..choices import CONFIDENCE
 from ..extra import require
 from ..results.mean_bounds import clopper_pearson_lower, gaffke_retention_bound
 from ..results.reading import Run
@@ -30,7 +31,6 @@ from .unplayable import counted_records
 
 FORMAT = "agenthijack-certificate"
 VERSION = 1
-CONFIDENCE = 0.95
 DIGITS = 4  # of the bound, which is rounded down
 WEIGHT_DIGITS = 9
 CLOPPER_PEARSON = "clopper-pearson"

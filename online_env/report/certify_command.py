@@ -15,8 +15,7 @@ from hijack_data.errors import ParameterError
 from hijack_data.file_io import make_folder, write_atomic
 from hijack_data.runs.own_files import refuse_own_file
 
-from ..results import reading
-from .certificate import CONFIDENCE, certify
+from ..choices import CONFIDENCE
 
 
 @click.command("certify")
@@ -63,6 +62,9 @@ def certify_command(
     retention: float | None,
 ) -> None:
     """Certify how much of its clean success an agent keeps: hijack certify RUNS -o FILE.json."""
+    from ..results import reading
+    from .certificate import certify
+
     certificate = certify(
         reading.read(runs),
         agent=agent,

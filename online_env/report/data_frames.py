@@ -11,7 +11,8 @@ from hijack_data.errors import suggest
 from hijack_data.plan import CLEAN
 
 from ..extra import require
-from ..results.outcomes import FIELDS, OutcomeError, collect_run
+from ..results.outcome_formats import FIELDS
+from ..results.outcomes import OutcomeError, collect_run
 from .build import build_report
 from .conclusions import conclude
 from .document import ReportDocument

@@ -3,7 +3,7 @@
 A task is one case in all of them, with the mean of its seeds.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -243,7 +243,7 @@ def _values(
     return {case: value for case, value in values.items() if value is not None}
 
 
-def _task_means(values: Sequence[float], tasks: Sequence[str]) -> Floats64:
+def _task_means(values: Sequence[float], tasks: Sequence[Hashable]) -> Floats64:
     """Return the mean of each task, float64 `[tasks]`, in the order of first appearance."""
     if isinstance(tasks, np.ndarray):
         numbers = np.unique(tasks, return_inverse=True)[1]

@@ -15,8 +15,6 @@ from hijack_data.file_io import check_versioned
 from hijack_data.runs.amounts import MAX_AMOUNT
 from hijack_data.runs.run_log import GIVEN_KINDS
 
-from ..results.scores import worst_labels
-
 FORMAT = "agenthijack-report"
 VERSION = 1
 T = TypeVar("T")
@@ -431,6 +429,8 @@ class RunReport:
 
     def worst_corruptions(self, agent: str) -> tuple[str, ...]:
         """The labels under which an agent does worst; none if none is worse than another."""
+        from ..results.scores import worst_labels  # numpy: `hijack report --help` does without it
+
         cells = [cell for cell in self.cells if cell.agent == agent]
         success = {cell.corruption: cell.success for cell in cells if cell.success is not None}
         return worst_labels(success)

@@ -23,7 +23,7 @@ from hijack_data.file_io import make_folder, write_atomic
 from hijack_data.runs.own_files import refuse_own_file
 from hijack_data.runs.run_log import EPISODES, RUN, find_run
 
-from ..results.outcomes import FIELDS, READERS
+from ..results.outcome_formats import FIELDS, READERS
 from .formats import (
     COMPARISON,
     FORMATS,
@@ -84,7 +84,7 @@ def _output_options(command: Command) -> Command:
     "--from",
     "reader",
     metavar="NAME",
-    shell_complete=complete("online_env.results.outcomes:READERS"),
+    shell_complete=complete("online_env.results.outcome_formats:READERS"),
     help=f"Format of others: {', '.join(READERS)}.",
 )
 @click.option(

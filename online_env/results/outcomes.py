@@ -20,23 +20,12 @@ from hijack_data.entries import Lazy
 from hijack_data.errors import HijackError, quantity, shorten_list, suggest
 
 from .episode_columns import EpisodeColumns, OutcomeColumns
+from .outcome_formats import FIELDS, READERS
 from .reading import Run
 
 TaskNumbers: TypeAlias = npt.NDArray[np.integer]
 
 RESULTS = "results"  # the kind of a run that was made of outcomes
-FIELDS = ("task", "condition", "agent", "score", "seed")
-READERS: Mapping[str, str] = MappingProxyType(
-    {
-        "table": "online_env.results.outcome_readers.table:TableReader",
-        "inspect": "online_env.results.outcome_readers.inspect_log:InspectReader",
-        "harbor": "online_env.results.outcome_readers.harbor:HarborReader",
-        "agentlab": "online_env.results.outcome_readers.agentlab:AgentLabReader",
-        "cua_bench": "online_env.results.outcome_readers.cua_bench:CuaBenchReader",
-        "atif": "online_env.results.outcome_readers.atif:AtifReader",
-        "osworld": "online_env.results.outcome_readers.osworld:OSWorldReader",
-    }
-)
 
 
 class OutcomeError(HijackError, ValueError):

@@ -1,1 +1,1 @@
-"""Readers of results: one file a format; `outcomes.READERS` names them."""
+"""Readers of results: one file a format; `outcome_formats.READERS` names them."""

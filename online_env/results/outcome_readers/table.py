@@ -13,7 +13,8 @@ from hijack_data.errors import short_repr, suggest
 from hijack_data.plan import CLEAN
 
 from ...extra import require
-from ..outcomes import FIELDS, OutcomeBatch, OutcomeError
+from ..outcome_formats import FIELDS
+from ..outcomes import OutcomeBatch, OutcomeError
 
 _REQUIRED = ("task", "score")
 _NO_SCORE = ("", "none", "null", "n/a", "na")
