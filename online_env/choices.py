@@ -10,8 +10,8 @@ Recovery: TypeAlias = Literal["none", "repair", "reset"]
 POLICIES: tuple[Recovery, ...] = get_args(Recovery)
 ErrorOrder: TypeAlias = Literal["before_setup", "after_setup"]
 ERROR_ORDERS: tuple[ErrorOrder, ...] = get_args(ErrorOrder)
-Layer: TypeAlias = Literal["picture", "dom"]
-LAYERS: tuple[Layer, ...] = get_args(Layer)
+DrawingLayer: TypeAlias = Literal["picture", "dom"]
+LAYERS: tuple[DrawingLayer, ...] = get_args(DrawingLayer)
 # What `hijack score` asks: the step, whether a reminder is needed, or what happened.
 Question: TypeAlias = Literal["steps", "reminders", "summaries"]
 QUESTIONS: tuple[Question, ...] = get_args(Question)

@@ -52,6 +52,7 @@ COMMANDS_WITHOUT_ONLINE = {
     "bench embedded_small --out {out}/run": LACKS,
     "serve embedded_small --dry-run": "serve",
     "mcp --browser": "mcp",
+    "browser --help": WORKS,
     "compare {run} {run}": LACKS,
     "certify {run}": LACKS,
     "gate {run} --fail-under success=0": WORKS,

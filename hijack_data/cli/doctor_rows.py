@@ -19,6 +19,7 @@ PURPOSES = {
     "online": "live desktops, benchmarks, their agents",
     "agents": "models behind APIs as agents",
     "inspect": "benchmarks as tasks of Inspect",
+    "mcp": "episodes for any MCP client",
     "agent-s": "Agent S3, in an environment of its own",
     "cua": "cua-agent, in an environment of its own",
     "serve": "desktops behind an OpenEnv server",

@@ -5,7 +5,7 @@ A test compares each line with the command's own docstring.
 
 SECTIONS = {
     "Corruptions": {
-        "list": "List all corruptions, the paper's nine first.",
+        "list": "List all corruptions: the paper's nine, plug-ins, the set everyday.",
         "show": "Show one corruption: its parameters, defaults, ranges and severity levels.",
         "demo": "Corrupt screens, build a dataset, corrupt a live desktop.",
         "apply": "Corrupt one picture, or all of a folder.",

@@ -39,7 +39,7 @@ from ..agents.guards import is_file
 from ..agents.makers import FileAgentMaker
 from ..agents.references import AgentReference
 from ..agents.registry import AGENTS
-from ..choices import ERROR_ORDERS, LAYERS, POLICIES, ErrorOrder, Layer, Recovery
+from ..choices import ERROR_ORDERS, LAYERS, POLICIES, DrawingLayer, ErrorOrder, Recovery
 from ..results.stop_rule import StopRule
 from ..tasks import TASKS, Task, families, task_sets
 from ..tasks.machines import MachineSettings
@@ -132,7 +132,7 @@ class Bench:
     recovery: Recovery = "none"
     environment_errors: ErrorOrder = "before_setup"
     text_boxes: bool = False
-    layer: Layer = "picture"
+    layer: DrawingLayer = "picture"
     retries: int = 1
     agent_timeout: int = 600
     episode_timeout: int = 3600

@@ -95,10 +95,10 @@ class ShownPage:
         self._hand.press(*keys)
 
 
-Script: TypeAlias = Callable[[ShownPage], None]
+PageScript: TypeAlias = Callable[[ShownPage], None]
 
 
-def _clicking(tag: str = "", **attributes: str) -> Script:
+def _clicking(tag: str = "", **attributes: str) -> PageScript:
     """Return a script that clicks an element; one without attributes has the quoted name."""
 
     def click(page: ShownPage) -> None:
@@ -108,7 +108,7 @@ def _clicking(tag: str = "", **attributes: str) -> Script:
     return click
 
 
-def _typing(field_id: str, answer: Callable[[ShownPage], str]) -> Script:
+def _typing(field_id: str, answer: Callable[[ShownPage], str]) -> PageScript:
     """Return a script that types an answer into a field and hands the form in."""
 
     def answer_form(page: ShownPage) -> None:
@@ -118,7 +118,7 @@ def _typing(field_id: str, answer: Callable[[ShownPage], str]) -> Script:
     return answer_form
 
 
-def _searching(tag: str, **attributes: str) -> Script:
+def _searching(tag: str, **attributes: str) -> PageScript:
     """Return a script that opens one element after the other until the quoted link shows."""
 
     def search(page: ShownPage) -> None:
@@ -327,7 +327,7 @@ def _fill_by_place(page: ShownPage) -> None:
 
 
 # By the name of the page, without `.html`.
-ORACLES: Mapping[str, Script] = MappingProxyType(
+ORACLES: Mapping[str, PageScript] = MappingProxyType(
     {
         "choose-list": _choose_from_list,
         "click-button": _clicking("button"),

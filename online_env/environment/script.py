@@ -11,7 +11,7 @@ from hijack_data.rng import Stream
 from hijack_data.runs.run_planners import get_label
 from hijack_data.types import BoxArray, Scene, Size, as_boxes
 
-from ..choices import Layer
+from ..choices import DrawingLayer
 from ..desktops.capability_survey import lacks
 from ..desktops.protocol import Capability, Desktop
 from ..effects import find
@@ -85,7 +85,12 @@ class Script:
         return Stream(self.seed, f"effect-{kind}", self.sample, step)
 
     def check(
-        self, steps: int, desktop: Desktop, *, layer: Layer = "picture", allow_code: bool = False
+        self,
+        steps: int,
+        desktop: Desktop,
+        *,
+        layer: DrawingLayer = "picture",
+        allow_code: bool = False,
     ) -> Size:
         """Plan `steps` steps ahead, and refuse a corruption that cannot work before it begins.
 
@@ -156,7 +161,10 @@ class Script:
 
 
 def check_corruptions(
-    planners: Iterable[Planner | None], steps: int, desktop: Desktop, layer: Layer = "picture"
+    planners: Iterable[Planner | None],
+    steps: int,
+    desktop: Desktop,
+    layer: DrawingLayer = "picture",
 ) -> None:
     """Refuse corruptions that cannot work on a desktop, before any episode begins.
 

@@ -7,7 +7,7 @@ from typing import TypedDict
 from hijack_data import extras
 from hijack_data.errors import ParameterError, UnknownNameError, suggest
 
-from ..choices import ERROR_ORDERS, LAYERS, POLICIES, ErrorOrder, Layer, Recovery
+from ..choices import ERROR_ORDERS, LAYERS, POLICIES, DrawingLayer, ErrorOrder, Recovery
 from .settle import Settle
 
 
@@ -55,7 +55,7 @@ class EvalSettings:
     agent: str = "agent"
     password: str | None = None
     text_boxes: bool = False
-    layer: Layer = "picture"
+    layer: DrawingLayer = "picture"
 
     def __post_init__(self) -> None:
         steps: object = self.max_steps
@@ -90,4 +90,4 @@ class EvalOptions(TypedDict, total=False):
     agent: str
     password: str | None
     text_boxes: bool
-    layer: Layer
+    layer: DrawingLayer

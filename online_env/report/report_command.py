@@ -65,7 +65,7 @@ def _output_options(command: Command) -> Command:
     return format_name(out(as_json(command)))
 
 
-@click.command(cls=BriefCommand, more=("margin", "common_tasks"))
+@click.command(cls=BriefCommand, more=("reference", "margin", "clean", "common_tasks", "unpaired"))
 @click.argument(
     "sources", nargs=-1, required=True, metavar="SOURCE...", type=click.Path(path_type=Path)
 )
