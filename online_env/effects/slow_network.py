@@ -28,9 +28,14 @@ MAX_RATE_FACTOR = (
 )
 _NAME = re.compile(r"[A-Za-z0-9_.:@-]{1,15}")
 _BUCKET = "tbf rate {rate}kbit burst 1600 latency 3s mtu 1600 mpu 1514"
+# The redirection is found by its target: who removed our bucket has left it, and without the target
+# nothing comes in any more.
 _REMOVE = (
     f"for dev in $(tc qdisc show | sed -n 's/^qdisc tbf {HANDLE} dev \\([^ ]*\\) .*/\\1/p'); do"
-    ' tc qdisc del dev "$dev" root; tc qdisc del dev "$dev" ingress 2>/dev/null; done;'
+    ' tc qdisc del dev "$dev" root; done;'
+    " for dev in $(tc qdisc show | sed -n 's/^qdisc ingress [^ ]* dev \\([^ ]*\\) .*/\\1/p'); do"
+    f' tc filter show dev "$dev" parent ffff: | grep -q "Redirect to device {IFB}"'
+    ' && tc qdisc del dev "$dev" ingress; done;'
     f" ip link del {IFB} 2>/dev/null; ! ip link show {IFB} >/dev/null 2>&1"
 )
 # On a device of its own, so that nothing of the desktop's network changes.

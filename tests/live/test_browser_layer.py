@@ -223,7 +223,7 @@ def test_a_run_has_the_same_plans_on_both_layers_is_verified_and_built(tmp_path:
         steps = [
             json.loads(line)
             for file in sorted(run.glob("episodes/*/steps.jsonl"))
-            for line in file.open()
+            for line in file.read_text().splitlines()
         ]
         digests[layer] = [(step["plan_digest"], step["image_sha256"]) for step in steps[:1]]
         drawn = [step["layer"] for step in steps if "layer" in step]
