@@ -153,7 +153,11 @@ class SharedBrowser(BrowserDesktop):
 
     def _get_port(self) -> int:
         """Return the port of the running Chromium, and wait while it starts again."""
-        self._is_ready.wait(LOAD_TIMEOUT_S)
+        deadline = time.monotonic() + LOAD_TIMEOUT_S
+        # `follow` notices later than the relay that the last client has gone.
+        while self._relay.clients_left.is_set() and time.monotonic() < deadline:
+            time.sleep(LOOK_EVERY_S)
+        self._is_ready.wait(max(0.0, deadline - time.monotonic()))
         return self._chromium.read_port()
 
     def _plan(self, size: Size, tree: str | None = None) -> Plan:

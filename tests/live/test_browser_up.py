@@ -130,6 +130,23 @@ def wait_for(happens: Callable[[], object]) -> None:
         time.sleep(0.05)
 
 
+def connect_after_restart(address: str) -> tuple[Client, list[Any]]:
+    """Return a client of a Chromium without pages of the site, and its cookies."""
+    deadline = time.monotonic() + TIMEOUT_S
+    while True:
+        client = Client(address)
+        try:
+            targets = client.call("Target.getTargets")["targetInfos"]
+            cookies = client.call("Storage.getCookies")["cookies"]
+            if not any("shop" in target["url"] for target in targets):
+                return client, cookies
+        except (ValueError, OSError):  # Chromium ended meanwhile
+            pass
+        client.close()
+        assert time.monotonic() < deadline
+        time.sleep(0.2)
+
+
 def test_a_client_gets_nodes_in_every_page_and_leaves_nothing_when_it_vanishes(url: str) -> None:
     with browser_up("--corruption", "pop_ups") as (address, _):
         client = Client(address)
@@ -140,18 +157,7 @@ def test_a_client_gets_nodes_in_every_page_and_leaves_nothing_when_it_vanishes(u
         wait_for(lambda: "OK" in client.names(session))
         assert client.evaluate(session, "document.cookie + localStorage.a") == "a=bb"
         client.close()
-        deadline = time.monotonic() + TIMEOUT_S
-        while True:  # until Chromium has started again
-            other = Client(address)
-            targets = other.call("Target.getTargets")["targetInfos"]
-            if (
-                not any("shop" in target["url"] for target in targets)
-                or time.monotonic() > deadline
-            ):
-                break
-            other.close()
-            time.sleep(0.2)
-        cookies = other.call("Storage.getCookies")["cookies"]
+        other, cookies = connect_after_restart(address)
         assert cookies == []
         session = other.open(url)
         wait_for(lambda: "OK" in other.names(session))
