@@ -1,8 +1,8 @@
 """What a guard gains and costs: the same episodes without and with it, on live desktops.
 
-    python benchmarks/guards.py OUT [--agent pixel] [--guard rules] [--tasks A,B] [--corruptions A,B]
+    python benchmarks/guards.py [OUT] [--agent pixel] [--guard rules] [--tasks A,B] [--corruptions A,B]
 
-Both runs are kept in OUT and are continued if they are there. Prints a row for each corruption: mean
+Both runs are kept in OUT, by default runs/guards, and are continued if they are there. Prints a row for each corruption: mean
 score without and with the guard, mean steps, and what the guard did. In clean episodes each of its
 interventions is a false alarm.
 """
@@ -38,8 +38,13 @@ def run(folder: Path, config: Path, guard: str) -> list[dict[str, Any]]:
 
 def row(label: str, without: Sequence[dict[str, Any]], guarded: Sequence[dict[str, Any]]) -> str:
     """Return the line of one corruption."""
-    each_act = [each for record in guarded for each in record["guard"]["interventions"]]
-    acts = [each["kind"] if each["actions"] else f"{each['kind']} (reminder)" for each in each_act]
+    each_act = [
+        intervention for record in guarded for intervention in record["guard"]["interventions"]
+    ]
+    acts = [
+        intervention["kind"] if intervention["actions"] else f"{intervention['kind']} (reminder)"
+        for intervention in each_act
+    ]
     counts = ", ".join(f"{acts.count(kind)} {kind}" for kind in dict.fromkeys(acts)) or "nothing"
     cells = [
         "/".join(
@@ -55,7 +60,7 @@ def row(label: str, without: Sequence[dict[str, Any]], guarded: Sequence[dict[st
 def main() -> None:
     """Run both, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("out", type=Path)
+    parser.add_argument("out", type=Path, nargs="?", default=Path("runs/guards"))
     parser.add_argument("--agent", default="pixel")
     parser.add_argument("--guard", default="rules")
     parser.add_argument("--tasks", default="write_note,rename_file")

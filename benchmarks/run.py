@@ -27,8 +27,11 @@ SCRIPTS = {
     "desktop_image": "Images of the desktop",
     "virtual_machine": "A virtual machine beside the embedded desktop",
     "effects": "Effects on a live desktop",
+    "guards": "Guards",
+    "slow_network": "slow_network by severity",
     "gnome": "Effects on GNOME",
     "browser": "A browser as the desktop",
+    "browser_layer": "Nodes of a page against the drawn picture",
     "suite": "The suite of tasks",
     "live_steps": "Corruptions on a live desktop, step by step",
     "everyday_faults": "Everyday faults",
@@ -57,20 +60,20 @@ times are milliseconds, min / median / max. The machine is a shared virtual one:
 
 def main() -> None:
     """Run the named benchmarks, or all, and replace their sections."""
-    wanted = sys.argv[1:] or list(SCRIPTS)
+    expected = sys.argv[1:] or list(SCRIPTS)
     sections = read_sections()
-    for name in wanted:
+    for name in expected:
         print(f"{name} ...", flush=True)
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, HERE / f"{name}.py"], capture_output=True, text=True, check=False
         )
-        if done.returncode:
-            sys.exit(f"{name} failed:\n{done.stderr}")
-        if done.stdout.startswith(NOT_HERE) and name in sections:
-            print(f"{name}: kept as it was. {done.stdout.strip()}", flush=True)
+        if process.returncode:
+            sys.exit(f"{name} failed:\n{process.stderr}")
+        if process.stdout.startswith(NOT_HERE) and name in sections:
+            print(f"{name}: kept as it was. {process.stdout.strip()}", flush=True)
             continue
         command = f"`python benchmarks/{name}.py`"
-        sections[name] = f"## {SCRIPTS[name]}\n\n{command}\n\n{done.stdout.strip()}\n"
+        sections[name] = f"## {SCRIPTS[name]}\n\n{command}\n\n{process.stdout.strip()}\n"
     ordered = [sections[name] for name in SCRIPTS if name in sections]
     RESULTS.write_text(HEAD + "\n".join(ordered))
 

@@ -198,7 +198,7 @@ def desktop() -> str:
 
 def proof() -> str:
     """What training with some corruptions gives."""
-    found = table("Is the augmentation worth using?", "evaluated on", "difference in points")
+    result = table("Is the augmentation worth using?", "evaluated on", "difference in points")
     bars = [
         Bar(
             f"{row['evaluated on']}: {row['corruption'].strip('*')}",
@@ -206,10 +206,10 @@ def proof() -> str:
             row["difference in points"],
             number(row["difference in points"]) > 0,
         )
-        for row in found.rows
+        for row in result.rows
     ]
     note = "Points of clicks inside the right control, with 95 % intervals."
-    return chart(found.said.replace("*", ""), bars, note, Legend("gain", "loss or no change"))
+    return chart(result.said.replace("*", ""), bars, note, Legend("gain", "loss or no change"))
 
 
 def page() -> str:

@@ -135,25 +135,25 @@ def _severities(name: str, info: dict[str, Any], folder: Path) -> Iterator[str]:
     yield f"`hijack apply ... {name} --severity 4`.\n"
     tiles: list[tuple[str, str]] = []
     for number, level in enumerate(levels, 1):
-        said = ", ".join(f"{key}={json.dumps(value)}" for key, value in level.items())
+        output = ", ".join(f"{key}={json.dumps(value)}" for key, value in level.items())
         file = pictures.file_name(name, pictures.screen_of(name), level=number)
-        tiles.append((file, f"<b>{number}</b> {said or 'defaults'}"))
+        tiles.append((file, f"<b>{number}</b> {output or 'defaults'}"))
     yield strip(tiles, folder)
 
 
 def strip(tiles: list[tuple[str, str]], folder: Path, up: str = "../") -> str:
     """Small pictures in a row, each with a caption; those that were not made are left out."""
-    found: list[str] = []
+    items: list[str] = []
     for file, caption in tiles:
         if not (folder / file).exists():
             continue
         source = f"{up}pictures/{file}"
-        found.append(
+        items.append(
             f'<figure><a href="{source}"><img src="{source}" alt="{file.partition("/")[0]}"'
             ' width="480" height="270" loading="lazy"></a>'
             f"<figcaption>{caption}</figcaption></figure>"
         )
-    return f'<div class="strip" style="--columns:{len(found)}">{"".join(found)}</div>\n'
+    return f'<div class="strip" style="--columns:{len(items)}">{"".join(items)}</div>\n'
 
 
 def _fidelity(name: str) -> str:
@@ -162,12 +162,12 @@ def _fidelity(name: str) -> str:
     plan = hj.make_corruption(name).plan(screen.scene, **key)
     if not is_bare(plan):
         return ""
-    made = composite(plan, screen.pixels, screen.scene, **key)
-    said = f" The picture above has the [fidelity](../concepts.md#fidelity) `{made.fidelity}`"
-    if made.fidelity != "foreign":
-        return f"{said}."
+    result = composite(plan, screen.pixels, screen.scene, **key)
+    output = f" The picture above has the [fidelity](../concepts.md#fidelity) `{result.fidelity}`"
+    if result.fidelity != "foreign":
+        return f"{output}."
     return (
-        f"{said}, since nothing says which desktop a single screenshot is of; in a dataset from a"
+        f"{output}, since nothing says which desktop a single screenshot is of; in a dataset from a"
         " recording of our desktop it would be `recorded` or `composited`."
     )
 

@@ -113,11 +113,11 @@ def main() -> None:
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", str(SETTINGS)]
     # The theme prints an advertisement for its successor into every log.
     place = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
-    done = subprocess.run(command, cwd=ROOT, env=place, check=False)
-    if done.returncode:
-        sys.exit(done.returncode)
-    made = len(list((ROOT / "build" / "site").rglob("*.html")))
-    print(f"build/site: {made} pages, no broken link; open build/site/index.html")
+    process = subprocess.run(command, cwd=ROOT, env=place, check=False)
+    if process.returncode:
+        sys.exit(process.returncode)
+    count = len(list((ROOT / "build" / "site").rglob("*.html")))
+    print(f"build/site: {count} pages, no broken link; open build/site/index.html")
 
 
 def write_pages() -> int:
@@ -126,10 +126,10 @@ def write_pages() -> int:
     folder = PAGES / "pictures"
     for problem in pictures.make(folder):
         print(f"left out: {problem}")
-    shown = gallery(
+    result = gallery(
         [pictures.RECORDED / f"{name}.png" for name in pictures.SCREENS], embed_width=960
     )
-    (folder / "gallery.html").write_text(shown.html, encoding="utf-8")
+    (folder / "gallery.html").write_text(result.html, encoding="utf-8")
     shutil.copytree(ROOT / "docs" / "images", PAGES / "images")
     shutil.copytree(
         results.RESULTS, PAGES / "results", ignore=shutil.ignore_patterns("*.md", "run")
@@ -169,22 +169,22 @@ def all_pages(folder: Path) -> dict[str, str]:
 
 def ranked(texts: dict[str, str]) -> dict[str, str]:
     """The pages, with what the search puts first: answers before the reference."""
-    made = dict(texts)
+    entries = dict(texts)
     for name, text in texts.items():
         boost = SEARCH.get(name, 0.5 if name.startswith("reference/") else 1)
         if boost != 1:
-            made[name] = f"---\nsearch:\n  boost: {boost}\n---\n\n{text}"
-    return made
+            entries[name] = f"---\nsearch:\n  boost: {boost}\n---\n\n{text}"
+    return entries
 
 
 def settings(texts: Iterable[str]) -> dict[str, Any]:
     """The settings of this build: those of mkdocs.yml, and where every page stands."""
-    known = set(texts)
+    result = set(texts)
     nine = [f"corruptions/{name}.md" for name in hj.corruption_names()[:9]]
-    api = sorted(name for name in known if name.startswith("reference/"))
+    api = sorted(name for name in result if name.startswith("reference/"))
     nav: list[Any] = [{"Home": "index.md"}]
     sections = {
-        title: [f"{name}.md" for name in names if f"{name}.md" in known]
+        title: [f"{name}.md" for name in names if f"{name}.md" in result]
         for title, names in SECTIONS.items()
     }
     corruptions: list[Any] = ["gallery.md", "try.md"]
@@ -194,7 +194,7 @@ def settings(texts: Iterable[str]) -> dict[str, Any]:
     project = sections.pop("Project")
     for title, names in sections.items():
         if title == "Results":
-            names += sorted({name for name in known if name.startswith("results/")} - {*names})
+            names += sorted({name for name in result if name.startswith("results/")} - {*names})
         nav.append({title: names})
         if title == "Start":
             nav[-1] = {title: [*names, {"Notebooks": books}]}
@@ -202,7 +202,7 @@ def settings(texts: Iterable[str]) -> dict[str, Any]:
     nav.append({"Reference": api})
     placed = {*books, *nine, *api, *project, "index.md", "gallery.md", "try.md", "corruptions.md"}
     placed |= {name for names in sections.values() for name in names}
-    nav.append({"Project": [*project, *sorted(known - placed)]})
+    nav.append({"Project": [*project, *sorted(result - placed)]})
     return {"INHERIT": "../mkdocs.yml", "docs_dir": "pages", "site_dir": "site", "nav": nav}
 
 

@@ -87,8 +87,8 @@ def wanted() -> Iterator[tuple[str, str, hj.plugin.Corruption, int, int]]:
         plain = hj.make_corruption(name)
         yield f"{name}/after.webp", screen_of(name), plain, SEED, WIDE
         for screen, level, seed in product(SCREENS, levels(name), SEEDS):
-            made = plain if level == 3 else type(plain).at(level)
-            yield file_name(name, screen, level, seed), screen, made, seed, SMALL
+            result = plain if level == 3 else type(plain).at(level)
+            yield file_name(name, screen, level, seed), screen, result, seed, SMALL
 
 
 def make(folder: Path) -> list[str]:

@@ -26,8 +26,8 @@ GROUPS = {
 def core() -> str:
     """The page of `hijack_data`."""
     homes = hj._HOMES
-    known = {home for group in GROUPS.values() for home in group}
-    groups = GROUPS | {"More": tuple(home for home in homes if home not in known)}
+    values = {home for group in GROUPS.values() for home in group}
+    groups = GROUPS | {"More": tuple(home for home in homes if home not in values)}
     parts = ["# hijack_data\n", "`import hijack_data as hj`. Every name below is `hj.NAME`.\n"]
     for title, places in groups.items():
         names = [f"hijack_data.{name}" for place in places for name in homes.get(place, ())]

@@ -33,23 +33,25 @@ _LINK = re.compile(r"\]\((?!#|[a-z]+:)([^)\s]+)\)")
 
 def pages(folder: Path = RESULTS) -> dict[str, str]:
     """The text of every page, by file: one of each report, the leaderboard, and the list of all."""
-    found = reports(folder)
-    made = {f"results/{name}.md": of_report(name, report, folder) for name, report in found.items()}
-    made["results/leaderboard.md"] = board(folder, found)
-    made["results/index.md"] = index(found, folder)
-    return made
+    result = reports(folder)
+    entries = {
+        f"results/{name}.md": of_report(name, report, folder) for name, report in result.items()
+    }
+    entries["results/leaderboard.md"] = board(folder, result)
+    entries["results/index.md"] = index(result, folder)
+    return entries
 
 
 def files(folder: Path = RESULTS) -> dict[str, str]:
     """Whole pages that stand beside them, by file: each report, and the leaderboard."""
-    found = reports(folder)
-    made = {
+    result = reports(folder)
+    entries = {
         f"results/{name}/{FULL}": write(ReportDocument(report=report), "html")
-        for name, report in found.items()
+        for name, report in result.items()
     }
-    if found:
-        made[f"results/{BOARD}"] = board_page(read_reports(folder))
-    return made
+    if result:
+        entries[f"results/{BOARD}"] = board_page(read_reports(folder))
+    return entries
 
 
 def reports(folder: Path) -> dict[str, RunReport]:

@@ -25,20 +25,20 @@ class Table:
 
 def tables(text: str) -> list[Table]:
     """Read all tables of a page."""
-    found: list[Table] = []
-    said, head = "", []
+    items: list[Table] = []
+    output, head = "", []
     for line in text.splitlines():
         if not line.startswith("|"):
             head = []
-            said = line.strip() or said
+            output = line.strip() or output
             continue
         cells = [cell.strip() for cell in line.strip().strip("|").split("|")]
         if not head:
             head = cells
-            found.append(Table(said))
+            items.append(Table(output))
         elif not re.fullmatch(r"[\s|:-]+", line):
-            found[-1].rows.append(dict(zip(head, cells, strict=False)))
-    return found
+            items[-1].rows.append(dict(zip(head, cells, strict=False)))
+    return items
 
 
 def section(title: str) -> str:
@@ -60,9 +60,9 @@ def table(title: str, *columns: str) -> Table:
     Raises:
         NoTable: there is none.
     """
-    for found in tables(section(title)):
-        if found.rows and set(columns) <= set(found.rows[0]):
-            return found
+    for item in tables(section(title)):
+        if item.rows and set(columns) <= set(item.rows[0]):
+            return item
     raise NoTable(f"{RESULTS.name}, {title!r}: no table with the columns {', '.join(columns)}")
 
 
